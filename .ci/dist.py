@@ -61,6 +61,7 @@ def make():
     shutil.copy(thermyo, OUT)
     for board, board_id in BOARDS.items():
         uf2(thermyo, board, board_id)
+    playground(thermyo)
     run(thermyo, "fmu", "scenarios/reproduce.toml", "--with-core", "--out", OUT / "reproduce.fmu", "--quiet")
     wheel(inside)
     licence_texts(emulator)
@@ -130,6 +131,15 @@ def uf2(thermyo, board, board_id):
         Path(drive, "INFO_UF2.TXT").write_text(f"Board-ID: {board_id}\n")
         run(thermyo, "flash", drive, "--quiet", XDG_CACHE_HOME=BUILD / "cache")
         shutil.copy(Path(drive, "thermyo.uf2"), OUT / f"thermyo-{board}.uf2")
+
+
+def playground(thermyo):
+    """The page with core and plant, as a folder for any web host."""
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder, "playground")
+        run(thermyo, "playground", "--out", page, "--quiet", XDG_CACHE_HOME=BUILD / "cache")
+        files = {f"playground/{path.relative_to(page)}": path for path in page.rglob("*") if path.is_file()}
+        archive(OUT / "thermyo-playground.zip", files)
 
 
 def wheel(inside):

@@ -44,6 +44,11 @@ test -s out/reproduce/report.html
 "$checkout/target/release/thermyo" --quiet --out of-checkout >/dev/null
 cmp out/reproduce/trace.csv of-checkout/trace.csv
 
+step "the playground, unpacked for a web host"
+python3 -m zipfile --extract dist/thermyo-playground.zip site
+test -s site/playground/index.html
+test -s site/playground/thermyo.wasm
+
 step "thermyo run --board emulated"
 printf '[run]\nduration_s = 2.0\n' >short.toml
 thermyo run short.toml --board emulated --quiet

@@ -19,15 +19,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 MOST_LINES = 8000
 MOST_FUNCTION_LINES = 60
-# Functions that are longer, and may not grow: the plant's are cut with its common skeleton; the contraction loop's
-# period in parts costs the RP2040 0.1 us a step.
+# Functions that are longer, and may not grow: the contraction loop's period in parts costs the RP2040 0.1 us a step.
 LONGER = {
-    ("host-sim/plant/src/full.rs", "new"): 85,
-    ("host-sim/plant/src/full.rs", "rates"): 104,
-    ("host-sim/plant/src/lumped.rs", "new"): 84,
-    ("host-sim/plant/src/ode.rs", "advance"): 83,
-    ("host-sim/plant/src/vessel.rs", "new"): 66,
-    ("host-sim/plant/tests/plant_vessel.rs", "measured_air_discharge"): 64,
     ("model-core/src/control/contraction.rs", "period"): 86,
 }
 COMMENT_OR_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|r(#*)".*?"\1|"(?:\\.|[^"\\])*"', re.DOTALL)

@@ -9,7 +9,7 @@ if ! python3 -m venv "$environment" 2>/dev/null; then
     exit 0
 fi
 python=$environment/bin/python
-"$python" -m pip install --quiet --disable-pip-version-check maturin pytest numpy matplotlib mcap
+"$python" -m pip install --quiet --disable-pip-version-check maturin pytest numpy pandas matplotlib mcap
 # Without it the example is skipped.
 "$python" -m pip install --quiet --disable-pip-version-check gymnasium || true
 

@@ -32,12 +32,23 @@ class RunError(RuntimeError):
 class BoardError(RuntimeError):
     """A board cannot be used, or refuses a request."""
 
-def run(scenario: Scenario, seed: Optional[int] = None) -> dict[str, Any]:
-    """Runs a scenario with the core in the loop.
+class Run(dict[str, Any]):
+    """A run: the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and
+    under "summary" the content of summary.json."""
 
-    Returns the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and under
-    "summary" the content of summary.json. `seed`, 0 to 2**63 - 1, replaces `[run] seed`.
-    """
+    @property
+    def summary(self) -> dict[str, Any]:
+        """The content of summary.json."""
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+    def to_pandas(self) -> Any:
+        """The columns as a `pandas.DataFrame`, in SI, with `time_s` as its index."""
+    def plot(self, *columns: str) -> Any:
+        """A `matplotlib` figure over time: pressure, temperatures, length and duties, or these columns."""
+
+def run(scenario: Scenario, seed: Optional[int] = None) -> Run:
+    """Runs a scenario with the core in the loop. `seed`, 0 to 2**63 - 1, replaces `[run] seed`."""
 
 def check(scenario: Scenario) -> str:
     """The scenario as TOML with every default filled in and its meaning: the output of `thermyo check`."""
@@ -76,6 +87,8 @@ class Sweep:
         """The values of a point: "KEY = VALUE, KEY = VALUE"."""
     def row(self, point: int) -> str:
         """Runs a point; returns its row, without the line's end. A failure is in the row."""
+    def record(self, point: int) -> dict[str, Union[int, float, str, None]]:
+        """As `row`, by the names of the columns and without the checksum; an empty cell is None."""
 
 class Readings:
     """Readings of the sensors after a step, and the true values, by the names of trace.csv."""

@@ -44,6 +44,11 @@ fn a_board_is_configured_armed_driven_and_queried() {
     let contraction = bench.ok("thermyo board emulated set contraction 5% --hold 1.5");
     let last = contraction.lines().last().unwrap();
     assert!(last.contains(" % contracted in the mean of the last second, "), "{contraction}");
+    let si = bench.ok("thermyo board emulated set pressure 1.3bar --hold 1.5 --si");
+    let last = si.lines().last().unwrap();
+    let mean_pa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
+    assert!((128_000.0..132_000.0).contains(&mean_pa), "{si}");
+    assert!(held.contains(" degC +- ") && !si.contains("degC"), "{held}{si}");
     let info = bench.ok("thermyo board emulated info");
     assert!(
         info.contains("contraction, ") && info.contains("armed:         up to 200.0"),

@@ -182,6 +182,30 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     assert!(info.contains("vent") && info.contains("configuration: tune, "), "{info}");
 }
 
+#[test]
+fn stops_are_measured_only_when_armed_and_an_interrupt_vents() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = configured();
+    let measure = "thermyo measure stop emulated --stops 3 --wait 6 --out out/stops --quiet";
+    let refused = bench.run(measure);
+    assert_eq!(refused.status.code(), Some(2), "{}", message(&refused));
+    assert!(message(&refused).contains("not armed"), "{}", message(&refused));
+    assert!(!bench.path("out/stops").exists());
+    let mut command = bench.command(&format!("{measure} --arm --max-pressure 250000"));
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    until("it has the board", || {
+        let asked = bench.run("thermyo board emulated info");
+        !asked.status.success() && message(&asked).contains("another program")
+    });
+    signal(&child, "-INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    let info = bench.ok("thermyo board emulated info");
+    assert!(info.contains("vent"), "{info}");
+}
+
 /// Sends Ctrl-C once this file has more than so many bytes; returns the output.
 fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes: u64) -> Output {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

@@ -6,9 +6,11 @@ mod board_support;
 mod browser_support;
 mod command;
 mod docs;
+mod init;
 mod leak;
 mod line;
 mod logs;
+mod measure;
 #[path = "../plant/tests/plant_support/mod.rs"]
 mod plant_support;
 mod plants;

@@ -153,6 +153,23 @@ fn it_warns_of_implausible_values_and_refuses_files() {
     );
 }
 
+fn assert_the_tour_shows_what_it_says(seen: &serde_json::Value) {
+    let error_k = |step: usize| seen["tour"][step]["error_k"].as_f64().unwrap();
+    assert!(error_k(1) > 2.0 * error_k(0) && error_k(1) > 2.0 * error_k(2), "{seen:#}");
+    assert!((0.01..1.0).contains(&error_k(3)), "{seen:#}");
+    let address = seen["tour"][1]["address"].as_str().unwrap();
+    assert_eq!(address, "#run=a+working+cycle&heat.scale=3&core=before");
+    let elsewhere = &seen["elsewhere"];
+    assert_eq!(elsewhere["address"], seen["tour"][4]["address"], "{seen:#}");
+    assert_eq!(elsewhere["knobs"], elsewhere["here"], "{seen:#}");
+    assert!(elsewhere["knobs"].as_str().unwrap().contains("400 kPa"), "{seen:#}");
+    let plot = serde_json::json!([
+        "pressure-absolute.csv",
+        "data:text/csv;charset=utf-8,\"Time [s]\",\"Pressure, absolute, simulated [kPa]\",\"Pressure, absolute, set point [kPa]\""
+    ]);
+    assert_eq!(seen["saved_plot"], plot, "{seen:#}");
+}
+
 #[test]
 fn the_page_runs_and_is_turned() {
     let Some(chromium) = chromium() else { return };
@@ -169,6 +186,8 @@ fn the_page_runs_and_is_turned() {
     assert_ne!(seen["hovered"], seen["not_hovered"]);
     assert_eq!(seen["narrow_px"], 390, "{seen:#}");
     assert_eq!(seen["nameless"], 0, "{seen:#}");
+    assert_eq!(seen["serious"], serde_json::json!([]), "{seen:#}");
+    assert_the_tour_shows_what_it_says(&seen);
     let refused = seen["refused"].as_str().unwrap();
     assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
     // `thermyo run` accepts a saved scenario and gives the same trace.

@@ -170,7 +170,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
 #[test]
 fn identify_uses_whole_rows_and_refuses_impossible_values() {
     let closed = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
-                  parameters = [\"heat.inner_w_m2_k\"]\n";
+                  parameters = [\"heat.scale\"]\n";
     let (folder, config, out) = place(closed);
     let rows: String = (0..50).map(|i| format!("{i},{}\n", 5.0e5 - 1.0e3 * f64::from(i))).collect();
     let data = folder.path().join("data.csv");
@@ -226,7 +226,7 @@ fn published_data_that_are_damaged_are_refused() {
         (
             "notes.txt",
             String::new(),
-            "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or",
+            "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv,",
         ),
     ] {
         let folder = tempfile::tempdir().unwrap();

@@ -63,6 +63,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         let [all, without, again] = [0, 1, 2].map(|i| chart["traces"][i].as_u64());
         assert!(without.is_none() || without < all && again == all, "{name}: {chart}");
     }
+    assert_eq!(seen["serious"], Value::Array(Vec::new()), "{name}");
     let narrow = &seen["narrow"];
     assert_eq!(narrow["page_px"], 390, "{name}: {narrow}");
     assert_eq!(narrow["cut"], Value::Array(Vec::new()), "{name}");
@@ -99,7 +100,7 @@ fn pages_can_be_looked_into() {
 
     let tune = page(&folder, "tune", &["tune", "scenarios/contraction.toml"]);
     let identified = folder.path().join("identify.toml");
-    let text = "[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 2\nparameters = [\"heat.inner_w_m2_k\", \
+    let text = "[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 2\nparameters = [\"heat.scale\", \
                 \"friction.force_n\"]\n";
     fs::write(&identified, text).unwrap();
     let identified = identified.display().to_string();

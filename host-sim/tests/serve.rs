@@ -542,6 +542,29 @@ fn a_sensor_is_calibrated_step_by_step() {
 }
 
 #[test]
+fn stops_are_measured_from_the_page_until_somebody_vents() {
+    if skip_emulator() {
+        return;
+    }
+    let served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
+    page.until("configured", HANGS_S, |page| page.state["configuration"]["configured"] == true);
+    let progress = |page: &Page| page.state["guide"]["progress"].as_f64().unwrap_or(0.0);
+    page.order(json!({ "stops": { "most_pa": 1.2e5 } }));
+    page.until("bounded", HANGS_S, |page| page.happened("warms the gas too little"));
+    page.order(json!({ "stops": { "most_pa": 4.0e5 } }));
+    page.until("it moves", HANGS_S, |page| progress(page) > 0.001);
+    assert_eq!(page.state["guide"]["title"], "Stops");
+    page.say(json!("vent"));
+    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    page.until("ended", HANGS_S, |page| page.state["guide"]["over"] == true);
+    let text = page.state["guide"]["text"].as_str().unwrap_or("").to_owned();
+    assert!(text.starts_with("Nothing was measured: "), "{text}");
+    assert!(!served.bench.path("out/serve/stops-1").exists());
+}
+
+#[test]
 fn a_muscle_is_tuned_from_the_page() {
     if skip_emulator() {
         return;
@@ -684,6 +707,7 @@ fn the_page_in_a_browser() {
     assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
     assert_eq!(seen["narrow_px"], 390, "{seen}");
     assert_eq!(seen["temperature_above"], true, "{seen}");
+    assert_eq!(seen["serious"], json!([]), "{seen}");
     assert_eq!(seen["ends"][0], seen["ends"][1], "the muscle's colours: {seen}");
     assert_eq!(seen["killed"], json!({ "armed": "was armed", "set": false }), "{seen}");
 }

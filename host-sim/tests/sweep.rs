@@ -125,14 +125,14 @@ struct Shards {
 
 impl Shards {
     const GRID: [&str; 4] =
-        ["--vary", "believed.heat.inner_w_m2_k=50:130:4:log", "--vary", "run.seed=1:3:3"];
+        ["--vary", "believed.heat.scale=0.5:1.3:4:log", "--vary", "run.seed=1:3:3"];
 
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let scenario = file(
             folder.path(),
             "scenario.toml",
-            "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[believed.heat]\ninner_w_m2_k = 70.0\n",
+            "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[believed.heat]\nscale = 0.7\n",
         );
         let places = ["a", "b", "c"].map(|name| folder.path().join(name).display().to_string());
         for (shard, place) in ["1/3", "2/3", "3/3"].iter().zip(&places) {
@@ -167,8 +167,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
 
     let (code, _, err) = shards.merge(&[a, c]);
     assert_eq!(code, 2);
-    let missing =
-        "4 of 12 points are missing: point 2 (believed.heat.inner_w_m2_k = 50, run.seed = 2), ";
+    let missing = "4 of 12 points are missing: point 2 (believed.heat.scale = 0.5, run.seed = 2), ";
     assert!(err.contains(missing) && err.contains(" and 1 more"), "{err}");
     assert!(!merged.exists(), "something was written");
 
@@ -261,7 +260,7 @@ fn words_and_a_hypercube() {
         "--seed",
         "7",
         "--vary",
-        "believed.heat.inner_w_m2_k=50:130:log",
+        "believed.heat.scale=0.5:1.3:log",
         "--vary",
         "muscle.zones=2:6",
         "--vary",
@@ -312,9 +311,10 @@ fn the_estimate_is_content_with_a_slow_sensor() {
     let table = sweep(scenario, &vary, folder.path());
     let rows: Vec<Vec<f64>> = table.lines().skip(1).map(cells).collect();
     let (bare, estimate) = (4, 7);
-    assert!(rows[0][bare] < 1.0 && rows[1][bare] > 1.0, "{table}");
-    assert!((0.2..0.4).contains(&rows[0][estimate]), "{table}");
-    assert!((0.25..0.4).contains(&rows[2][estimate]), "{table}");
+    // A foil on the axis swings more than the mean of the gas, however fast it is.
+    assert!((2.0..3.5).contains(&rows[0][bare]) && rows[1][bare] > 4.0, "{table}");
+    assert!((0.7..1.4).contains(&rows[0][estimate]), "{table}");
+    assert!((0.35..0.8).contains(&rows[2][estimate]), "{table}");
 }
 
 #[test]

@@ -6,6 +6,7 @@ use crate::physics::chamber::{Braid, ChamberConfig, Muscle};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
+use crate::physics::hysteresis::Hysteresis;
 use crate::physics::leak::Leak;
 use crate::physics::valve::Valve;
 use crate::sensing::{Sensing, Sensors};
@@ -38,10 +39,14 @@ pub struct Config {
     pub leak: Leak,
     /// Heat transfer.
     pub heat: Heat,
+    /// The gas along the muscle.
+    pub zones: Zones,
     /// The wall, as a heat capacity.
     pub wall: Wall,
     /// Friction of the moving end.
     pub friction: Friction,
+    /// Slip and creep of a muscle; [`Hysteresis::NONE`] for other chambers.
+    pub hysteresis: Hysteresis,
     /// The load, or a fixed length.
     pub load: Load,
     /// Mass that moves with the chamber's end \[kg\].
@@ -114,31 +119,43 @@ pub enum Load {
 }
 
 parameters! {
+    /// Gas along the muscle, as the estimator's zones of it have it. By default it mixes at once.
+    "zones": Zones {
+        buoyancy_w_m2_k: 0.0, "W/(m2 K)", 0.0 to 1.0e5, "gas to wall by buoyancy, still gas at 2 bar, 20 K from its wall; 0: conduction alone";
+        per_outflow: 0.0, "W/(m2 K) per kg/s", 0.0 to 1.0e9, "gas to wall, gained per outflow";
+        stirring_decay_s: 0.0, "s", 0.0 to 100.0, "how long stirring by a flow outlasts it";
+        recirculation: 0.0, "", 0.0 to 100.0, "volume that the jet exchanges with the gas beyond, per volume that comes in, at the port";
+        jet_reach_m: 100.0, "m", 1.0e-4 to 100.0, "length over which the jet decays";
+        diffusivity_m2_s: 100.0, "m2/s", 0.0 to 100.0, "mixing along the muscle between strokes";
+        foil_position: 0.5, "", 0.0 to 1.0, "middle of the foil, from port 0 to closed end 1";
+        foil_span: 0.0, "", 0.0 to 1.0, "part of the length that it averages over";
+        forced_flow_kg_s: 0.0, "kg/s", 0.0 to 100.0, "flow at which those gains are counted: beside it they grow with flow^(2/3); 0: in proportion";
+        bore_m: 0.0, "m", 0.0 to 10.0, "diameter of still gas with a radial profile; 0: even gas";
+        foil_radius: 0.0, "", 0.0 to 1.0, "distance of the foil from the axis, share of the radius";
+        outer_wall_j_k: 1.0, "J/K", 0.01 to 1.0e9, "heat capacity of the layer behind the wall that touches the gas";
+        layers_w_k: 0.0, "W/K", 0.0 to 1.0e6, "conductance from the one to the other; 0: there is no other";
+    }
+}
+
+parameters! {
     /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
     /// `docs/reference/estimator-keys.md` states how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
         gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
-        wall_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the wall temperature's error";
-        heat_scale_sd: 0.25, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
-        lag_sd: 0.5, "", 0.0 to 100.0, "logarithm of the sensor's lag";
-        memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scale and lag, left alone, return";
-        place_error_k: 0.87, "K", 0.0 to 100.0, "gas around the foil against the mean, for a second";
-        port_cooling: 0.0, "", 0.0 to 1.0, "share of what the inflow is colder by that lasts near the port; 0: the gas mixes at once";
-        valid_sd_k: 1.0, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
-    }
-}
-
-impl EstimatorConfig {
-    /// Fraction of a one-second error of the gas around the element that passes a lag \[s\] \[-\].
-    pub fn left_by_lag(lag_s: f32) -> f32 {
-        const ERROR_S: f32 = 1.0;
-        ERROR_S / (lag_s + ERROR_S)
-    }
-
-    /// Error that [`Self::place_error_k`] causes in the reading through that lag \[K\].
-    pub fn reading_bias_k(&self, lag_s: f32) -> f32 {
-        self.place_error_k * Self::left_by_lag(lag_s)
+        zone_drift: 0.1, "", 0.0 to 10.0, "drift of one zone's error, share of the gas's swing about the wall";
+        wall_drift_k: 0.3, "K", 0.0 to 100.0, "drift of the wall temperature's error";
+        heat_scale_sd: 0.4, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
+        stirring_sd: 0.4, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
+        lag_sd: 0.8, "", 0.0 to 100.0, "logarithm of the sensor's lag";
+        housing_sd: 1.0, "", 0.0 to 100.0, "logarithm of the housing's lag";
+        place_sd: 0.05, "", 0.0 to 1.0, "place of the foil, share of the length";
+        memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scales, lags and place, left alone, return";
+        foil_sd_k: 0.5, "K", 0.0 to 100.0, "gas around the foil against its zone";
+        foil_swing: 0.2, "", 0.0 to 10.0, "the same, share of the gas's swing about the wall";
+        foil_memory_s: 0.4, "s", 0.001 to 1.0e6, "how long that lasts";
+        reading_sd_k: 0.15, "K", 0.0 to 100.0, "mean reading of an interval, beside its noise";
+        valid_sd_k: 2.5, "K", 0.0 to 100.0, "stated deviation up to which the estimate is valid";
     }
 }
 
@@ -153,13 +170,13 @@ parameters! {
         length_gain: 1.0, "", 0.0 to 10.0, "weight of an error of length against one of pressure";
         length_lead_s: 0.01, "s", 0.0 to 10.0, "how far ahead the length error is looked for, by its speed";
         friction_gain: 1.03, "", 0.0 to 2.0, "friction compensated, share of friction.force_n; above 1 for a Stribeck surplus";
-        load_gain_n_m_s: 4.0e4, "N/(m s)", 0.0 to 1.0e7, "load that the contraction loop learns per length error and time";
-        load_limit_n: 300.0, "N", 0.0 to 1.0e5, "largest load that it learns, either way";
-        learning_band: 0.005, "", 0.0 to 1.0, "largest length error that it learns from, share of the rest length";
+        load_gain_n_m_s: 4.0e4, "N/(m s)", 0.0 to 1.0e7, "force that the contraction loop adds per length error and time";
+        load_limit_n: 300.0, "N", 0.0 to 1.0e5, "largest load beside the configured one, either way";
+        learning_band: 0.002, "", 0.0 to 1.0, "largest length error that it integrates, share of the rest length";
         reference_rad_s: 90.0, "rad/s", 0.01 to 10000.0, "natural frequency of the contraction's reference";
         contraction_rate_per_s: 0.7, "1/s", 0.0001 to 100.0, "fastest contraction of the reference, share of the rest length";
         contraction_acceleration_per_s2: 30.0, "1/s2", 0.0001 to 10000.0, "largest acceleration of the reference, share of the rest length";
-        contraction_dead_zone: 0.0015, "", 0.0 to 0.1, "length error that is left alone at rest, share of the rest length";
+        contraction_dead_zone: 0.0006, "", 0.0 to 0.1, "length error that is left alone at rest, share of the rest length";
         minimum_pulse_s: 0.001, "s", 0.0 to 0.1, "shortest valve pulse worth giving; below valve.switch_time_s it opens partly";
     }
 }
@@ -183,8 +200,10 @@ impl Default for Config {
             }),
             leak: Leak::default(),
             heat: Heat::default(),
+            zones: Zones::default(),
             wall: Wall::default(),
             friction: Friction::default(),
+            hysteresis: Hysteresis::default(),
             load: Load::Isotonic { force_n: 100.0 },
             moving_mass_kg: 0.0,
             valve: Valve::default(),
@@ -228,8 +247,10 @@ impl Config {
         self.chamber.check()?;
         self.leak.check()?;
         self.heat.check()?;
+        self.zones.check()?;
         self.wall.check()?;
         self.friction.check()?;
+        self.hysteresis.check()?;
         match self.load {
             Load::Isotonic { force_n } => within("load.force_n", force_n, -1.0e6, 1.0e6)?,
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,

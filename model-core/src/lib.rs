@@ -29,6 +29,7 @@ pub mod config;
 pub mod control;
 pub mod estimation;
 pub mod forward_model;
+pub mod joint;
 pub mod math;
 pub mod parameter;
 pub mod physics;

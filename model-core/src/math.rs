@@ -1,4 +1,4 @@
-//! The functions that `core` does not have: square root, exponential, logarithm, clamp to a range.
+//! The functions that `core` does not have: square root, exponential, logarithm, sine, clamp to a range.
 //!
 //! `micromath` gives the seed (a bit trick, some 5 % off), Newton's method does the rest, so that the
 //! result is the same to the bit on a soft-float Cortex-M0+, on an FPU and on the host: every
@@ -33,6 +33,19 @@ pub fn sqrt(x: f32) -> f32 {
     x * inverse_sqrt(x)
 }
 
+/// Reciprocal cube root, relative error below 4e-3, which is enough for laws of heat transfer; 0 for arguments that are not positive.
+pub fn inverse_cube_root(x: f32) -> f32 {
+    if !(x >= f32::MIN_POSITIVE) {
+        return 0.0;
+    }
+    // The exponent by -1/3; the constant makes that some 3.5 % off at most.
+    let mut y = f32::from_bits(0x54a2_fa8c_u32.wrapping_sub(x.to_bits() / 3));
+    let third = (1.0 / 3.0) * x;
+    // Newton: e' = 2 e^2.
+    y *= 4.0 / 3.0 - third * y * y * y;
+    y
+}
+
 /// ln 2 in two parts (Cody and Waite), so that what is left of an argument keeps all its bits.
 const LN_2_HIGH: f32 = 0.693_359_4;
 const LN_2_LOW: f32 = -2.121_944_4e-4;
@@ -54,6 +67,13 @@ pub fn exp(x: f32) -> f32 {
     polynomial * f32::from_bits(((n + 127) as u32) << 23)
 }
 
+/// Exponential of a small number, limited to -0.2 ..= 0.2: x^3/12 off, and exact in that a rise by x and a fall by
+/// x leave 1.
+pub fn small_exp(x: f32) -> f32 {
+    let half = 0.5 * limit(x, -0.2, 0.2);
+    (1.0 + half) / (1.0 - half)
+}
+
 /// Natural logarithm, relative error below 1e-6; that of the smallest normal number for arguments that are
 /// not positive.
 pub fn ln(x: f32) -> f32 {
@@ -69,6 +89,29 @@ pub fn ln(x: f32) -> f32 {
     let series = 1.0 + z * (1.0 / 3.0 + z * (0.2 + z * (1.0 / 7.0 + z * (1.0 / 9.0))));
     let n = n as f32;
     n * LN_2_HIGH + (n * LN_2_LOW + 2.0 * s * series)
+}
+
+/// Pi in two parts (Cody and Waite); the first has eight bits, so that a small multiple of it is exact.
+const PI_HIGH: f32 = 3.140_625;
+const PI_LOW: f32 = 9.676_536e-4;
+
+/// Sine of an angle \[rad\], error below 3e-7 up to 100 rad, to which arguments are limited.
+pub fn sin(angle_rad: f32) -> f32 {
+    let x = limit(angle_rad, -100.0, 100.0);
+    let scaled = x * core::f32::consts::FRAC_1_PI;
+    let half_turns = if scaled >= 0.0 { scaled + 0.5 } else { scaled - 0.5 } as i32;
+    let n = half_turns as f32;
+    let r = (x - n * PI_HIGH) - n * PI_LOW;
+    let z = r * r;
+    // Taylor to r^11 for |r| <= pi/2: remainder 6e-8.
+    let series = 1.0
+        - z * (1.0 / 6.0)
+            * (1.0
+                - z * (1.0 / 20.0)
+                    * (1.0
+                        - z * (1.0 / 42.0) * (1.0 - z * (1.0 / 72.0) * (1.0 - z * (1.0 / 110.0)))));
+    let sine = r * series;
+    if half_turns & 1 == 0 { sine } else { -sine }
 }
 
 /// `x` limited to `low ..= high`; `low` for NaN. `f32::clamp` would panic on a bad range.
@@ -145,6 +188,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn inverse_cube_root_meets_its_bound() {
+        let mut worst = 0.0_f64;
+        for i in 0..4000 {
+            let x = exp(-60.0 + 0.03 * i as f32);
+            let exact = f64::from(x).powf(-1.0 / 3.0);
+            worst = worst.max((f64::from(inverse_cube_root(x)) / exact - 1.0).abs());
+        }
+        assert!((5e-4..4e-3).contains(&worst), "{worst}");
+        assert_eq!([0.0, -1.0, f32::NAN].map(inverse_cube_root), [0.0; 3]);
+    }
+
     proptest! {
         #[test]
         fn limits_compare_as_numbers_do(x in any::<u32>(), a in any::<f32>(), b in any::<f32>()) {
@@ -167,8 +222,20 @@ mod tests {
         }
 
         #[test]
+        fn sine_is_close(x in -100.0_f32..100.0) {
+            prop_assert!((f64::from(sin(x)) - f64::from(x).sin()).abs() < 1e-6);
+        }
+
+        #[test]
         fn exp_is_close(x in -80.0_f32..80.0) {
             prop_assert!((f64::from(exp(x)) / f64::from(x).exp() - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn small_exp_is_close(x in -0.2_f32..0.2) {
+            let off = f64::from(small_exp(x)) - f64::from(x).exp();
+            prop_assert!(off.abs() < 1e-6 + f64::from(x).abs().powi(3) / 8.0);
+            prop_assert_eq!(small_exp(9.0), small_exp(0.2));
         }
 
         #[test]

@@ -46,6 +46,24 @@ struct Verdict {
     length_m: f32,
 }
 
+/// The inputs of a step, read and checked.
+pub(crate) struct Judged {
+    readings: Readings,
+    verdict: Verdict,
+}
+
+impl Judged {
+    /// Faults that hold now or are latched.
+    pub(crate) fn faults(&self) -> Faults {
+        self.verdict.faults
+    }
+
+    /// Whether the startup check is over.
+    pub(crate) fn is_checked(&self) -> bool {
+        !matches!(self.verdict.state, State::StartupCheck { .. })
+    }
+}
+
 /// The outputs of the controller, or of the startup check.
 struct Action {
     command: Command,
@@ -245,23 +263,74 @@ impl Core {
     /// One step. During the startup check ([`Mode::StartupCheck`]) the core vents, and neither estimates nor
     /// counts steps: step 0 is the first after the check.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
-        let readings = self.sense(sample);
+        let judged = self.begin(sample, None);
+        let command = self.openings(sample, &judged);
+        self.end(sample, &judged, command)
+    }
+
+    /// Reads and checks the inputs of a step. `length`: the length \[m\] and half the width of its code \[m\] where
+    /// a mechanism gives them; the sample's code, read as a length sensor's, then only shows whether its line is
+    /// healthy.
+    #[inline]
+    pub(crate) fn begin(&mut self, sample: &Sample, length: Option<(f32, f32)>) -> Judged {
+        let mut readings = self.sense(sample);
+        if let Some((value, wide)) = length {
+            readings.length = Reading { value, wide, ..readings.length };
+        }
         let verdict = self.supervise(sample, &readings);
+        Judged { readings, verdict }
+    }
+
+    /// The openings that the core's own controller wants in this step.
+    #[inline]
+    pub(crate) fn openings(&mut self, sample: &Sample, judged: &Judged) -> Command {
+        match judged.verdict.state {
+            State::StartupCheck { .. } => Command::VENT,
+            State::Ready | State::Venting { .. } => self.control(sample, &judged.verdict),
+        }
+    }
+
+    /// Ends a step in which the valves open like this.
+    #[inline]
+    pub(crate) fn end(&mut self, sample: &Sample, judged: &Judged, command: Command) -> Telemetry {
+        let Judged { readings, verdict } = judged;
         if let State::StartupCheck { .. } = verdict.state {
             self.follow(Command::VENT);
             let mode = Mode::StartupCheck;
             let action = Action { command: Command::VENT, mode, limited: false };
-            return self.report(sample, &verdict, action);
+            return self.report(sample, verdict, action);
         }
-        let command = self.control(sample, &verdict);
-        let implausible = self.estimate(sample, &readings, &verdict, command);
+        let implausible = self.estimate(sample, readings, verdict, command);
         self.follow(command);
         let faults = verdict.faults.with(implausible);
         let (mode, limited) = (self.controller.mode(), self.controller.limited());
         let action = Action { command, mode, limited };
-        let telemetry = self.report(sample, &Verdict { faults, ..verdict }, action);
+        let telemetry = self.report(sample, &Verdict { faults, ..*verdict }, action);
         self.step = self.step.wrapping_add(1);
         telemetry
+    }
+
+    /// Its chamber.
+    pub(crate) fn chamber(&self) -> &AnyChamber {
+        &self.chamber
+    }
+
+    /// Whether the step under way began a PWM period.
+    pub(crate) fn begins_period(&self) -> bool {
+        self.controller.worked()
+    }
+
+    /// Inputs of a mechanism's controller in this step.
+    pub(crate) fn measured(&self, judged: &Judged) -> Feedback {
+        self.feedback(&judged.verdict)
+    }
+
+    fn feedback(&self, verdict: &Verdict) -> Feedback {
+        Feedback {
+            pressure_pa: self.pressure_pa,
+            length_m: verdict.length_m,
+            estimate: self.estimator.estimate(),
+        }
     }
 
     /// The raw codes as readings.
@@ -302,11 +371,7 @@ impl Core {
 
     /// The openings of this step.
     fn control(&mut self, sample: &Sample, verdict: &Verdict) -> Command {
-        let feedback = Feedback {
-            pressure_pa: self.pressure_pa,
-            length_m: verdict.length_m,
-            estimate: self.estimator.estimate(),
-        };
+        let feedback = self.feedback(verdict);
         // While venting too: the controller counts the PWM periods, which the hardware continues.
         let wanted =
             self.controller.step(&self.config, &self.chamber, &feedback, sample.missed_steps);
@@ -693,7 +758,7 @@ mod tests {
                     },
                     gas: match step {
                         0 => sensing.last_gas(),
-                        _ if step % 20 == 19 => sensing.take_gas(),
+                        _ if step % 40 == 39 => sensing.take_gas(),
                         _ => None,
                     },
                     busy: step % 10 == 0,

@@ -2,6 +2,11 @@
 
 use crate::math::limit;
 
+/// Parts of the covariance's work.
+const PARTS: u16 = 20;
+/// Steps of an interval of the covariance that are left to other work.
+const BUSY_STEPS: u16 = 8;
+
 /// Counts that follow from the step's length. A figure in the core's documentation that is given in steps
 /// is the one at a step of a millisecond.
 ///
@@ -9,8 +14,14 @@ use crate::math::limit;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(4))]
 pub struct StepCounts {
-    /// Steps per update of the covariance: 20 ms, and long enough for its work to be done in parts.
+    /// Steps per balance of the gas: 20 ms.
     pub interval_steps: u16,
+    /// Steps per update of the estimate's covariance: 40 ms, and long enough for its work to be done in parts.
+    pub update_steps: u16,
+    /// Steps after which the zones of the gas move: 10 ms.
+    pub move_steps: u16,
+    /// Parts of the covariance's work in a step.
+    pub parts_per_step: u16,
     /// Steps for which a fault of the pressure channel must last before the muscle is vented: 10 ms, and
     /// three of them at least. One disturbed conversion is no fault.
     pub patience_steps: u16,
@@ -22,8 +33,6 @@ pub struct StepCounts {
     /// Steps over which the energy is averaged while both valves are shut: 0.1 s. Longer, and the errors
     /// of the heat would show.
     pub shut_steps: u16,
-    /// Steps over which the inflow that stirs the gas is averaged: 5 ms.
-    pub stirring_steps: u16,
     /// Intervals in a tenth of a second, ...
     pub tenth_intervals: u16,
     /// ... in half a second, ...
@@ -42,22 +51,26 @@ impl StepCounts {
     /// ```
     /// use model_core::step_counts::StepCounts;
     ///
-    /// assert_eq!(StepCounts::new(0.001).interval_steps, 20);
+    /// assert_eq!(StepCounts::new(0.001).update_steps, 40);
     /// ```
     pub fn new(step_s: f32) -> Self {
         // Whole numbers: on a processor without floating point they take a tenth of the time.
         let step_ns = (step_s * 1.0e9 + 0.5) as u32;
         let steps = |time_ms: u32, least| count(1_000_000 * time_ms, step_ns, least);
         let interval_steps = steps(20, 10);
+        let update_steps = 2 * interval_steps;
         let interval_us = u32::from(interval_steps) * (step_ns / 1000);
         let intervals = |time_ms: u32| count(1000 * time_ms, interval_us, 1);
         Self {
             interval_steps,
+            update_steps,
+            move_steps: steps(10, 1),
+            // By comparison: the optimiser does not see that a divisor would never be zero.
+            parts_per_step: if update_steps > PARTS + BUSY_STEPS { 1 } else { 2 },
             patience_steps: steps(10, 3),
             startup_steps: steps(50, 50),
             late_steps: steps(25, 2),
             shut_steps: steps(100, 2),
-            stirring_steps: steps(5, 1),
             tenth_intervals: intervals(100),
             half_second_intervals: intervals(500),
             second_intervals: intervals(1000),
@@ -90,7 +103,7 @@ mod tests {
             [counts.interval_steps, counts.patience_steps, counts.startup_steps],
             [20, 10, 50]
         );
-        assert_eq!([counts.late_steps, counts.shut_steps, counts.stirring_steps], [25, 100, 5]);
+        assert_eq!([counts.late_steps, counts.shut_steps, counts.move_steps], [25, 100, 10]);
         let intervals = [
             counts.tenth_intervals,
             counts.half_second_intervals,
@@ -99,6 +112,7 @@ mod tests {
             counts.ten_seconds_intervals,
         ];
         assert_eq!(intervals, [5, 25, 50, 250, 500]);
+        assert_eq!([counts.update_steps, counts.parts_per_step], [40, 1]);
     }
 
     /// Whatever the step, a time stays what it is, to a step and to the least count.
@@ -113,7 +127,7 @@ mod tests {
                 (counts.startup_steps, 0.05, 50),
                 (counts.late_steps, 0.025, 2),
                 (counts.shut_steps, 0.1, 2),
-                (counts.stirring_steps, 0.005, 1),
+                (counts.move_steps, 0.01, 1),
             ] {
                 let off_s = f32::from(steps) * step_s - time_s;
                 assert!(steps == least || off_s.abs() <= 0.51 * step_s, "{steps} of {step_s} s");

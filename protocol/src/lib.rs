@@ -113,7 +113,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 15;
+pub const PROTOCOL: u16 = 17;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -121,7 +121,7 @@ pub const USB_MANUFACTURER: &str = "Thermyo";
 /// Speed of the serial line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
 /// Longest frame, its zero included \[bytes\].
-pub const MAX_FRAME: usize = 512;
+pub const MAX_FRAME: usize = 640;
 
 /// Longest message and CRC before COBS adds its byte per 254, begun or whole, and the zero.
 const MAX_PAYLOAD: usize = MAX_FRAME - 4;
@@ -742,7 +742,7 @@ mod tests {
         assert!(
             encode(&Message::Reply(Reply { sequence: 0, answer: Answer::Timing(timing) })).is_ok()
         );
-        assert_eq!(encode(&[u64::MAX; 52].as_slice()), Err(TooLong));
+        assert_eq!(encode(&[u64::MAX; 64].as_slice()), Err(TooLong));
     }
 
     /// The bytes of [`PROTOCOL`]: who changes them changes its number, and these.
@@ -778,7 +778,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "030107020f020101010544dc5db200"),
+            (answer(Answer::Version(version)), "03010702110201010105afbf818b00"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -799,7 +799,7 @@ mod tests {
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         for (frame, expected) in
-            [(encode(&config), (341, 2_316_422_654)), (encode(&telemetry), (77, 1_017_350_385))]
+            [(encode(&config), (449, 3_574_187_448)), (encode(&telemetry), (77, 1_017_350_385))]
         {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
@@ -865,10 +865,13 @@ mod tests {
                 // The length itself goes before it, in seven bits a byte.
                 let payload = length + if length < 128 { 1 } else { 2 };
                 let Ok(frame) = encode(&bytes) else {
-                    assert!(payload + 4 > 508, "{length} bytes refused");
+                    assert!(payload + 4 > MAX_PAYLOAD, "{length} bytes refused");
                     continue;
                 };
-                assert!(payload + 4 <= 508 && frame.len() <= MAX_FRAME, "{length} bytes taken");
+                assert!(
+                    payload + 4 <= MAX_PAYLOAD && frame.len() <= MAX_FRAME,
+                    "{length} bytes taken"
+                );
                 assert_eq!(decode_all::<Bytes>(&mut Decoder::new(), &frame), [bytes]);
             }
         }

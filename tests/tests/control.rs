@@ -2,6 +2,7 @@
 //! on both sides: a figure far better than it can be is a broken measurement.
 
 use thermyo_evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
+use thermyo_evaluate::control_observed::{late_pulses, load_steps, rms_mm, unexpected};
 use thermyo_evaluate::pid::PidBoard;
 use thermyo_scenario::{DriveKind, LoadKind, PlantModel, Scenario};
 use thermyo_setup::Loaded;
@@ -32,7 +33,7 @@ fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
 
 #[test]
 fn contraction_at_rest() {
-    let light = both(nominal(), |s| s.load.force_n = 20.0);
+    let light = both(nominal(), |s| s.load.force_n = 50.0);
     let heavy = both(ambient(nominal(), 283.15), |s| s.load.force_n = 200.0);
     let warm = ambient(nominal(), 313.15);
     let hanging = both(nominal(), |s| {
@@ -40,14 +41,54 @@ fn contraction_at_rest() {
         s.load.mass_kg = 10.0;
     });
     for (name, loaded) in
-        [("20 N", light), ("200 N at 10 degC", heavy), ("40 degC", warm), ("10 kg", hanging)]
+        [("50 N", light), ("200 N at 10 degC", heavy), ("40 degC", warm), ("10 kg", hanging)]
     {
         let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
-        // The dead zone is 0.5 % of the stroke: an error far below it would be luck seven times.
-        assert_within(&format!("{name}: error %"), held.error_percent, (0.1, 0.9));
-        assert_within(&format!("{name}: ripple %"), held.ripple_percent, (1e-9, 0.2));
-        assert_eq!(held.driven, 0.0, "{name}: the valves rest");
+        // The dead zone is 0.2 % of the stroke: an error far below it would be luck seven times.
+        assert_within(&format!("{name}: error %"), held.error_percent, (0.1, 0.4));
+        assert_within(&format!("{name}: ripple %"), held.ripple_percent, (1e-9, 0.6));
+        // Creep goes on, and gas that a pulse has warmed or cooled relaxes for seconds.
+        assert_within(&format!("{name}: driven"), held.driven, (0.0, 0.45));
     }
+}
+
+#[test]
+fn what_does_not_creep_is_driven_less_at_rest() {
+    let still = both(nominal(), |s| {
+        s.muscle.creep_fast_n_m = 0.0;
+        s.muscle.creep_slow_n_m = 0.0;
+    });
+    let held = rest::hold(&still, 0, &mut CoreBoard::default()).unwrap();
+    assert_within("error %", held.error_percent, (0.1, 0.3));
+    // Air that a pulse has warmed or cooled relaxes for seconds: up to 0.18, and 0.40 with creep.
+    assert_within("driven", held.driven, (0.0, 0.3));
+}
+
+#[test]
+fn what_is_not_as_believed_is_observed() {
+    let twice = unexpected(nominal(), |s| s.friction.force_n *= 2.0);
+    let slow = sine(&twice, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
+    assert_within("friction twice, mm", rms_mm(&twice, &slow), (0.08, 0.25));
+    assert_within("pulses/s", slow.pulses_per_s, (40.0, 65.0));
+    let heavy = unexpected(nominal(), |s| s.load.mass_kg = 10.0);
+    let fast = sine(&heavy, 2.0, 0.05, &mut CoreBoard::default()).unwrap();
+    assert_within("10 kg, believed 2, mm", rms_mm(&heavy, &fast), (0.2, 0.55));
+    // 0.3 s for a mass that is not as believed too, where gas relaxes ten times as fast as air.
+    for (loaded, most_s) in [(nominal(), 0.5), (twice, 1.2), (heavy, 1.2)] {
+        let steps = load_steps(&loaded, &mut CoreBoard::default()).unwrap();
+        assert_within("back after a load step, s", steps.back_s, (0.1, most_s));
+        assert_within("error after a load step, %", steps.error_percent, (0.05, 0.4));
+    }
+}
+
+#[test]
+fn gas_relaxes_onto_the_set_point_of_pressure() {
+    let isometric = both(nominal(), |s| {
+        s.load.kind = LoadKind::Isometric;
+        s.load.length_m = 0.27;
+    });
+    let pulses = late_pulses(&isometric, &mut CoreBoard::default()).unwrap();
+    assert!((2..=10).contains(&pulses[0]) && pulses[1] <= 5, "{pulses:?}");
 }
 
 #[test]
@@ -62,8 +103,8 @@ fn wrong_configuration_still_comes_to_rest() {
         let mut loaded = nominal();
         change(&mut loaded.believed);
         let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
-        assert_within("error %", held.error_percent, (0.1, 1.0));
-        assert_within("ripple %", held.ripple_percent, (1e-9, 0.2));
+        assert_within("error %", held.error_percent, (0.1, 0.6));
+        assert_within("ripple %", held.ripple_percent, (1e-9, 1.0));
     }
 }
 
@@ -84,14 +125,14 @@ fn pressure_as_fast_as_the_valve() {
 fn sines_are_followed() {
     let loaded = nominal();
     let fast = sine(&loaded, 5.0, 0.025, &mut CoreBoard::default()).unwrap();
-    assert_within("gain at 5 Hz", fast.gain, (0.71, 1.4));
+    assert_within("gain at 5 Hz", fast.gain, (0.71, 1.3));
     assert_within("phase at 5 Hz, deg", fast.phase_deg, (-50.0, -15.0));
     let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
     assert_within("error at 0.5 Hz, % of stroke", slow.rms_percent, (0.03, 0.2));
 }
 
 #[test]
-fn temperature_compensation_earns_its_place() {
+fn friction_is_followed_into_the_cold_and_the_warmth() {
     for temperature_k in [283.15, 313.15] {
         let loaded = ambient(nominal(), temperature_k);
         let mut fixed = loaded.clone();
@@ -100,7 +141,8 @@ fn temperature_compensation_earns_its_place() {
             sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap().rms_percent
         };
         let compensated = rms(&loaded);
-        assert_within("fixed friction, times", rms(&fixed) / compensated, (2.0, 5.0));
+        // Friction is observed: a wrong law of its temperature costs little.
+        assert_within("fixed friction, times", rms(&fixed) / compensated, (0.7, 2.0));
         let mut usual = PidBoard::new(USUAL_GAINS, 0.3);
         let usual = sine(&loaded, 0.5, 0.15, &mut usual).unwrap().rms_percent;
         assert_within("usual practice, times", usual / compensated, (3.0, 15.0));

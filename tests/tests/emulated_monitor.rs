@@ -1,13 +1,14 @@
 //! `thermyo monitor` on the emulated board, through a pseudo-terminal, and through its unplugging.
 #![cfg(unix)]
 
-use host_sim::commands::monitor::{Session, Status, view};
+use host_sim::commands::monitor::{EVERY, Session, Status, view};
 use model_core::{AdcCode, Sample};
 use std::fs::File;
 use std::time::{Duration, Instant};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::pty::PtyBoard;
+use thermyo_files::units::UnitSystem;
 use thermyo_protocol::LastReset;
 use thermyo_record::board_trace::Recorder;
 
@@ -40,15 +41,15 @@ fn the_monitor_shows_records_and_survives_unplugging() {
 
     let board = plug_in();
     let recorder = Recorder::new(File::create(&trace).unwrap()).unwrap();
-    let mut session = Session::open(port.to_str().unwrap(), recorder).unwrap();
+    let mut session = Session::open(port.to_str().unwrap(), EVERY, recorder).unwrap();
     poll_until(&mut session, |session| session.rows() > 50 && session.timing().is_some());
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
 
     let shown = |session: &Session| {
-        let figures = view::figures(session).unwrap();
+        let figures = view::figures(session, UnitSystem::Practical).unwrap();
         assert!(!figures.contains('\n'), "{figures}");
-        view::notes(session).join("\n") + "\n" + &figures
+        view::notes(session, UnitSystem::Practical).join("\n") + "\n" + &figures
     };
     let text = shown(&session);
     for part in [
@@ -59,7 +60,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
         " kPa (set point none: it vents), ",
         " mm, gas ",
         " +- ",
-        "K, wall",
+        "degC, wall",
         "late; 0 missed",
         "malformed",
     ] {

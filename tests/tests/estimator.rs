@@ -56,16 +56,15 @@ fn configured_right_configured_wrong_and_started_wrong() {
     let quick = "[believed.sensor.gas]\ntime_constant_s = 2.4\n";
     let warm = "initial_temperature_k = 308.0\n";
     for (what, lumped, full) in [
-        ("", (0.01, 0.04), (0.12, 0.25)),
-        (cold, (0.1, 0.3), (0.25, 0.5)),
-        (quick, (0.02, 0.1), (0.1, 0.4)),
-        (warm, (0.01, 0.06), (0.12, 0.4)),
+        ("", (0.04, 0.16), (0.2, 0.45)),
+        (cold, (0.05, 0.2), (0.35, 0.8)),
+        (quick, (0.05, 0.2), (0.2, 0.5)),
+        (warm, (0.04, 0.17), (0.2, 0.45)),
     ] {
         for (model, bounds_k) in [("lumped", lumped), ("full", full)] {
             let worth = worth(&cycle(model, what), 15.0, 40.0);
             assert_within(&format!("{model} {what}"), worth.error_k, bounds_k);
-            // The deviation is still being learned; over 100 s it is 0.85 and more.
-            assert!(worth.within > 0.75, "{model} {what}: {} within two deviations", worth.within);
+            assert!(worth.within > 0.95, "{model} {what}: {} within two deviations", worth.within);
             assert!(worth.valid > 0.85, "{model} {what}: valid {}", worth.valid);
             assert_eq!(worth.faults, 0, "{model} {what}");
         }
@@ -73,31 +72,29 @@ fn configured_right_configured_wrong_and_started_wrong() {
 }
 
 #[test]
-fn a_sensor_off_the_middle_is_believed_less() {
-    for (position, bounds_k) in [(0.0, (0.5, 2.0)), (0.25, (0.5, 1.3)), (0.75, (0.5, 1.3))] {
+fn a_sensor_off_the_middle_costs_little() {
+    for (position, bounds_k) in [(0.0, (0.1, 0.45)), (0.25, (0.15, 0.5)), (0.75, (0.35, 1.0))] {
         let run = cycle("full", &format!("[sensor.gas]\nposition = {position}\n"));
         let worth = worth(&run, 15.0, 40.0);
         assert_within(&format!("at {position}"), worth.error_k, bounds_k);
-        assert!(worth.within > 0.75, "at {position}: {} within two deviations", worth.within);
-        assert!(worth.valid < 0.9, "at {position}: valid {}", worth.valid);
+        assert!(worth.within > 0.95, "at {position}: {} within two deviations", worth.within);
+        assert!(worth.valid > 0.5, "at {position}: valid {}", worth.valid);
     }
 }
 
 #[test]
-fn a_correlation_of_the_heat_transfer_is_configured_as_two_coefficients() {
-    let run = cycle("lumped", "[heat]\nmodel = \"correlation\"\n");
-    assert_within("RMS", worth(&run, 15.0, 40.0).error_k, (0.2, 1.0));
-    // Still gas loses next to nothing then: it swings by three times as much.
-    assert_within("bare", run.figure("rmse_k.sensor_gas"), (15.0, 25.0));
+fn a_constant_coefficient_of_the_heat_transfer_is_one_in_the_core() {
+    let run = cycle("lumped", "[heat]\nmodel = \"constant\"\n");
+    assert_within("RMS", worth(&run, 15.0, 40.0).error_k, (0.01, 0.05));
 }
 
 #[test]
 fn a_lost_gas_sensor_costs_little() {
     for (fault, shown, bounds_k) in [
-        ("open", Faults::GAS_SENSOR, (0.01, 0.1)),
-        ("shorted", Faults::GAS_SENSOR, (0.01, 0.1)),
-        ("frozen", Faults::GAS_SENSOR, (0.01, 0.5)),
-        ("noisy", Faults::GAS_SENSOR, (0.01, 0.3)),
+        ("open", Faults::GAS_SENSOR, (0.04, 0.2)),
+        ("shorted", Faults::GAS_SENSOR, (0.04, 0.2)),
+        ("frozen", Faults::GAS_SENSOR, (0.2, 0.7)),
+        ("noisy", Faults::GAS_SENSOR, (0.3, 1.2)),
     ] {
         let run = broken("gas", fault);
         let lost = worth(&run, 15.0, 25.0);
@@ -105,7 +102,7 @@ fn a_lost_gas_sensor_costs_little() {
         assert_eq!(lost.faults, shown.0, "{fault}");
         assert!(lost.within > 0.85, "{fault}: {}", lost.within);
         let again = worth(&run, 35.0, 40.0);
-        assert_within(fault, again.error_k, (0.01, 0.15));
+        assert_within(fault, again.error_k, (0.04, 0.2));
         assert_eq!((again.valid, again.faults), (1.0, 0), "{fault}");
     }
 }
@@ -129,19 +126,20 @@ fn without_pressure_there_is_no_estimate_and_then_there_is_again() {
 
 #[test]
 fn the_load_tells_the_length_where_its_sensor_is_absent() {
-    for (fault, bounds_k) in [
-        ("open", (0.1, 0.5)),
-        ("shorted", (0.1, 0.5)),
-        ("frozen", (0.1, 0.5)),
-        ("noisy", (0.1, 2.0)),
+    for (fault, bounds_k, again_k) in [
+        ("open", (0.5, 1.6), (0.1, 0.5)),
+        ("shorted", (0.5, 1.6), (0.1, 0.5)),
+        ("frozen", (0.5, 1.6), (0.1, 0.5)),
+        ("noisy", (0.5, 2.0), (0.3, 1.3)),
     ] {
         let run = broken("length", fault);
         let lost = worth(&run, 16.0, 25.0);
         assert_within(fault, lost.error_k, bounds_k);
+        assert!(lost.within > 0.85, "{fault}: {} within two deviations", lost.within);
         assert_ne!(lost.faults & Faults::LENGTH_SENSOR.0, 0, "{fault}");
-        assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.01, 0.3));
+        assert_within(fault, worth(&run, 35.0, 40.0).error_k, again_k);
     }
     // From the start on, against a constant load.
     let never = cycle("lumped", "[faults]\nlength = \"open\"\nfrom_s = 0.0\nuntil_s = 40.0\n");
-    assert_within("never there", worth(&never, 10.0, 40.0).error_k, (0.1, 0.5));
+    assert_within("never there", worth(&never, 10.0, 40.0).error_k, (0.5, 1.6));
 }

@@ -55,7 +55,7 @@ fn a_run_of_many_rows_writes_a_small_page() {
 
 #[test]
 fn the_resolved_scenario_runs_to_the_same_trace() {
-    let first = run_text("[run]\nduration_s = 1.0\n[believed.heat]\ninner_w_m2_k = 70.0\n", &[]);
+    let first = run_text("[run]\nduration_s = 1.0\n[believed.heat]\nscale = 0.7\n", &[]);
     let again = run_file(&first.path("scenario.toml"), &[]);
     assert_eq!(first.text("trace.csv"), again.text("trace.csv"));
 }
@@ -78,9 +78,13 @@ fn shipped_scenarios_are_valid() {
 fn the_nominal_cycle_closes_and_the_estimate_beats_the_bare_sensor() {
     let run = run_file(&repository("scenarios/nominal.toml"), &[]);
     let (low, high) = (run.figure("pressure_pa.min"), run.figure("pressure_pa.max"));
-    assert!(low > 1.1e5 && (3.5e5..4.1e5).contains(&high), "{low} to {high} Pa");
+    // What has crept holds the muscle short: to lengthen it, the pressure falls almost to ambient.
+    assert!(
+        (1.02e5..1.05e5).contains(&low) && (3.5e5..4.1e5).contains(&high),
+        "{low} to {high} Pa"
+    );
     assert_eq!(run.figure("core.faults"), 0.0);
     let (bare, estimate) = (run.figure("rmse_k.sensor_gas"), run.figure("rmse_k.estimate"));
-    assert!((5.0..7.0).contains(&bare), "bare {bare} K");
+    assert!((10.0..13.0).contains(&bare), "bare {bare} K");
     assert!((0.02..0.15).contains(&estimate), "estimate {estimate} K");
 }

@@ -7,6 +7,7 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::{Duration, Instant};
 use std::{env, thread};
@@ -176,7 +177,18 @@ pub fn watched(
     watched_by(command, doing, begins, SIGN_OF_LIFE, &mut say)
 }
 
+/// Whether messages about the progress of a build are printed.
+static SILENT: AtomicBool = AtomicBool::new(false);
+
+/// Turns off the messages about the progress of a build, in this process.
+pub fn say_nothing() {
+    SILENT.store(true, Ordering::Relaxed);
+}
+
 fn say(line: &str) {
+    if SILENT.load(Ordering::Relaxed) {
+        return;
+    }
     // A closed standard error does not stop the work.
     let _ = writeln!(io::stderr(), "thermyo: {line}");
 }

@@ -1,7 +1,9 @@
 //! Charts of `thermyo evaluate control --out DIR`: the figures of
 //! `docs/background/control-trials.md`, each as a file, and a page with all of them.
 
-use super::control::{self, Change, ambient, configured, load, pressure_step_traces, sine_trace};
+use super::control::{
+    self, Change, ambient, configured, for_the_room, load, pressure_step_traces, sine_trace,
+};
 use super::{CaseFigures, figures, opened, tune};
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -81,11 +83,13 @@ fn temperature(full: &Loaded) -> Result<Plot, TuneError> {
             let share = |error: f64| 100.0 * error / control::STROKE;
             Ok(points.iter().map(|point| (point.time_s, share(point.error))).unzip())
         };
-        let (with, without) = (error(&loaded)?, error(&fixed)?);
+        let room = configured(loaded.clone(), for_the_room);
+        let (with, without, room) = (error(&loaded)?, error(&fixed)?, error(&room)?);
         chart = chart.panel(
             Panel::new(Axis::new(&format!("{name}: error"), "% of stroke").range(-1.0, 1.0))
                 .height(120.0)
-                .line("friction fixed", Colour::Vermillion, &without.0, &without.1)
+                .line("friction fixed for 25 °C", Colour::Vermillion, &without.0, &without.1)
+                .line("friction fixed for the room", Colour::Green, &room.0, &room.1)
                 .line("friction at the estimated wall temperature", Colour::Blue, &with.0, &with.1)
                 .reference(0.0, "0"),
         );
@@ -94,7 +98,8 @@ fn temperature(full: &Loaded) -> Result<Plot, TuneError> {
         file: "control_temperature.svg",
         title: "Sine of 0.5 Hz over 30 % of the stroke, error with and without temperature compensation",
         caption: "Friction is configured at 25 °C. Without compensation the muscle leaves its turns late in the \
-                  cold and early in the warmth.",
+                  cold and early in the warmth; a thermometer in the room cures that as well as the \
+                  estimated wall.",
         chart,
     })
 }

@@ -1,14 +1,17 @@
 //! `thermyo evaluate`: table of the project's targets and measured figures.
 
 pub mod control;
+pub mod control_observed;
 pub mod control_page;
 pub mod estimator;
 pub mod faults;
+pub mod joint;
 pub mod pid;
 pub mod plants;
 pub mod recording;
 pub mod smoother;
 pub mod truth;
+mod truth_motion;
 pub mod tune;
 
 use serde::Serialize;

@@ -9,8 +9,9 @@ use thermyo_scenario::schema::Limits;
 
 /// File of the recording in its folder.
 pub const FILE: &str = "trace.csv";
-/// Column of the reference sensor.
+/// Column of the reference sensor, and one of its standard deviation, which it may have.
 const REFERENCE: &str = "reference_gas_k";
+const REFERENCE_SD: &str = "reference_sd_k";
 /// Time for the estimate to settle \[s\].
 const SETTLING_S: f64 = 10.0;
 /// Largest RMS error \[K\], and fraction of the time within two stated deviations: the targets of
@@ -49,6 +50,7 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
     if let Some(row) = sd_k.iter().position(|sd_k| *sd_k < 0.0) {
         return Err(recording.cell_error(row, "estimate_sd_k", "a number from 0 on"));
     }
+    let reference_sd_k = of_reference(recording)?;
     let lagged_k = lagged(&times_s, &estimate_k, reference_lag_s);
     let from_s = times_s[0] + SETTLING_S;
     let (mut rows, mut square, mut bare_square, mut sum, mut worst_k, mut within) =
@@ -63,7 +65,8 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
         bare_square += (sensor_k[row] - reference_k).powi(2);
         sum += error_k;
         worst_k = worst_k.max(error_k.abs());
-        within += u32::from(error_k.abs() <= 2.0 * sd_k[row]);
+        let own_sd_k = reference_sd_k.get(row).copied().flatten().unwrap_or(0.0);
+        within += u32::from(error_k.abs() <= 2.0 * sd_k[row].hypot(own_sd_k));
     }
     let unusable = |why: String| {
         recording.header_error(Problem::UnusableColumn { column: REFERENCE.to_owned(), why })
@@ -91,6 +94,12 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
             Figure::shown("reference_lag_s", reference_lag_s),
         ],
     })
+}
+
+/// Standard deviations of the reference, where the recording has them.
+fn of_reference(recording: &Table) -> Result<Vec<Option<f64>>, InputError> {
+    let has_them = recording.columns().iter().any(|column| column.name == REFERENCE_SD);
+    if has_them { recording.column(REFERENCE_SD).map(<[_]>::to_vec) } else { Ok(Vec::new()) }
 }
 
 /// Response of a sensor with that lag to values that are linear between rows, exact: it stays

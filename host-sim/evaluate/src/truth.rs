@@ -2,6 +2,7 @@
 //! others.
 
 use super::control::{self, rest};
+use super::truth_motion::{self, tables};
 use super::{CaseFigures, Figure};
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::path::{Path, PathBuf};
@@ -58,7 +59,7 @@ pub enum TruthError {
 /// # Errors
 /// When there is no data at all, or a case cannot be used.
 pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
-    let maps = maps(&folder.join("muscle_static"));
+    let maps = tables(&folder.join("muscle_static"));
     let spring = folder.join("gas_spring/upper_2022-01-28.csv");
     let discharge = folder.join("hyddown/air_discharge.csv");
     watch.parts(maps.len());
@@ -82,18 +83,11 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     if discharge.exists() {
         add(air_discharge(&discharge, watch))?;
     }
+    add(truth_motion::evaluate(folder).map_err(TruthError::from))?;
     if lines.is_empty() && !watch.stopped() {
         return Err(InputError::file(folder, Problem::NoTruth).into());
     }
     Ok(lines)
-}
-
-fn maps(folder: &Path) -> Vec<PathBuf> {
-    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    files.retain(|file| file.extension().is_some_and(|extension| extension == "csv"));
-    files.sort();
-    files
 }
 
 fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {

@@ -50,9 +50,10 @@ impl Watch for AtQuestion {
 #[test]
 fn a_stopped_evaluation_returns_the_lines_of_the_finished_cases() {
     let lines = estimator::random(1, 30, &After::new(3)).unwrap();
-    let (total, muscles) = lines.split_last().unwrap();
+    let [muscles @ .., known, all] = &lines[..] else { panic!("{lines:?}") };
     assert!((3..30).contains(&muscles.len()), "{lines:?}");
-    assert_eq!(total.case, format!("{} muscles of seed 1", muscles.len()));
+    assert_eq!(known.case, format!("{} muscles of seed 1, known", muscles.len()));
+    assert_eq!(all.case, "all of seed 1");
     assert_eq!(thermyo_evaluate::missed(muscles).1, 2 * muscles.len());
 }
 
@@ -74,7 +75,7 @@ fn an_observer_stops_a_run() {
 #[test]
 fn a_stopped_identification_returns_its_finished_searches() {
     let text = "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 40\n\
-                parameters = [\"heat.inner_w_m2_k\", \"friction.force_n\"]\n";
+                parameters = [\"heat.scale\", \"friction.force_n\"]\n";
     let name = Path::new("scenario.toml");
     let loaded = thermyo_setup::parse(text, name).unwrap();
     let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
@@ -94,7 +95,7 @@ fn a_stopped_identification_returns_its_finished_searches() {
         panic!("{ended:?}");
     };
     assert!((5..40).contains(&finished), "{finished}");
-    assert!(csv.starts_with("cost,converged,heat.inner_w_m2_k,friction.force_n\n"), "{csv}");
+    assert!(csv.starts_with("cost,converged,heat.scale,friction.force_n\n"), "{csv}");
     assert_eq!(csv.lines().count(), 1 + finished);
     let numbers = csv.lines().nth(1).unwrap().split(',').map(|cell| cell.parse::<f64>());
     assert_eq!(
@@ -107,7 +108,7 @@ fn a_stopped_identification_returns_its_finished_searches() {
 #[test]
 fn one_long_simulation_is_stopped_at_its_next_step() {
     let text = "[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n[identify]\nstarts = 1\n\
-                parameters = [\"heat.inner_w_m2_k\"]\n";
+                parameters = [\"heat.scale\"]\n";
     let loaded = thermyo_setup::parse(text, Path::new("scenario.toml")).unwrap();
     let points = (0..10).map(|row| (1.0e5 * f64::from(row), 1.2e5)).collect();
     let columns = vec![Column { name: "pressure_pa".to_owned(), points, lines: Vec::new() }];

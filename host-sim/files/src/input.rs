@@ -224,8 +224,8 @@ pub enum Problem {
     },
     /// A folder without the measurements that are needed.
     #[error(
-        "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv or hyddown/air_discharge.csv in it; \
-         docs/background/validation.md lists their sources"
+        "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv, hyddown/air_discharge.csv, dynamic/*.csv \
+         or motion/*.csv in it; docs/background/validation.md lists their sources"
     )]
     NoTruth,
     /// A file that ends within a line: the rest of the value is unknown.

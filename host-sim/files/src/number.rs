@@ -1,6 +1,6 @@
 //! Numbers for readers: few digits, units of a handy size, a typographic minus sign.
 
-use super::units::Unit;
+use super::units::{Unit, UnitSystem, si_of_column};
 use std::fmt::Write;
 
 /// Shown for a missing value.
@@ -27,6 +27,16 @@ pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
 pub fn of_column(value: f64, column: &str) -> String {
     let Unit { symbol, factor } = Unit::of_column(column);
     let text = significant(value * factor, 3);
+    if symbol.is_empty() { text } else { format!("{text} {symbol}") }
+}
+
+/// A difference of two values of a column with its unit.
+pub fn difference_text(difference: f64, column: &str, units: UnitSystem) -> String {
+    let Unit { symbol, factor } = match units {
+        UnitSystem::Practical => Unit::of_column(column),
+        UnitSystem::Si => Unit { symbol: si_of_column(column), factor: 1.0 },
+    };
+    let text = significant(difference * factor, 3);
     if symbol.is_empty() { text } else { format!("{text} {symbol}") }
 }
 

@@ -4,12 +4,14 @@ use std::ffi::OsStr;
 use std::path::{Component, Path};
 
 /// Files of the folder `scenarios/`.
-const FILES: [(&str, &str); 9] = [
+const FILES: [(&str, &str); 11] = [
     ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
     ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),
     ("bellows.toml", include_str!("../../../scenarios/bellows.toml")),
     ("contraction.toml", include_str!("../../../scenarios/contraction.toml")),
     ("gas_spring.toml", include_str!("../../../scenarios/gas_spring.toml")),
+    ("joint.toml", include_str!("../../../scenarios/joint.toml")),
+    ("motion.toml", include_str!("../../../scenarios/motion.toml")),
     ("nominal.toml", include_str!("../../../scenarios/nominal.toml")),
     ("reproduce.toml", include_str!("../../../scenarios/reproduce.toml")),
     ("sensor.toml", include_str!("../../../scenarios/sensor.toml")),

@@ -45,7 +45,7 @@ const CELSIUS_K: f64 = 273.15;
 const FAHRENHEIT_K: f64 = 459.67 * 5.0 / 9.0;
 
 /// The quantities. Longer suffixes stand before their own ends.
-const QUANTITIES: [Quantity; 32] = [
+const QUANTITIES: [Quantity; 31] = [
     row("_w_m2_k", "W/(m2 K)", "W/(m² K)", &[("W/(m² K)", Ten(0))]),
     row(
         "_m3_s_pa",
@@ -114,20 +114,6 @@ const QUANTITIES: [Quantity; 32] = [
     row("_n", "N", "N", &[("N", Ten(0)), ("kN", Ten(3))]),
     row("_j", "J", "J", &[("J", Ten(0))]),
     row("_w", "W", "W", &[("W", Ten(0))]),
-    // A set point of pressure or of contraction: other keys decide, and limit the value.
-    row(
-        "amplitude",
-        "Pa or 1",
-        "",
-        &[
-            ("", Ten(0)),
-            ("%", Ten(-2)),
-            ("Pa", Ten(0)),
-            ("kPa", Ten(3)),
-            ("bar", Ten(5)),
-            ("psi", Times(PSI_PA)),
-        ],
-    ),
     row("", "", "", &[("", Ten(0)), ("%", Ten(-2))]),
 ];
 
@@ -138,6 +124,11 @@ const fn row(
     written: &'static [(&'static str, Scale)],
 ) -> Quantity {
     Quantity { suffix, si, shown, written }
+}
+
+/// The SI symbol of a key or trace column, by its suffix; empty for a ratio.
+pub fn si_of_column(name: &str) -> &'static str {
+    QUANTITIES.iter().find(|row| name.ends_with(row.suffix)).map_or("", |row| row.si)
 }
 
 impl Unit {
@@ -157,6 +148,62 @@ impl Unit {
     /// The shown values of SI `values`.
     pub fn convert(self, values: &[f64]) -> Vec<f64> {
         values.iter().map(|v| v * self.factor).collect()
+    }
+}
+
+/// The units in which a command prints its figures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum UnitSystem {
+    /// kPa, mm, g/s, %, degC.
+    #[default]
+    Practical,
+    Si,
+}
+
+impl UnitSystem {
+    /// Symbol and scale of the unit in which a value of this SI unit is printed.
+    fn unit(self, si: &'static str) -> (&'static str, Scale) {
+        let row = QUANTITIES.iter().find(|row| row.si == si);
+        match (self, row) {
+            (Self::Practical, _) if si == "K" => ("degC", From(1.0, CELSIUS_K)),
+            (Self::Practical, _) if si.is_empty() => ("%", Ten(-2)),
+            (Self::Practical, Some(row)) => {
+                let written = row.written.iter().find(|(symbol, _)| *symbol == row.shown);
+                written.copied().unwrap_or((si, Ten(0)))
+            }
+            _ => (si, Ten(0)),
+        }
+    }
+
+    /// The number without its unit. `decimals` are those in the practical unit; in SI as many as
+    /// show the same digits. A temperature is absolute.
+    pub fn number(self, value: f64, si: &'static str, decimals: usize) -> String {
+        let (_, practical) = Self::Practical.unit(si);
+        let (_, scale) = self.unit(si);
+        let decimals = match (self, practical) {
+            (Self::Si, Ten(power)) => usize::try_from(decimals as i32 - power).unwrap_or(0),
+            _ => decimals,
+        };
+        let value = match scale {
+            Ten(power) => value * 10_f64.powi(-power),
+            Times(times) => value / times,
+            From(times, zero) => (value - zero) / times,
+        };
+        format!("{value:.decimals$}")
+    }
+
+    /// The number with its unit: "158.94 kPa", "25.08 degC"; in SI "158940 Pa", "298.23 K".
+    pub fn text(self, value: f64, si: &'static str, decimals: usize) -> String {
+        format!("{} {}", self.number(value, si, decimals), self.symbol(si)).trim_end().to_owned()
+    }
+
+    /// Two numbers with their unit: "120.0 to 273.3 kPa".
+    pub fn range(self, [least, most]: [f64; 2], si: &'static str, decimals: usize) -> String {
+        format!("{} to {}", self.number(least, si, decimals), self.text(most, si, decimals))
+    }
+
+    pub fn symbol(self, si: &'static str) -> String {
+        plain(self.unit(si).0)
     }
 }
 
@@ -216,12 +263,17 @@ impl Wanted {
         value.filter(|value| value.is_finite()).ok_or(Unread(self))
     }
 
-    /// Units that may be written for it.
+    /// Units that may be written for it. A set point is of one quantity or another ("Pa or 1"):
+    /// other keys decide which, and limit the value.
     fn units(self) -> impl Iterator<Item = (&'static str, Scale)> {
-        let row = QUANTITIES.iter().find(|row| row.si == self.si);
-        let own = row.is_none().then_some((self.si, Ten(0)));
-        let written = row.map_or(&[][..], |row| row.written).iter().copied();
-        written.chain(own).filter(move |(_, scale)| self.absolute || !matches!(scale, From(..)))
+        let of_one = |si: &'static str| {
+            let si = if si == "1" { "" } else { si };
+            let row = QUANTITIES.iter().find(|row| row.si == si);
+            let own = row.is_none().then_some((si, Ten(0)));
+            row.map_or(&[][..], |row| row.written).iter().copied().chain(own)
+        };
+        let units = self.si.split(" or ").flat_map(of_one);
+        units.filter(move |(_, scale)| self.absolute || !matches!(scale, From(..)))
     }
 
     /// The units that may be written, as typed: "Pa, kPa, bar".
@@ -338,6 +390,32 @@ mod tests {
         let unread = difference.read("25 degC").unwrap_err();
         assert_eq!(unread.to_string(), "a number in K", "a difference has no zero");
         assert!(Wanted::new("Pa").read_with_unit("130000").is_err());
+    }
+
+    #[test]
+    fn a_set_point_may_have_the_units_of_its_quantities() {
+        let set_point = Wanted::new("Pa or 1");
+        for (text, value) in [("5 %", 0.05), ("1.3bar", 130_000.0), ("1 MPa", 1e6), ("0.1", 0.1)] {
+            assert_eq!(set_point.read(text), Ok(value), "{text}");
+        }
+        assert_eq!(set_point.names(), "Pa, kPa, MPa, bar, mbar, psi, %");
+    }
+
+    #[test]
+    fn figures_are_printed_in_practical_units_or_in_si() {
+        for (value, si, decimals, practical, in_si) in [
+            (158_943.2, "Pa", 2, "158.94 kPa", "158943 Pa"),
+            (0.268_42, "m", 1, "268.4 mm", "0.2684 m"),
+            (298.23, "K", 2, "25.08 degC", "298.23 K"),
+            (0.052_1, "", 1, "5.2 %", "0.052"),
+            (3.6e-4, "kg/s", 3, "0.360 g/s", "0.000360 kg/s"),
+            (2.0, "s", 1, "2.0 s", "2.0 s"),
+        ] {
+            assert_eq!(UnitSystem::Practical.text(value, si, decimals), practical);
+            assert_eq!(UnitSystem::Si.text(value, si, decimals), in_si);
+        }
+        let range = UnitSystem::Practical.range([296.4, 326.6], "K", 1);
+        assert_eq!(range, "23.2 to 53.5 degC");
     }
 
     #[test]

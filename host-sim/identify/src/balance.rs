@@ -3,7 +3,7 @@
 
 use super::data::{Given, holding};
 use super::failed::Failed;
-use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL};
+use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL, hold_back};
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
@@ -28,6 +28,8 @@ pub struct Balance {
     step_s: f64,
     /// Inputs without volumes, which follow from the scenario.
     known: Vec<Known>,
+    /// How much the gas at the sensor swings, compared with the mean.
+    location_factor: f64,
 }
 
 impl Balance {
@@ -52,9 +54,16 @@ impl Balance {
                 volume_m3: 0.0,
                 charging,
                 discharging,
+                hysteresis_j: 0.0,
             }
         });
-        Self { start_s, start_k: *sensor_k, step_s, known: known.collect() }
+        let known = known.collect();
+        Self { start_s, start_k: *sensor_k, step_s, known, location_factor: 1.0 }
+    }
+
+    /// The same with a sensor at which the gas swings by that factor.
+    pub fn with_location_factor(self, location_factor: f64) -> Self {
+        Self { location_factor, ..self }
     }
 
     /// Reading of the gas sensor at the times of `points`, by the core's model of that scenario. A
@@ -75,7 +84,8 @@ impl Balance {
         for known in &mut known {
             known.volume_m3 = f64::from(chamber.volume_m3(known.length_m as f32));
         }
-        let model = Model::new(&config);
+        hold_back(&config, &mut known);
+        let model = Model::new(&config).with_location_factor(self.location_factor);
         let readings = |warmer_k: [f64; STARTS]| -> Result<DVector<f64>, Failed> {
             let [gas_k, wall_k, sensor_k] = warmer_k.map(|warmer_k| self.start_k + warmer_k);
             let mut state = State::zeros();

@@ -14,6 +14,7 @@
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::heat::Heat;
+use model_core::physics::hysteresis::{Held, Law};
 use nalgebra::{SMatrix, SVector};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
@@ -53,6 +54,22 @@ pub struct Known {
     pub charging: bool,
     /// Gas may have left since the step before.
     pub discharging: bool,
+    /// Heat of slip and creep since the step before, by [`hold_back`] \[J\].
+    pub hysteresis_j: f64,
+}
+
+/// Follows slip and creep along the steps, from rest, with the wall at its reference temperature.
+pub fn hold_back(config: &Config, known: &mut [Known]) {
+    let law = Law::new(&config.hysteresis, config.step_s);
+    let mut held = Held::default();
+    let mut before_m = known.first().map_or(0.0, |first| first.length_m);
+    for step in known {
+        let way_m = (std::mem::replace(&mut before_m, step.length_m) - step.length_m) as f32;
+        let gauge_pa = step.pressure_pa as f32 - config.ambient.pressure_pa;
+        let after = law.after(&held, way_m, gauge_pa, 1.0);
+        step.hysteresis_j = f64::from(law.heat_j(&held, &after, way_m));
+        held = after;
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -61,6 +78,8 @@ pub struct Model {
     chamber: AnyChamber,
     step_s: f64,
     leak: Option<Iso6358>,
+    /// How much the gas at the sensor swings about the wall, compared with the mean.
+    location_factor: f64,
 }
 
 impl Model {
@@ -75,7 +94,14 @@ impl Model {
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
             step_s: f64::from(config.step_s),
+            location_factor: 1.0,
         }
+    }
+
+    /// The same with a sensor at which the gas swings by that factor.
+    #[must_use]
+    pub fn with_location_factor(self, location_factor: f64) -> Self {
+        Self { location_factor, ..self }
     }
 
     /// T = P V/(m R), eq. (1) \[K\].
@@ -148,9 +174,13 @@ impl Model {
             let friction_w = f64::from(friction.wall_heat_w(state[WALL] as f32, speed_m_s as f32));
             let ambient_k = f64::from(self.config.ambient.temperature_k);
             let outer_w = outer_w_k * (state[WALL] - ambient_k);
-            state[WALL] += (heat_j + (friction_w - outer_w) * self.step_s) / wall_j_k;
+            let hysteresis_j = f64::from(friction.heat_fraction) * now.hysteresis_j;
+            state[WALL] +=
+                (heat_j + hysteresis_j + (friction_w - outer_w) * self.step_s) / wall_j_k;
             let housing_before_k = state[HOUSING];
-            state[HOUSING] += share(housing_s) * (0.5 * (gas_before_k + gas_k) - state[HOUSING]);
+            let above_k = 0.5 * (gas_before_k + gas_k) - state[WALL];
+            let seen_k = state[WALL] + self.location_factor * above_k;
+            state[HOUSING] += share(housing_s) * (seen_k - state[HOUSING]);
             let housing_k = 0.5 * (housing_before_k + state[HOUSING]);
             state[SENSOR] += share(lag_s) * (housing_k - state[SENSOR]);
         }

@@ -1,6 +1,6 @@
 //! Findings of an identification, and the parameters that it leaves open.
 
-use super::data::{Data, Observed, Quantity};
+use super::data::{Data, Input, Observed, Quantity};
 use super::fit::End;
 use super::parameter::Parameter;
 use super::uncertainty::Misfit;
@@ -15,6 +15,9 @@ const INSEPARABLE: f64 = 0.95;
 const UNDETERMINED: f64 = 0.5;
 /// Relative standard error from which on the value might be zero: the data leave it open.
 const OPEN: f64 = 1.0;
+/// The same where the gas sensor alone is compared: what is fitted is what the core is going to be
+/// configured with.
+const OPEN_FOR_CORE: f64 = UNDETERMINED;
 /// Correlation of the residuals, in rows, from which on there is a remark.
 const LASTING_ROWS: f64 = 5.0;
 /// Root mean square of residuals, in standard deviations of one reading, from which on there is a
@@ -34,8 +37,8 @@ pub struct Fitted {
 }
 
 impl Fitted {
-    fn is_open(&self) -> bool {
-        self.standard_error.is_none_or(|error| error > OPEN * self.value)
+    fn is_open(&self, most: f64) -> bool {
+        self.standard_error.is_none_or(|error| error > most * self.value)
     }
 
     /// A line for a terminal.
@@ -92,6 +95,9 @@ pub struct Findings {
     best_converged: bool,
     #[serde(skip)]
     determined: bool,
+    /// Largest relative standard error of a value that the data do not leave open.
+    #[serde(skip)]
+    open_from: f64,
 }
 
 /// Inputs of [`Findings`].
@@ -155,6 +161,7 @@ impl Findings {
             remarks: Vec::new(),
             best_converged: best.converged,
             determined: covariance.is_some(),
+            open_from: if matches!(data.input, Input::Given(_)) { OPEN_FOR_CORE } else { OPEN },
         };
         findings.converged = findings.failed().is_none();
         findings.remarks = findings.remarks(parameters, best, data, misfits);
@@ -178,13 +185,15 @@ impl Findings {
                  start closer, or fit fewer parameters"
             ))
         } else {
-            let open = self.parameters.iter().filter(|(_, fitted)| fitted.is_open());
+            let open = self.parameters.iter().filter(|(_, fitted)| fitted.is_open(self.open_from));
             let open: Vec<&str> = open.map(|(path, _)| path.as_str()).collect();
             (!open.is_empty()).then(|| {
                 format!(
-                    "the data leave {} open: at a limit, or with a standard error beyond the value itself",
-                    open.join(" and ")
+                    "the data leave {} open: at a limit, or with a standard error beyond {} the value itself",
+                    open.join(" and "),
+                    if self.open_from < OPEN { "half of" } else { "" }
                 )
+                .replace("  ", " ")
             })
         }
     }

@@ -10,21 +10,26 @@
 //! sensor is compared, it is the core's own model, driven by the recorded pressure and length. A
 //! scenario with the model `full` gets the effective parameters that the core works with.
 //!
-//! A table without time that has gauge pressure, length and force at rest is a static map: see
+//! A record with stops, both valves shut for seconds, has the gas temperature in itself: see
+//! [`stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
 //! [`static_map`].
 
 mod balance;
+mod consider;
 pub mod core_model;
 mod data;
 mod failed;
 mod findings;
 mod fit;
+pub mod motion;
 mod page;
+pub mod pair;
 mod parameter;
 mod record;
 mod search;
 mod simulate;
 pub mod static_map;
+pub mod stops;
 mod uncertainty;
 
 pub use data::Data;
@@ -47,10 +52,13 @@ use thermyo_scenario::schema;
 use thermyo_scenario::schema::fittable;
 use thermyo_scenario::{PlantModel, Scenario, number, with_numbers};
 use thermyo_setup::Loaded;
-use thermyo_setup::core_config::OneZone;
+use thermyo_setup::core_config::Effective;
 pub use uncertainty::correlation_rows;
 use uncertainty::{Misfit, covariance};
 
+/// Share of a jet's stirring that acts on the mean of the gas, where a model has one zone: fresh gas, at the wall's
+/// temperature, fills the stirred part. Identified on the plant `full`.
+const STIRRING: f64 = 0.5;
 /// Relative difference of the sums of squares up to which two searches ended in the same place.
 const SAME_COST: f64 = 1e-3;
 /// Difference of a parameter, in standard errors, up to which two searches agree.
@@ -149,7 +157,7 @@ fn named(loaded: &Loaded, config: &Path) -> Result<Vec<Parameter>, InputError> {
     if parameters.is_empty() {
         let problem = InputProblem::Missing {
             key: "identify.parameters".to_owned(),
-            why: "it names what is fitted, such as [\"heat.inner_w_m2_k\"]".to_owned(),
+            why: "it names what is fitted, such as [\"heat.scale\"]".to_owned(),
         };
         return Err(InputError::file(config, problem));
     }
@@ -189,15 +197,15 @@ fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
     let mut scenario = scenario.clone();
     if in_zones(&scenario, data) {
         // Effective parameters, as the core uses them.
-        let one_zone = OneZone::of(&scenario);
+        let effective = Effective::of(&scenario);
         scenario.plant.model = PlantModel::Lumped;
         let path = dead_volume(&scenario);
-        let dead_m3 = number(&scenario, &path).unwrap_or_default() + one_zone.tube_m3;
+        let dead_m3 = number(&scenario, &path).unwrap_or_default() + effective.tube_m3;
         scenario = with_numbers(&scenario, [(path.as_str(), dead_m3)]);
-        scenario.heat.inner_per_flow *= one_zone.stirring;
-        scenario.wall.heat_capacity_j_k *= one_zone.wall;
+        scenario.heat.inner_per_flow *= STIRRING;
+        scenario.wall.heat_capacity_j_k *= effective.wall;
         let lag_s = &mut scenario.sensor.gas.time_constant_s;
-        *lag_s = *lag_s / one_zone.swing + one_zone.housing_s;
+        *lag_s += effective.housing_s;
     }
     scenario
 }
@@ -221,7 +229,7 @@ fn adopted(
         fittable(path).is_some()
             && schema::key(path).is_some_and(|(table, _)| !full || table.believed)
     };
-    let one_zone = OneZone::of(&loaded.plant);
+    let effective = Effective::of(&loaded.plant);
     let backwards = in_zones(&loaded.plant, data);
     let dead_volume = dead_volume(&loaded.plant);
     let values = values.iter().filter(|(path, _)| configured(path)).map(|(path, value)| {
@@ -230,10 +238,10 @@ fn adopted(
         }
         // Inverts the conversion from a muscle in zones to the core's configuration.
         let value = match *path {
-            path if path == dead_volume => value - one_zone.tube_m3,
-            "heat.inner_per_flow" => value / one_zone.stirring,
-            "wall.heat_capacity_j_k" => value / one_zone.wall,
-            "sensor.gas.time_constant_s" => (value - one_zone.housing_s) * one_zone.swing,
+            path if path == dead_volume => value - effective.tube_m3,
+            "heat.inner_per_flow" => value / STIRRING,
+            "wall.heat_capacity_j_k" => value / effective.wall,
+            "sensor.gas.time_constant_s" => value - effective.housing_s,
             _ => *value,
         };
         (*path, value.max(0.0))
@@ -286,6 +294,7 @@ fn covariance_inside(
         (0..count).filter(|i| !problem.parameters[*i].at_limit(place[*i])).collect();
     let sensitivities = problem.sensitivities(place).select_columns(&inside);
     let reduced = covariance(&sensitivities, &problem.data.observed, misfits)?;
+    let reduced = consider::widened(problem, place, &sensitivities, reduced);
     let mut full = DMatrix::zeros(count, count);
     for (row, i) in inside.iter().enumerate() {
         for (column, j) in inside.iter().enumerate() {

@@ -1,6 +1,8 @@
-//! Identification from either kind of table: a record over time, or a static map.
+//! Identification from any kind of table: a record over time, one with stops or of motion, or a static map.
 
+use super::motion;
 use super::static_map::{self, Readings};
+use super::stops;
 use super::{Identified, IdentifyError, identify, page};
 use serde::Serialize;
 use std::path::Path;
@@ -15,7 +17,12 @@ use thermyo_setup::Loaded;
 pub enum Found {
     Record(Identified),
     Map(static_map::Identified),
+    Stops(stops::Identified),
+    Motion(motion::Identified),
 }
+
+/// Columns that a record may have beside those of a trace: a reference sensor, its deviation.
+const REFERENCE: [&str; 2] = ["reference_gas_k", "reference_sd_k"];
 
 /// Identifies from a table; `against` is a static map that the fit does not use. `config` and
 /// `data` name the files in messages.
@@ -40,10 +47,17 @@ pub fn identify_table(
         }
         return Ok(Found::Map(found));
     }
+    if motion::is_asked_for(loaded) {
+        return Ok(Found::Motion(motion::identify(loaded, config, table, against)?));
+    }
     if against.is_some() {
         return Err(InputError::file(data, Problem::NoMap).into());
     }
-    let measured = Measured::new(table, &every_column())?;
+    if stops::are_asked_for(loaded, table) {
+        return Ok(Found::Stops(stops::identify(loaded, table, data)?));
+    }
+    let known = [every_column(), REFERENCE.to_vec()].concat();
+    let measured = Measured::new(table, &known)?;
     identify(loaded, config, &measured, data, watch).map(Found::Record)
 }
 
@@ -55,10 +69,14 @@ impl Found {
         enum Either<'a> {
             Record(&'a super::Findings),
             Map(&'a static_map::Findings),
+            Stops(&'a stops::Findings),
+            Motion(&'a motion::Findings),
         }
         match self {
             Self::Record(found) => Either::Record(&found.findings),
             Self::Map(found) => Either::Map(&found.findings),
+            Self::Stops(found) => Either::Stops(&found.findings),
+            Self::Motion(found) => Either::Motion(&found.findings),
         }
     }
 
@@ -67,6 +85,8 @@ impl Found {
         match self {
             Self::Record(found) => &found.scenario,
             Self::Map(found) => &found.scenario,
+            Self::Stops(found) => &found.scenario,
+            Self::Motion(found) => &found.scenario,
         }
     }
 
@@ -75,6 +95,8 @@ impl Found {
         match self {
             Self::Record(found) => page(found, title),
             Self::Map(found) => static_map::page(found, title),
+            Self::Stops(found) => found.page(title),
+            Self::Motion(found) => motion::page(found, title),
         }
     }
 
@@ -83,6 +105,8 @@ impl Found {
         match self {
             Self::Record(found) => ("fit.svg", page::plot(found, title)),
             Self::Map(found) => ("map.svg", static_map::plot(found, title)),
+            Self::Stops(found) => ("stops.svg", found.plot(title)),
+            Self::Motion(found) => ("motion.svg", motion::plot(found, title)),
         }
     }
 
@@ -91,6 +115,8 @@ impl Found {
         match self {
             Self::Record(found) => found.findings.text(),
             Self::Map(found) => found.findings.text(),
+            Self::Stops(found) => found.findings.text(),
+            Self::Motion(found) => found.findings.text(),
         }
     }
 
@@ -99,6 +125,8 @@ impl Found {
         match self {
             Self::Record(found) => found.findings.failed(),
             Self::Map(found) => found.findings.failed(),
+            Self::Stops(found) => found.findings.failed(),
+            Self::Motion(found) => found.findings.failed(),
         }
     }
 }

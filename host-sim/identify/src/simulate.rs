@@ -42,6 +42,13 @@ impl<'a> Experiment<'a> {
         Self { data, step_s, balance }
     }
 
+    /// The same with a sensor at which the gas swings by that factor, compared with the mean; where
+    /// measurements of the gas drive the model.
+    pub fn with_location_factor(mut self, factor: f64) -> Self {
+        self.balance = self.balance.map(|balance| balance.with_location_factor(factor));
+        self
+    }
+
     /// Values of the scenario's plant at the measured times, column by column.
     ///
     /// # Errors

@@ -55,12 +55,13 @@ impl Bristle {
             + (self.stiffness_n_m / mass_kg).sqrt()
     }
 
-    /// Friction at a speed \[m/s\] and deflection \[m\], all its parts scaled by `softening`.
-    pub fn drag(&self, speed: f64, deflection: f64, softening: f64) -> Drag {
+    /// Friction at a speed \[m/s\] and deflection \[m\]: all its parts are scaled by `softening`, Coulomb and
+    /// Stribeck by `pressed` too.
+    pub fn drag(&self, speed: f64, deflection: f64, softening: f64, pressed: f64) -> Drag {
         let ratio = speed / self.stribeck_m_s;
         // Beyond 6 Stribeck speeds the term is negligible.
         let still = if ratio.abs() > 6.5 { 0.0 } else { math::exp(-ratio * ratio) };
-        let sliding = softening * (self.coulomb_n + self.stribeck_n * still);
+        let sliding = softening * pressed * (self.coulomb_n + self.stribeck_n * still);
         let spring = self.stiffness_n_m * deflection;
         // The authors' rate, v - stiffness |v| z / g, is a lag that ends at z = g / stiffness in
         // the direction of v. Without friction g is zero, and the bristles' force decays.
@@ -90,10 +91,10 @@ mod tests {
         for speed in [-0.1, -0.004, 0.002, 0.05] {
             let mut deflection = 0.0;
             for _ in 0..2_000_000 {
-                let drag = bristle.drag(speed, deflection, 0.8);
+                let drag = bristle.drag(speed, deflection, 0.8, 1.0);
                 deflection += 1e-5 * drag.deflection_rate;
             }
-            let drag = bristle.drag(speed, deflection, 0.8);
+            let drag = bristle.drag(speed, deflection, 0.8, 1.0);
             let r: f64 = speed / friction.stribeck_speed_m_s;
             let expected = 0.8
                 * ((friction.force_n + friction.stribeck_force_n * math::exp(-r * r))
@@ -120,10 +121,10 @@ mod tests {
                     let mut state = [0.002 * speed.signum()];
                     for _ in 0..400 {
                         state = rk4(&state, 2.5e-4, |z| {
-                            [bristle.drag(speed, z[0], 1.0).deflection_rate]
+                            [bristle.drag(speed, z[0], 1.0, 1.0).deflection_rate]
                         });
                     }
-                    let drag = bristle.drag(speed, state[0], 1.0);
+                    let drag = bristle.drag(speed, state[0], 1.0, 1.0);
                     let expected = coulomb_n.copysign(speed);
                     assert!(
                         (drag.force - expected).abs() < 1e-6 + 1e-6 * coulomb_n,
@@ -139,14 +140,14 @@ mod tests {
                 presliding_stiffness_n_m,
                 ..Friction::default()
             };
-            assert_eq!(Bristle::new(&none, 2.0).drag(0.0, 0.0, 1.0), Drag::default());
+            assert_eq!(Bristle::new(&none, 2.0).drag(0.0, 0.0, 1.0, 1.0), Drag::default());
         }
     }
 
     #[test]
     fn small_motion_is_elastic() {
         let bristle = Bristle::new(&Friction::default(), 2.0);
-        let drag = bristle.drag(0.0, 1e-4, 1.0);
+        let drag = bristle.drag(0.0, 1e-4, 1.0, 1.0);
         assert!((drag.force - 4.0).abs() < 1e-12 && drag.deflection_rate == 0.0);
     }
 }

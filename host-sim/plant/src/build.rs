@@ -1,7 +1,7 @@
 //! Builds the plant of a scenario.
 
 use super::chamber::{Chamber, with_chamber};
-use super::{BuildError, Plant, full, lumped, vessel};
+use super::{BuildError, DrivenEnd, Plant, full, lumped, vessel};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{PlantModel, Scenario};
 
@@ -24,6 +24,24 @@ pub fn build_driven_by_flows(
     volume_profile: Option<Profile>,
 ) -> Result<Box<dyn Plant>, BuildError> {
     of_kind(scenario, volume_profile, Drive::Flows)
+}
+
+/// The plant of a scenario with a held end (`load.kind = "isometric"`), which a mechanism moves.
+///
+/// # Errors
+/// As [`build`], and for a vessel.
+pub fn build_driven_end(scenario: &Scenario) -> Result<Box<dyn DrivenEnd>, BuildError> {
+    with_chamber!(scenario, chamber => driven_end(scenario, chamber), vessel => Err(BuildError::NoEnd))
+}
+
+fn driven_end<C: Chamber + Copy + Send + 'static>(
+    scenario: &Scenario,
+    chamber: C,
+) -> Result<Box<dyn DrivenEnd>, BuildError> {
+    Ok(match scenario.plant.model {
+        PlantModel::Full => Box::new(full::Full::new(scenario, chamber)?),
+        PlantModel::Lumped | PlantModel::Paper => Box::new(lumped::Lumped::new(scenario, chamber)?),
+    })
 }
 
 /// Meaning of an [`Actuation`].

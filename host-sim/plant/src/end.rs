@@ -1,7 +1,25 @@
 //! What moves at a chamber's end: its load, or, where a muscle is slack, the end alone while the load falls.
 
 use super::bristle::Bristle;
-use thermyo_scenario::{Load, Scenario};
+use thermyo_scenario::{Load, LoadKind, Scenario};
+
+/// How the end moves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum EndMotion {
+    /// By the balance of its forces.
+    Free,
+    /// Not at all: no force of it counts.
+    Fixed,
+    /// As a mechanism moves it, at a rate of change of the length \[m/s\].
+    Driven(f64),
+}
+
+impl EndMotion {
+    /// Of a scenario's load.
+    pub fn of(scenario: &Scenario) -> Self {
+        if scenario.load.kind == LoadKind::Isometric { Self::Fixed } else { Self::Free }
+    }
+}
 
 /// Mass of fitting and half of the muscle, what moves where no load does \[kg\].
 const OWN_MASS_KG: f64 = 0.05;

@@ -8,20 +8,24 @@
 use super::bristle::Drag;
 use super::chamber::Chamber;
 use super::closure::Closure;
-use super::end::{End, Ends, Falling};
+use super::end::{End, EndMotion, Ends, Falling};
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
-use super::heat::{HEAT_TOO_LARGE, InnerHeat, WALL_BELOW_GAS_K};
-use super::line::Line;
+use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Section, Stirred};
+use super::hysteresis::Hysteresis;
+use super::line::{Bore, Line};
 use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
-use super::pull::{Pull, Softening};
+use super::pull::{Pressed, Pull, Softening};
 use super::pwm::PwmValve;
+use super::radial::Place;
 use super::sensors::{Exposure, Sensors};
+use super::start::Start;
 use super::zones::Stirring;
 use super::{
-    Actuation, BuildError, Diverged, Ledger, Plant, Substeps, Truth, check_gas, check_length,
+    Actuation, BuildError, Diverged, DrivenEnd, Ledger, Plant, Substeps, Truth, check_gas,
+    check_length,
 };
 use thermyo_compute::math;
 use thermyo_scenario::{LoadKind, Scenario};
@@ -58,7 +62,11 @@ const TO_AMBIENT: usize = 12;
 const FRICTION: usize = 13;
 const FRICTION_TO_WALL: usize = 14;
 const WORK: usize = 15;
-const ZONES: usize = 16;
+// Length at which the slip's spring is relaxed, and the stretches of the creeping arms.
+const SLIDER: usize = 16;
+const FAST: usize = 17;
+const SLOW: usize = 18;
+const ZONES: usize = 19;
 
 /// Everything that does not change during a run.
 #[derive(Debug, Clone)]
@@ -70,13 +78,16 @@ struct Constants<C> {
     zones: usize,
     closure: Closure,
     pull: Pull<C>,
-    isometric: bool,
+    hysteresis: Hysteresis,
+    motion: EndMotion,
     ends: Ends,
     softening: Softening,
+    pressed: Pressed,
     friction_to_wall: f64,
     piping: Piping,
     tube: Iso6358,
     tube_m3: f64,
+    tube_bore: Bore,
     line: Option<Line>,
     /// Pressure per energy of the tube's gas \[Pa/J\].
     tube_pa_j: f64,
@@ -97,6 +108,7 @@ struct Constants<C> {
     initial_k: f64,
     /// Weight of each zone in the foil's average.
     foil: Vec<f64>,
+    foil_place: Place,
     wall_sensor_position: f64,
 }
 
@@ -122,57 +134,45 @@ impl Drive {
     }
 }
 
-/// Where a run starts.
-struct Start {
-    pressure: f64,
-    gas_k: f64,
-    wall_k: f64,
+/// The gas at one instant.
+#[derive(Debug, Clone, Copy)]
+struct Now {
     length: f64,
     volume: f64,
-    /// Deflection of the bristles \[m\].
-    deflection: f64,
+    /// V^-e.
+    inverse_power: f64,
+    pressure: f64,
+    /// Volume \[m3\] and surface \[m2\] of a zone.
+    zone_m3: f64,
+    zone_m2: f64,
+    /// Temperature at the port \[K\].
+    port_k: f64,
 }
 
-impl Start {
-    fn new<C: Chamber>(scenario: &Scenario, pull: &Pull<C>) -> Self {
-        let Scenario { friction, load, plant, .. } = scenario;
-        let pressure = plant.initial_pressure_pa;
-        let wall_k = plant.initial_temperature_k;
-        let coulomb = friction.force_n * Softening::new(friction).factor(wall_k);
-        let isometric = load.kind == LoadKind::Isometric;
-        let length = if isometric { load.length_m } else { pull.start_length(pressure, coulomb) };
-        let mut deflection = 0.0;
-        if !isometric && friction.presliding_stiffness_n_m > 0.0 {
-            // What a stop carries, friction need not.
-            let [shortest, longest] = pull.stops;
-            let excess = pull.force(pressure, length) - pull.load_n;
-            let held = excess.clamp(
-                if length < longest { -coulomb } else { 0.0 },
-                if length > shortest { coulomb } else { 0.0 },
-            );
-            deflection = held / friction.presliding_stiffness_n_m;
-        }
-        Self {
-            pressure,
-            gas_k: plant.gas_k(),
-            wall_k,
-            length,
-            volume: pull.chamber.volume(length),
-            deflection,
-        }
+/// Deflection of the bristles at the start \[m\].
+fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) -> f64 {
+    let friction = &scenario.friction;
+    let stiffness = friction.presliding_stiffness_n_m;
+    if scenario.load.kind == LoadKind::Isometric || stiffness <= 0.0 {
+        return 0.0;
     }
-
-    fn mass(&self, gas: &IdealGas) -> f64 {
-        self.pressure * self.volume / (gas.r * self.gas_k)
-    }
+    let pressed = Pressed::new(friction.pressure_factor).factor(start.pressure - pull.ambient_pa);
+    let coulomb = friction.force_n * pressed * Softening::new(friction).factor(start.wall_k);
+    // What a stop carries, friction need not.
+    let [shortest, longest] = pull.stops;
+    let excess = pull.force(start.pressure, start.length) - pull.load_n;
+    let held = excess.clamp(
+        if start.length < longest { -coulomb } else { 0.0 },
+        if start.length > shortest { coulomb } else { 0.0 },
+    );
+    held / stiffness
 }
 
-/// Where the gas flows: from the valves to the muscle.
-struct Way<'a> {
-    piping: &'a Piping,
-    tube: &'a Iso6358,
-    tube_m3: f64,
-    line: Option<&'a Line>,
+/// Of the tube: the line's, or one that passes as much as tube and port.
+fn tube_bore(scenario: &Scenario, tube: &Iso6358, gas: &IdealGas) -> Bore {
+    let passes_m = tube.equivalent_diameter(gas);
+    let diameter_m = scenario.tube.line().map_or(passes_m, |[_, diameter_m]| diameter_m);
+    Bore::new(diameter_m, scenario.ambient.temperature_k)
 }
 
 /// Hottest that gas gets upstream \[K\].
@@ -188,146 +188,43 @@ fn fastest(rates: impl IntoIterator<Item = Rate>) -> Rate {
     rates.into_iter().fold((0.0, ""), |most, rate| if rate.0 >= most.0 { rate } else { most })
 }
 
-/// Substeps of a step, while a valve is open, and while both are shut: [`STEP_TIMES_RATE`] over the fastest rate.
-///
-/// The pressures of tube and muscle, of `smallest` volume \[m3\], are joined by the port. The sum of the rates at which each
-/// follows the other alone is the trace of that system, whose eigenvalues are real and negative: none is faster.
-fn substeps(
-    scenario: &Scenario,
-    gas: &IdealGas,
-    way: &Way<'_>,
-    others: &[Rate],
-    smallest: f64,
-) -> Result<[Substeps; 2], BuildError> {
-    let Way { piping, tube, tube_m3, line } = way;
-    let plant = &scenario.plant;
-    let supply = piping.supply();
-    let hottest = hottest_k(scenario);
-    let per_flow = gas.k * gas.r * hottest;
-    let port = tube.steepest(hottest);
-    // The port is at the tube, or at the other end of a line.
-    let (beside_tube, line_rate) = match line {
-        None => (port, 0.0),
-        Some(line) => {
-            let least_pa = piping.ambient().0.min(plant.initial_pressure_pa).min(supply.0);
-            (0.0, line.fastest_rate(port, least_pa, hottest))
-        }
-    };
-    let chamber_rate = per_flow * port / smallest;
-    let of = |longest: f64, valves: f64| {
-        let tube_rate = per_flow * (valves * piping.steepest(hottest) + beside_tube) / tube_m3;
-        let joined = [
-            (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
-            (
-                chamber_rate,
-                "the chamber's smallest volume is too small for tube.conductance_m3_s_pa",
-            ),
-            (
-                line_rate,
-                "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
-            ),
-        ];
-        Substeps::new(scenario, piping, hottest, |leak, leak_too_large| {
-            let leak_rate = per_flow * leak * piping.steepest(hottest) / smallest;
-            let joined = joined.into_iter().chain([(leak_rate, leak_too_large)]);
-            let together = (joined.clone().map(|rate| rate.0).sum(), fastest(joined).1);
-            let (rate, because) = fastest(others.iter().copied().chain([together]));
-            super::substeps(scenario.run.step_s, longest.min(STEP_TIMES_RATE / rate), because)
-        })
-    };
-    Ok([of(LONGEST_OPEN_S, 2.0)?, of(LONGEST_SHUT_S, 0.0)?])
-}
-
 impl<C: Chamber> Constants<C> {
     fn new(scenario: &Scenario, pull: Pull<C>, start: &Start) -> Result<Self, BuildError> {
+        let Scenario { wall, sensor, heat, .. } = scenario;
         let chamber = &pull.chamber;
         let rest_length = chamber.rest_length();
-        let diameter = chamber.diameter(rest_length);
+        let (diameter, gas_length) =
+            (chamber.diameter(rest_length), chamber.gas_length(rest_length));
         let zones = chamber.zones().max(1);
         let closure = Closure::new(scenario);
         let gas = closure.gas;
-        let piping = Piping::new(scenario, &gas);
         let line = Line::new(scenario, &gas);
         let tube = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, &gas);
         let tube_m3 = scenario.tube.volume_m3 + line.as_ref().map_or(0.0, Line::half_cell_m3);
-        let ends = Ends::new(scenario, pull.load_n, chamber.pushes());
-        let way = Way { piping: &piping, tube: &tube, tube_m3, line: line.as_ref() };
-        let smallest = chamber.volume(rest_length).min(start.volume);
-        let Scenario { wall, sensor, heat, plant, .. } = scenario;
         let share = 1.0 / zones as f64;
         let inner_j_k = share * wall.heat_capacity_j_k * (1.0 - wall.outer_fraction);
         let outer_j_k = share * wall.heat_capacity_j_k * wall.outer_fraction;
-        let layers_w_k = share * wall.conductance_w_k;
-        let stirring = Stirring::new(zones, chamber.gas_length(rest_length), diameter);
-        let inner = InnerHeat::of(scenario, diameter);
-        let softening = Softening::new(&scenario.friction);
-        // The zone at the port gets the largest share of an inflow's heat transfer.
-        let supply = piping.supply();
-        let passes = piping.largest_inflow().min(tube.mass_flow(supply.0, supply.1, 0.0));
-        let inflow = piping.largest_inflow()
-            * stirring.zones().iter().fold(1.0, |most, share| share.max(most));
-        let coldest_k = plant.initial_temperature_k.min(scenario.ambient.temperature_k);
-        let least_pa = piping.ambient().0.min(plant.initial_pressure_pa);
-        let most_pa = supply.0.max(plant.initial_pressure_pa);
-        let still = (least_pa, plant.initial_temperature_k);
-        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
-        let into_wall = {
-            let [from, to] = chamber.lengths().map(|length| chamber.surface(length));
-            let (_, gas_k) = still;
-            let surface = from.max(to).max(space.1);
-            let within = inner.coefficient(most_pa, gas_k, gas_k - WALL_BELOW_GAS_K, inflow);
-            let outside = heat.outer_w_m2_k + heat.outer_per_speed * FASTEST_M_S;
-            share * surface * (within / inner_j_k + outside / outer_j_k)
-        };
-        let area =
-            chamber.force_area(rest_length).abs().max(chamber.force_area(start.length).abs());
-        // What the gas in the smallest volume, and what is elastic, push back with.
-        let spring_n_m =
-            gas.k * most_pa * area * area / smallest + chamber.elastic_slope(rest_length).abs();
-        // Volume flows through the port at the muscle's pressure: in, where the jet stirs too, and out.
-        let volume_in = passes * gas.r * supply.1 / least_pa;
-        let volume_out =
-            tube.mass_flow(1.0, hottest_k(scenario), 0.0) * gas.r * hottest_k(scenario);
-        let turnover =
-            stirring.fastest_rate(smallest, chamber.gas_length(rest_length), volume_in, volume_out);
-        let others = [
-            (
-                ends.fastest_rate(softening.factor(coldest_k).max(1.0)),
-                "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
-            ),
-            (
-                STEP_TIMES_RATE / STEP_TIMES_SWING * ends.fastest_swing(spring_n_m),
-                "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load",
-            ),
-            (
-                turnover,
-                "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
-            ),
-            (inner.fastest_rate(&gas, still, space, inflow), HEAT_TOO_LARGE),
-            (
-                into_wall + layers_w_k * (1.0 / inner_j_k + 1.0 / outer_j_k),
-                "wall.heat_capacity_j_k is too small for wall.conductance_w_k and what [heat] transfers",
-            ),
-        ];
-        let [open, shut] = substeps(scenario, &gas, &way, &others, smallest)?;
-        Ok(Self {
+        let mut constants = Self {
             step_s: scenario.run.step_s,
-            open,
-            shut,
+            open: Substeps::ONE,
+            shut: Substeps::ONE,
             zones,
             closure,
-            isometric: scenario.load.kind == LoadKind::Isometric,
-            ends,
-            softening,
+            hysteresis: Hysteresis::of(scenario),
+            motion: EndMotion::of(scenario),
+            ends: Ends::new(scenario, pull.load_n, chamber.pushes()),
+            softening: Softening::new(&scenario.friction),
+            pressed: Pressed::new(scenario.friction.pressure_factor),
             friction_to_wall: scenario.friction.heat_fraction,
-            piping,
-            tube,
+            piping: Piping::new(scenario, &gas),
             tube_m3,
+            tube_bore: tube_bore(scenario, &tube, &gas),
+            tube,
             tube_pa_j: (gas.k - 1.0) / tube_m3,
             line,
             droop_pa_s_kg: scenario.supply.droop_pa_s_kg,
-            heat: inner,
-            stirring,
+            heat: InnerHeat::of_chamber(scenario, diameter, gas_length),
+            stirring: Stirring::new(zones, gas_length, diameter),
             outer_w_m2_k: heat.outer_w_m2_k,
             outer_per_speed: heat.outer_per_speed,
             share,
@@ -335,16 +232,148 @@ impl<C: Chamber> Constants<C> {
             outer_j_k,
             inner_k_j: 1.0 / inner_j_k,
             outer_k_j: 1.0 / outer_j_k,
-            layers_w_k,
+            layers_w_k: share * wall.conductance_w_k,
             initial_k: start.wall_k,
             foil: foil_weights(zones, sensor.gas.position, sensor.gas.span),
+            foil_place: Place::at(sensor.gas.radius),
             wall_sensor_position: sensor.wall.position,
             pull,
-        })
+        };
+        [constants.open, constants.shut] = constants.substeps(scenario, start)?;
+        Ok(constants)
+    }
+
+    /// Smallest volume of the chamber \[m3\].
+    fn smallest_m3(&self, start: &Start) -> f64 {
+        let chamber = &self.pull.chamber;
+        chamber.volume(chamber.rest_length()).min(start.volume)
+    }
+
+    /// Substeps of a step, while a valve is open, and while both are shut: [`STEP_TIMES_RATE`] over the fastest rate.
+    ///
+    /// The pressures of tube and muscle, of the smallest volume, are joined by the port. The sum of the rates at which each
+    /// follows the other alone is the trace of that system, whose eigenvalues are real and negative: none is faster.
+    fn substeps(&self, scenario: &Scenario, start: &Start) -> Result<[Substeps; 2], BuildError> {
+        let Self { piping, tube, .. } = self;
+        let gas = &self.closure.gas;
+        let supply = piping.supply();
+        let hottest = hottest_k(scenario);
+        let smallest = self.smallest_m3(start);
+        let others = self.rates_beside_pressures(scenario, start);
+        let per_flow = gas.k * gas.r * hottest;
+        let port = tube.steepest(hottest);
+        let least_pa = piping.ambient().0.min(start.pressure).min(supply.0);
+        // The port is at the tube, or at the other end of a line.
+        let (beside_tube, line_rate) = match &self.line {
+            None => (port, 0.0),
+            Some(line) => (0.0, line.fastest_rate(port, least_pa, hottest)),
+        };
+        let chamber_rate = per_flow * port / smallest;
+        let tube_heat =
+            self.tube_bore.fastest_rate(gas, least_pa, hottest, piping.largest_inflow());
+        let of = |longest: f64, valves: f64| {
+            let tube_rate = tube_heat
+                + per_flow * (valves * piping.steepest(hottest) + beside_tube) / self.tube_m3;
+            let joined = [
+                (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
+                (
+                    chamber_rate,
+                    "the chamber's smallest volume is too small for tube.conductance_m3_s_pa",
+                ),
+                (
+                    line_rate,
+                    "tube.length_m is too short, or tube.diameter_m too small, for a line in cells",
+                ),
+            ];
+            Substeps::new(scenario, piping, hottest, |leak, leak_too_large| {
+                let leak_rate = per_flow * leak * piping.steepest(hottest) / smallest;
+                let joined = joined.into_iter().chain([(leak_rate, leak_too_large)]);
+                let together = (joined.clone().map(|rate| rate.0).sum(), fastest(joined).1);
+                let (rate, because) = fastest(others.into_iter().chain([together]));
+                super::substeps(self.step_s, longest.min(STEP_TIMES_RATE / rate), because)
+            })
+        };
+        Ok([of(LONGEST_OPEN_S, 2.0)?, of(LONGEST_SHUT_S, 0.0)?])
+    }
+
+    /// Fastest rates of what the pressures do not set: the end, the gas of a zone, heat.
+    fn rates_beside_pressures(&self, scenario: &Scenario, start: &Start) -> [Rate; 5] {
+        let chamber = &self.pull.chamber;
+        let rest_length = chamber.rest_length();
+        let gas = &self.closure.gas;
+        let coldest_k = start.wall_k.min(scenario.ambient.temperature_k);
+        let least_pa = self.piping.ambient().0.min(start.pressure);
+        let largest_inflow = self.piping.largest_inflow();
+        let shares = self.stirring.largest();
+        let still = (least_pa, start.wall_k);
+        let space = (chamber.volume(rest_length), chamber.surface(rest_length));
+        let (swing, too_stiff) = self.fastest_swing(start);
+        [
+            (
+                self.ends.fastest_rate(self.softening.factor(coldest_k).max(1.0)),
+                "friction.presliding_stiffness_n_m or friction.viscous_n_s_m is too large for load.mass_kg, or for the 50 g of a muscle's slack end",
+            ),
+            (STEP_TIMES_RATE / STEP_TIMES_SWING * swing, too_stiff),
+            (
+                self.turnover(scenario, start, least_pa),
+                "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
+            ),
+            (self.heat.fastest_rate(gas, still, space, (largest_inflow, &shares)), HEAT_TOO_LARGE),
+            (
+                self.wall_rate(start)
+                    + self.layers_w_k * (1.0 / self.inner_j_k + 1.0 / self.outer_j_k),
+                "wall.heat_capacity_j_k is too small for wall.conductance_w_k and what [heat] transfers",
+            ),
+        ]
+    }
+
+    /// Angular frequency of the end on what pushes back, the gas in the smallest volume and what is elastic, and the keys
+    /// that make it so fast.
+    fn fastest_swing(&self, start: &Start) -> (f64, &'static str) {
+        let chamber = &self.pull.chamber;
+        let rest_length = chamber.rest_length();
+        let most_pa = self.piping.supply().0.max(start.pressure);
+        let area =
+            chamber.force_area(rest_length).abs().max(chamber.force_area(start.length).abs());
+        let spring_n_m = self.closure.gas.k * most_pa * area * area / self.smallest_m3(start)
+            + chamber.elastic_slope(rest_length).abs();
+        let held_n_m = self.hysteresis.stiffness_n_m();
+        let too_stiff = if held_n_m > spring_n_m {
+            "muscle.slip_stiffness_n_m, creep_fast_n_m or creep_slow_n_m is too large for load.mass_kg, or for the 50 g of an end without a load"
+        } else {
+            "the gas in the chamber's smallest volume, or its spring, is too stiff for load.mass_kg, or for the 50 g of an end without a load"
+        };
+        (self.ends.fastest_swing(spring_n_m + held_n_m), too_stiff)
+    }
+
+    /// Rate at which a zone's gas is replaced: volume flows through the port at the muscle's pressure, in, where the jet
+    /// stirs too, and out.
+    fn turnover(&self, scenario: &Scenario, start: &Start, least_pa: f64) -> f64 {
+        let (supply, r) = (self.piping.supply(), self.closure.gas.r);
+        let hottest = hottest_k(scenario);
+        let passes = self.piping.largest_inflow().min(self.tube.mass_flow(supply.0, supply.1, 0.0));
+        let volume_in = passes * r * supply.1 / least_pa;
+        let volume_out = self.tube.mass_flow(1.0, hottest, 0.0) * r * hottest;
+        let chamber = &self.pull.chamber;
+        let gas_length = chamber.gas_length(chamber.rest_length());
+        self.stirring.fastest_rate(self.smallest_m3(start), gas_length, volume_in, volume_out)
+    }
+
+    /// Rate at which the wall's layers follow gas and ambient.
+    fn wall_rate(&self, start: &Start) -> f64 {
+        let chamber = &self.pull.chamber;
+        let [from, to] = chamber.lengths().map(|length| chamber.surface(length));
+        let surface = from.max(to).max(chamber.surface(chamber.rest_length()));
+        let most_pa = self.piping.supply().0.max(start.pressure);
+        let largest_inflow = self.piping.largest_inflow();
+        let within =
+            self.heat.largest(most_pa, start.wall_k, largest_inflow, &self.stirring.largest());
+        let outside = self.outer_w_m2_k + self.outer_per_speed * FASTEST_M_S;
+        self.share * surface * (within / self.inner_j_k + outside / self.outer_j_k)
     }
 
     /// The state at the start.
-    fn state(&self, start: &Start) -> Vec<f64> {
+    fn state(&self, start: &Start, deflection: f64) -> Vec<f64> {
         let Start { pressure, gas_k, .. } = *start;
         let gas = &self.closure.gas;
         let line_states = self.line.as_ref().map_or(0, Line::states);
@@ -352,7 +381,8 @@ impl<C: Chamber> Constants<C> {
         state[..ZONES].fill(0.0);
         state[W] = pressure * math::pow(start.volume, self.closure.exponent());
         state[LENGTH] = start.length;
-        state[BRISTLE] = start.deflection;
+        state[BRISTLE] = deflection;
+        state[SLIDER] = start.length;
         state[TUBE_MASS] = pressure * self.tube_m3 / (gas.r * gas_k);
         state[TUBE_ENERGY] = pressure * self.tube_m3 / (gas.k - 1.0);
         state[ZONES..ZONES + self.zones].fill(start.mass(gas) / self.zones as f64);
@@ -408,8 +438,9 @@ impl<C: Chamber> Constants<C> {
         let mut valves = from_supply;
         self.piping.add_outlet(&mut valves, tube, drive.outlet);
         rates[TUBE_MASS] = valves.net() - leaving.0;
-        rates[TUBE_ENERGY] =
-            self.closure.gas.cp * (valves.net_enthalpy_over_cp(tube.1) - leaving.1);
+        rates[TUBE_ENERGY] = self.closure.gas.cp
+            * (valves.net_enthalpy_over_cp(tube.1) - leaving.1)
+            - self.tube_bore.heat_w(self.tube_m3, tube.1, leaving.0);
         rates[REGULATOR] = (from_supply.inflow - y[REGULATOR]) * (1.0 / REGULATOR_TIME_CONSTANT_S);
     }
 
@@ -423,22 +454,65 @@ impl<C: Chamber> Constants<C> {
         rates: &mut [f64],
     ) -> Drag {
         rates[LENGTH..=BRISTLE].fill(0.0);
-        if self.isometric {
+        rates[SLIDER..=SLOW].fill(0.0);
+        if self.motion == EndMotion::Fixed {
             return Drag::default();
         }
         let speed = y[SPEED];
-        let drag = end.bristle.drag(speed, y[BRISTLE], softening);
-        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force;
+        let pressed = self.pressed.factor(pressure - self.pull.ambient_pa);
+        let mut drag = end.bristle.drag(speed, y[BRISTLE], softening, pressed);
+        let stretches = &y[FAST..=SLOW];
+        let held = self.slip_n(y, pressure, softening) + self.hysteresis.creep_n(stretches);
+        let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force - held;
+        drag.heat += self.hysteresis.loss(stretches);
         // On a stop the load rests until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
         let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
-        if !(outside || inside) {
+        if let EndMotion::Driven(speed_m_s) = self.motion {
+            rates[LENGTH] = speed_m_s;
+            rates[BRISTLE] = drag.deflection_rate;
+        } else if !(outside || inside) {
             rates[LENGTH] = -speed;
             rates[SPEED] = net * end.per_mass_kg;
             rates[BRISTLE] = drag.deflection_rate;
         }
+        let moves = rates[LENGTH];
+        for ((rate, stretch), arm) in
+            rates[FAST..=SLOW].iter_mut().zip(stretches).zip(&self.hysteresis.creep)
+        {
+            *rate = -moves - arm.per_s * stretch;
+        }
         drag
+    }
+
+    /// Force of the slip \[N\].
+    fn slip_n(&self, y: &[f64], pressure: f64, softening: f64) -> f64 {
+        let slip = &self.hysteresis.slip;
+        let limit = slip.limit(pressure - self.pull.ambient_pa, softening);
+        slip.force(y[SLIDER], y[LENGTH], limit)
+    }
+
+    /// Drags the slider after a step, and gives its heat to friction and wall.
+    fn slide(&self, y: &mut [f64], power: &mut LocalPower, softening: f64) {
+        if self.motion == EndMotion::Fixed {
+            return;
+        }
+        let slip = &self.hysteresis.slip;
+        let gauge_pa = self.place(y, power).0 - self.pull.ambient_pa;
+        let limit = slip.limit(gauge_pa, softening);
+        let (slider, heat) = slip.settle(y[SLIDER], y[LENGTH], limit);
+        y[SLIDER] = slider;
+        if heat == 0.0 {
+            return;
+        }
+        let to_wall = self.friction_to_wall * heat;
+        y[FRICTION] += heat;
+        y[FRICTION_TO_WALL] += to_wall;
+        let outer = ZONES + 2 * self.zones..self.line_at();
+        for outer_k in &mut y[outer] {
+            *outer_k += self.share * to_wall * self.outer_k_j;
+        }
     }
 
     /// Pressure \[Pa\] and volume \[m3\].
@@ -451,7 +525,7 @@ impl<C: Chamber> Constants<C> {
     fn stop(&self, y: &mut [f64], power: &mut LocalPower) {
         let [shortest, longest] = self.pull.stops;
         let beyond = y[LENGTH] > longest || y[LENGTH] < shortest;
-        if !beyond || self.isometric {
+        if !beyond || self.motion != EndMotion::Free {
             return;
         }
         let (before_pa, before_m3) = self.place(y, power);
@@ -487,7 +561,7 @@ impl<C: Chamber> Constants<C> {
         step: f64,
         falling: Option<Falling>,
     ) -> Option<Falling> {
-        if self.isometric {
+        if self.motion != EndMotion::Free {
             return None;
         }
         let (falling, speed) = self.ends.hang(falling, step, (y[LENGTH], y[SPEED]), acceleration);
@@ -496,74 +570,125 @@ impl<C: Chamber> Constants<C> {
         falling
     }
 
+    /// The gas at one instant.
+    fn now(&self, y: &[f64], power: &mut LocalPower) -> Now {
+        let chamber = &self.pull.chamber;
+        let length = y[LENGTH];
+        let volume = chamber.volume(length);
+        let inverse_power = power.at(volume);
+        let pressure = y[W] * inverse_power;
+        let zone_m3 = self.share * volume;
+        Now {
+            length,
+            volume,
+            inverse_power,
+            pressure,
+            zone_m3,
+            zone_m2: self.share * chamber.surface(length),
+            port_k: self.closure.temperature(pressure, zone_m3, self.masses(y)[0]),
+        }
+    }
+
     /// All rates.
     fn rates(
         &self,
         y: &[f64],
         power: &mut LocalPower,
+        air: &[Section],
         end: &End,
         drive: &Drive,
         rates: &mut [f64],
     ) {
         let closure = &self.closure;
-        let gas = &closure.gas;
-        let Self { zones, share, .. } = *self;
-        let length = y[LENGTH];
-        let volume = self.pull.chamber.volume(length);
-        let inverse_power = power.at(volume);
-        let pressure = y[W] * inverse_power;
+        let now = self.now(y, power);
+        let Now { pressure, port_k, .. } = now;
         let drag = self.mechanics(y, pressure, end, drive.softening, rates);
-        let (masses, inner, outer) = (self.masses(y), self.inner(y), self.outer(y));
-        let zone_volume = share * volume;
+        let streams = self.path_rates(y, &now, drive, rates);
+        // dV/dL is -force_area.
+        let work = -pressure * self.pull.chamber.force_area(now.length) * rates[LENGTH];
+        let (rates, zone_rates) = rates.split_at_mut(ZONES);
+        let (gas_rates, wall_rates) = zone_rates.split_at_mut(self.zones);
+        let (inner_rates, outer_rates) = wall_rates.split_at_mut(self.zones);
+        let convective = self.convection(y, &now, (air, streams.inflow), inner_rates, outer_rates);
+        let heat =
+            closure.heat_of_streams(&streams, port_k, convective) + closure.heat_per_work() * work;
+        self.zone_rates(y, &now, (&streams, convective), inner_rates, gas_rates);
+        // What a closure adds to convection spreads evenly.
+        let implied = self.share * (heat - convective);
+        let friction_to_wall = self.friction_to_wall * drag.heat;
+        let gains = (implied, self.share * friction_to_wall);
+        let to_ambient = self.wall_rates(y, now.zone_m2, gains, inner_rates, outer_rates);
+        let inverse_volume = 1.0 / (now.inverse_power * now.volume);
+        rates[W] = closure.rate(inverse_volume, &streams, port_k, convective);
+        rates[MASS_IN] = streams.inflow;
+        rates[MASS_OUT] = streams.outflow;
+        rates[ENTHALPY_IN] = closure.gas.cp * streams.inflow_temperature;
+        rates[ENTHALPY_OUT] = closure.gas.cp * streams.outflow * port_k;
+        rates[HEAT] = heat;
+        rates[TO_AMBIENT] = to_ambient;
+        rates[FRICTION] = drag.heat;
+        rates[FRICTION_TO_WALL] = friction_to_wall;
+        rates[WORK] = work;
+    }
 
+    /// Flows through the port and the leak, and the rates of tube and line.
+    fn path_rates(&self, y: &[f64], now: &Now, drive: &Drive, rates: &mut [f64]) -> Streams {
         let tube = self.tube_gas(y);
-        let port_k = closure.temperature(pressure, zone_volume, masses[0]);
-        let port = self.port(y, (pressure, port_k), tube);
-        let into_muscle = (port.net(), port.net_enthalpy_over_cp(port_k));
+        let gas = (now.pressure, now.port_k);
+        let mut streams = self.port(y, gas, tube);
+        let into_muscle = (streams.net(), streams.net_enthalpy_over_cp(now.port_k));
         let (rates, line_rates) = rates.split_at_mut(self.line_at());
         let leaving = match &self.line {
             Some(line) => line.rates(&y[self.line_at()..], tube, into_muscle, line_rates),
             None => into_muscle,
         };
         self.tube_rates(y, tube, leaving, drive, rates);
-        let mut streams = port;
-        self.piping.add_leak(&mut streams, (pressure, port_k));
+        self.piping.add_leak(&mut streams, gas);
+        streams
+    }
 
-        let length_rate = rates[LENGTH];
-        let (zone_rates, wall_rates) = rates[ZONES..].split_at_mut(zones);
-        let (inner_rates, outer_rates) = wall_rates.split_at_mut(zones);
-        let gas_length = self.pull.chamber.gas_length(length);
-        let surface = share * self.pull.chamber.surface(length);
-        // Until they are known, the place of the outer layer's rates holds the zones' temperatures.
-        let zones_k = &mut *outer_rates;
-        for (zone_k, mass) in zones_k.iter_mut().zip(masses) {
-            *zone_k = closure.temperature(pressure, zone_volume, *mass);
+    /// Writes the heat from each zone to its wall \[W\]; returns their sum.
+    fn convection(
+        &self,
+        y: &[f64],
+        now: &Now,
+        (air, inflow): (&[Section], f64),
+        heat: &mut [f64],
+        scratch: &mut [f64],
+    ) -> f64 {
+        // The zones' temperatures in a loop of their own: its divisions are done side by side.
+        for (zone_k, mass) in scratch.iter_mut().zip(self.masses(y)) {
+            *zone_k = self.closure.temperature(now.pressure, now.zone_m3, *mass);
         }
-        let walls = inner_rates.iter_mut().zip(inner);
-        for (((rate, inner_k), zone_k), share) in walls.zip(&*zones_k).zip(self.stirring.zones()) {
-            let inflow = streams.inflow * share;
-            let coefficient = self.heat.coefficient(pressure, *zone_k, *inner_k, inflow);
-            *rate = coefficient * surface * (zone_k - inner_k);
+        let walls = heat.iter_mut().zip(self.inner(y));
+        for (((heat, inner_k), zone_k), section) in walls.zip(&*scratch).zip(air) {
+            *heat = now.zone_m2 * section.film.flux(inflow, zone_k - inner_k);
         }
-        let convective = inner_rates.iter().fold(0.0, |sum, heat| sum + heat);
-        // dV/dL is -force_area.
-        let work = -pressure * self.pull.chamber.force_area(length) * length_rate;
-        let heat =
-            closure.heat_of_streams(&streams, port_k, convective) + closure.heat_per_work() * work;
-        // What a closure adds to convection spreads evenly.
-        let implied = share * (heat - convective);
+        heat.iter().fold(0.0, |sum, heat| sum + heat)
+    }
 
-        // Gas: enthalpy over the faces, from the closed end to the port.
-        let gain = share * (gas.cp * streams.net_enthalpy_over_cp(port_k) - convective);
-        let volume_inflow = streams.inflow_temperature * gas.r / pressure;
-        let background = self.stirring.background(volume, gas_length);
+    /// Rates of the zones' masses, from the heat that each gives off: enthalpy over the faces, from the closed end to the port.
+    fn zone_rates(
+        &self,
+        y: &[f64],
+        now: &Now,
+        (streams, convective): (&Streams, f64),
+        heat: &[f64],
+        rates: &mut [f64],
+    ) {
+        let Self { zones, share, .. } = *self;
+        let (masses, gas) = (self.masses(y), &self.closure.gas);
+        let gain = share * (gas.cp * streams.net_enthalpy_over_cp(now.port_k) - convective);
+        let volume_inflow = streams.inflow_temperature * gas.r / now.pressure;
+        let gas_length = self.pull.chamber.gas_length(now.length);
+        let background = self.stirring.background(now.volume, gas_length);
         // One over cp T is the mass times this; eq. (1).
-        let per_enthalpy = gas.r / (gas.cp * pressure * zone_volume);
-        let per_zone_m3 = 1.0 / zone_volume;
+        let per_enthalpy = gas.r / (gas.cp * now.pressure * now.zone_m3);
+        let per_zone_m3 = 1.0 / now.zone_m3;
         let (mut enthalpy, mut beyond) = (0.0, 0.0);
         for i in (1..zones).rev() {
-            enthalpy += gain + inner_rates[i];
-            let flow = if closure.is_isothermal() {
+            enthalpy += gain + heat[i];
+            let flow = if self.closure.is_isothermal() {
                 // Equal temperatures: equal masses, so that each zone takes its share.
                 share * (zones - i) as f64 * streams.net()
             } else {
@@ -572,34 +697,35 @@ impl<C: Chamber> Constants<C> {
                 let mixing = exchange * (masses[i - 1] - masses[i]) * per_zone_m3;
                 enthalpy * upwind * per_enthalpy + mixing
             };
-            zone_rates[i] = flow - beyond;
+            rates[i] = flow - beyond;
             beyond = flow;
         }
-        zone_rates[0] = streams.net() - beyond;
+        rates[0] = streams.net() - beyond;
+    }
 
-        // Walls: friction heats the braid, the outer layer.
-        let speed = if self.isometric { 0.0 } else { y[SPEED].abs() };
+    /// Turns the heat of the zones into the rates of both layers, with what the inner and the outer one gain besides \[W\]:
+    /// friction heats the braid, the outer layer. Returns the heat to ambient \[W\].
+    fn wall_rates(
+        &self,
+        y: &[f64],
+        zone_m2: f64,
+        (to_inner, to_outer): (f64, f64),
+        inner_rates: &mut [f64],
+        outer_rates: &mut [f64],
+    ) -> f64 {
+        let speed = if self.motion == EndMotion::Fixed { 0.0 } else { y[SPEED].abs() };
         let outer_coefficient = self.outer_w_m2_k + self.outer_per_speed * speed;
-        let friction_to_wall = self.friction_to_wall * drag.heat;
         let mut to_ambient = 0.0;
-        let layers = inner_rates.iter_mut().zip(outer_rates).zip(inner.iter().zip(outer));
+        let temperatures = self.inner(y).iter().zip(self.outer(y));
+        let layers = inner_rates.iter_mut().zip(outer_rates).zip(temperatures);
         for ((inner_rate, outer_rate), (inner_k, outer_k)) in layers {
             let through = self.layers_w_k * (inner_k - outer_k);
-            let lost = outer_coefficient * surface * (outer_k - self.piping.ambient().1);
+            let lost = outer_coefficient * zone_m2 * (outer_k - self.piping.ambient().1);
             to_ambient += lost;
-            *inner_rate = (*inner_rate + implied - through) * self.inner_k_j;
-            *outer_rate = (through + share * friction_to_wall - lost) * self.outer_k_j;
+            *inner_rate = (*inner_rate + to_inner - through) * self.inner_k_j;
+            *outer_rate = (through + to_outer - lost) * self.outer_k_j;
         }
-        rates[W] = closure.rate(1.0 / (inverse_power * volume), &streams, port_k, convective);
-        rates[MASS_IN] = streams.inflow;
-        rates[MASS_OUT] = streams.outflow;
-        rates[ENTHALPY_IN] = gas.cp * streams.inflow_temperature;
-        rates[ENTHALPY_OUT] = gas.cp * streams.outflow * port_k;
-        rates[HEAT] = heat;
-        rates[TO_AMBIENT] = to_ambient;
-        rates[FRICTION] = drag.heat;
-        rates[FRICTION_TO_WALL] = friction_to_wall;
-        rates[WORK] = work;
+        to_ambient
     }
 
     /// Mean wall temperature \[K\], weighted by heat capacity.
@@ -631,6 +757,61 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
         .collect()
 }
 
+/// How the gas stirs, and its profile in the zones, until they are refreshed.
+#[derive(Debug, Clone)]
+struct AirNow {
+    stirred: Stirred,
+    sections: Vec<Section>,
+    /// When they were refreshed \[s\], and what had flowed in and out by then \[kg\].
+    since_s: f64,
+    flowed_kg: [f64; 2],
+}
+
+impl AirNow {
+    fn new<C: Chamber>(constants: &Constants<C>, state: &[f64], place: (f64, f64)) -> Self {
+        let mut air = Self {
+            stirred: Stirred::default(),
+            sections: vec![Section::flat(Film::default()); constants.zones],
+            since_s: 0.0,
+            flowed_kg: [0.0; 2],
+        };
+        air.set_sections(constants, state, place);
+        air
+    }
+
+    fn refresh<C: Chamber>(
+        &mut self,
+        constants: &Constants<C>,
+        state: &[f64],
+        place: (f64, f64),
+        now_s: f64,
+    ) {
+        let step_s = now_s - self.since_s;
+        let flowed_kg = [state[MASS_IN], state[MASS_OUT]];
+        let [inflow, outflow] = [0, 1].map(|i| (flowed_kg[i] - self.flowed_kg[i]) / step_s);
+        self.stirred = constants.heat.stirred(&self.stirred, (inflow, outflow), step_s);
+        (self.since_s, self.flowed_kg) = (now_s, flowed_kg);
+        self.set_sections(constants, state, place);
+    }
+
+    fn set_sections<C: Chamber>(
+        &mut self,
+        constants: &Constants<C>,
+        state: &[f64],
+        (pressure, volume): (f64, f64),
+    ) {
+        let zone_m3 = constants.share * volume;
+        let (masses, inner) = (constants.masses(state), constants.inner(state));
+        let forced = constants.heat.forced(&self.stirred, inner[0]);
+        let zones = masses.iter().zip(inner).zip(constants.stirring.zones());
+        for (section, ((mass, wall_k), shares)) in self.sections.iter_mut().zip(zones) {
+            let gas_k = constants.closure.temperature(pressure, zone_m3, *mass);
+            let state = (pressure, gas_k, *wall_k);
+            *section = constants.heat.section(section, state, &forced, shares);
+        }
+    }
+}
+
 /// A full plant in operation.
 #[derive(Debug, Clone)]
 pub struct Full<C> {
@@ -640,6 +821,7 @@ pub struct Full<C> {
     falling: Option<Falling>,
     integrator: Rk4,
     power: LocalPower,
+    air: AirNow,
     inlet: PwmValve,
     outlet: PwmValve,
     /// Pressure \[Pa\] and volume \[m3\] now.
@@ -656,34 +838,25 @@ impl<C: Chamber + Copy + Send> Full<C> {
     /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let pull = Pull::new(scenario, chamber);
-        let start = Start::new(scenario, &pull);
+        let start = Start::of_chamber(scenario, &pull);
+        let deflection = deflection(scenario, &pull, &start);
         let constants = Constants::new(scenario, pull, &start)?;
-        let state = constants.state(&start);
+        let state = constants.state(&start, deflection);
         let closure = &constants.closure;
-        let mass = start.mass(&closure.gas);
         let housing_s = scenario.sensor.gas.housing_time_constant_s;
-        let exposure = Exposure {
-            gas_k: start.gas_k,
-            wall_k: start.wall_k,
-            pressure_pa: start.pressure,
-            length_m: start.length,
-        };
         let mut full = Self {
             integrator: Rk4::new(state.len()),
             steps: 0,
-            state,
             falling: None,
             power: LocalPower::new(-closure.exponent(), start.volume),
+            air: AirNow::new(&constants, &state, (start.pressure, start.volume)),
             inlet: PwmValve::new(&scenario.valve),
             outlet: PwmValve::new(&scenario.valve),
             place: (start.pressure, start.volume),
+            state,
             truth: Truth::default(),
-            initial: Ledger {
-                mass_initial_kg: mass,
-                energy_initial_j: closure.gas.cv * mass * start.gas_k,
-                ..Ledger::default()
-            },
-            sensors: Sensors::new(scenario, housing_s, &exposure),
+            initial: start.ledger(&closure.gas),
+            sensors: Sensors::new(scenario, housing_s, &start.exposure()),
             constants,
         };
         full.observe();
@@ -692,7 +865,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
 
     /// From one instant to another, between which the valves move straight.
     fn stretch(&mut self, duration: f64, start: &Drive, end: &Drive) {
-        let Self { constants, integrator, state, power, falling, .. } = self;
+        let Self { constants, integrator, state, power, air, falling, .. } = self;
         let opening = |drive: &Drive| constants.piping.openings(drive.inlet, drive.outlet);
         let open = opening(start) > 0.0 || opening(end) > 0.0;
         let substeps = if open { &constants.open } else { &constants.shut };
@@ -708,20 +881,24 @@ impl<C: Chamber + Copy + Send> Full<C> {
                 integrator.step(state, step, |share, y, rates| {
                     let share = (f64::from(part) + share) / f64::from(parts);
                     let drive = start.towards(end, (f64::from(i) + share) / count);
-                    constants.rates(y, power, moving, &drive, rates);
+                    constants.rates(y, power, &air.sections, moving, &drive, rates);
                 });
                 constants.stop(state, power);
+                constants.slide(state, power, start.softening);
                 let acceleration = integrator.last_rates()[SPEED];
                 *falling = constants.hang(state, acceleration, step, *falling);
             }
         }
     }
 
-    fn exposure(&self) -> Exposure {
+    fn exposure(&self, zones_k: &[f64]) -> Exposure {
         let constants = &self.constants;
-        let gas = self.axial_gas_k();
+        let zones = zones_k.iter().zip(constants.inner(&self.state));
+        let at_foil = zones.zip(&self.air.sections).map(|((gas_k, wall_k), section)| {
+            gas_k + section.above_mean(&constants.foil_place, gas_k - wall_k)
+        });
         Exposure {
-            gas_k: gas.iter().zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
+            gas_k: at_foil.zip(&constants.foil).map(|(t, weight)| t * weight).sum(),
             wall_k: constants.wall_at_sensor(&self.state),
             pressure_pa: self.place.0,
             length_m: self.state[LENGTH],
@@ -741,7 +918,9 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let wall_k = constants.wall_k(state);
         let softening = constants.softening.factor(wall_k);
         let end = constants.ends.moving(self.falling);
-        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening);
+        let pressed = constants.pressed.factor(pressure - constants.pull.ambient_pa);
+        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening, pressed);
+        let slip_n = constants.slip_n(state, pressure, softening);
         self.truth = Truth {
             time_s: self.steps as f64 * constants.step_s,
             pressure_pa: pressure,
@@ -753,10 +932,29 @@ impl<C: Chamber + Copy + Send> Full<C> {
             flow_out_kg_s: streams.outflow,
             gas_temperature_k: closure.temperature(pressure, volume, mass),
             wall_temperature_k: wall_k,
-            friction_n: drag.force,
+            friction_n: drag.force + slip_n,
             ..Truth::default()
         };
         self.sensors.read(&mut self.truth);
+    }
+}
+
+impl<C: Chamber + Copy + Send> DrivenEnd for Full<C> {
+    fn drive_end(&mut self, speed_m_s: f64) {
+        self.constants.motion = EndMotion::Driven(speed_m_s);
+        self.state[SPEED] = -speed_m_s;
+    }
+
+    fn tension_n(&self) -> f64 {
+        let Self { constants, state, .. } = self;
+        let (pressure, _) = self.place;
+        let softening = constants.softening.factor(self.truth.wall_temperature_k);
+        let end = constants.ends.moving(self.falling);
+        let pressed = constants.pressed.factor(pressure - constants.pull.ambient_pa);
+        let drag = end.bristle.drag(state[SPEED], state[BRISTLE], softening, pressed);
+        let creep_n = constants.hysteresis.creep_n(&state[FAST..=SLOW]);
+        let held_n = drag.force + constants.slip_n(state, pressure, softening) + creep_n;
+        constants.pull.force(pressure, state[LENGTH]) - held_n
     }
 }
 
@@ -775,19 +973,27 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
         // The wall warms by less than 0.01 K in a step.
         let softening = self.constants.softening.factor(self.truth.wall_temperature_k);
         while time < end {
-            let until = self.inlet.kink(time, end).min(self.outlet.kink(time, end));
+            let refresh = self.air.since_s + REFRESH_S;
+            // Within rounding of the end it makes no separate stretch.
+            let stop = if refresh < end - 1e-9 { refresh } else { end };
+            let until = self.inlet.kink(time, stop).min(self.outlet.kink(time, stop));
             let [inlet, outlet] =
                 [&mut self.inlet, &mut self.outlet].map(|valve| valve.advance(time, until));
             let [from, to] =
                 [0, 1].map(|at| Drive { inlet: inlet[at], outlet: outlet[at], softening });
             self.stretch(until - time, &from, &to);
             time = until;
+            if time > refresh - 1e-9 {
+                let place = self.constants.place(&self.state, &mut self.power);
+                self.air.refresh(&self.constants, &self.state, place, time);
+            }
         }
         self.place = self.constants.place(&self.state, &mut self.power);
-        let exposure = self.exposure();
+        let zones_k = self.axial_gas_k();
+        let exposure = self.exposure(&zones_k);
         let pressure = self.place.0;
         let mass: f64 = self.constants.masses(&self.state).iter().sum();
-        for temperature in self.axial_gas_k() {
+        for temperature in zones_k {
             check_gas(end, pressure, temperature, mass, &self.truth)?;
         }
         check_length(end, self.state[LENGTH], &self.constants.pull.chamber)?;
@@ -814,6 +1020,8 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
     fn ledger(&self) -> Ledger {
         let constants = &self.constants;
         let y = &self.state;
+        let softening = constants.softening.factor(self.truth.wall_temperature_k);
+        let slip_n = constants.slip_n(y, self.place.0, softening);
         let layer = |capacity: f64, temperatures: &[f64]| -> f64 {
             temperatures.iter().map(|t| capacity * (t - constants.initial_k)).sum()
         };
@@ -827,6 +1035,7 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
             heat_to_wall_j: y[HEAT],
             work_j: y[WORK],
             friction_heat_j: y[FRICTION],
+            hysteresis_energy_j: constants.hysteresis.energy(slip_n, &y[FAST..=SLOW]),
             friction_to_wall_j: y[FRICTION_TO_WALL],
             heat_to_ambient_j: y[TO_AMBIENT],
             wall_energy_j: layer(constants.inner_j_k, constants.inner(y))

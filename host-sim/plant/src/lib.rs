@@ -14,6 +14,8 @@ pub mod flow;
 mod full;
 pub mod gas;
 pub mod heat;
+pub mod hysteresis;
+pub mod joint;
 mod lag;
 mod line;
 mod local_power;
@@ -22,11 +24,13 @@ mod ode;
 mod piping;
 mod pull;
 mod pwm;
+mod radial;
 mod sensors;
+mod start;
 mod vessel;
-mod zones;
+pub mod zones;
 
-pub use build::{build, build_driven_by_flows};
+pub use build::{build, build_driven_by_flows, build_driven_end};
 use chamber::Chamber;
 use model_core::Command;
 use piping::Piping;
@@ -82,7 +86,7 @@ pub struct Truth {
     pub sensor_pressure_pa: f64,
     /// Length at the potentiometer's wiper after its lag \[m\].
     pub sensor_length_m: f64,
-    /// Friction force, positive when it opposes contraction \[N\].
+    /// Force of friction and slip, positive when it opposes contraction \[N\].
     pub friction_n: f64,
 }
 
@@ -109,8 +113,10 @@ pub struct Ledger {
     pub heat_to_wall_j: f64,
     /// Work of the gas on the muscle's wall (integral of P dV) \[J\].
     pub work_j: f64,
-    /// Friction heat \[J\].
+    /// Heat of friction, slip and creep \[J\].
     pub friction_heat_j: f64,
+    /// Energy that slip and creep hold now \[J\].
+    pub hysteresis_energy_j: f64,
     /// Part of the friction heat that went into the wall \[J\].
     pub friction_to_wall_j: f64,
     /// Heat from wall to ambient \[J\].
@@ -134,6 +140,7 @@ impl Ledger {
             heat_to_wall_j: self.heat_to_wall_j - earlier.heat_to_wall_j,
             work_j: self.work_j - earlier.work_j,
             friction_heat_j: self.friction_heat_j - earlier.friction_heat_j,
+            hysteresis_energy_j: self.hysteresis_energy_j,
             friction_to_wall_j: self.friction_to_wall_j - earlier.friction_to_wall_j,
             heat_to_ambient_j: self.heat_to_ambient_j - earlier.heat_to_ambient_j,
             wall_energy_j: self.wall_energy_j - earlier.wall_energy_j,
@@ -212,6 +219,15 @@ pub trait Plant: Send {
     fn axial_gas_k(&self) -> Vec<f64>;
 }
 
+/// A muscle, cylinder or table whose end a mechanism moves.
+pub trait DrivenEnd: Plant {
+    /// The length changes at this rate from the next step on \[m/s\]. What held it until then does not
+    /// any more: friction, slip and creep act on the mechanism.
+    fn drive_end(&mut self, speed_m_s: f64);
+    /// Force that pulls the ends together now, friction included; negative where it pushes \[N\].
+    fn tension_n(&self) -> f64;
+}
+
 /// Shortest integration step of a muscle, a thousandth of the usual one: a simulated second takes
 /// minutes \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-7;
@@ -231,6 +247,8 @@ pub enum BuildError {
         /// The volume \[m3\].
         volume_m3: f64,
     },
+    /// A vessel has no end that a mechanism could move.
+    NoEnd,
     /// The plant is so fast that a run would not end.
     TooFast {
         /// Required integration step, below 1e-7 \[s\].
@@ -249,6 +267,7 @@ impl fmt::Display for BuildError {
                     "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
                 )
             }
+            Self::NoEnd => f.write_str("plant.kind = \"vessel\" has no end that moves"),
             Self::TooFast { asked_s, because } => write!(
                 f,
                 "{because}: it asks for integration steps of {asked_s:.1e} s, at least {SHORTEST_STEP_S:.0e} s are taken"
@@ -278,6 +297,9 @@ struct Substeps {
 }
 
 impl Substeps {
+    /// Until they are known.
+    const ONE: Self = Self { whole: 1, holed: 1 };
+
     /// `of` gives the number for the leak and a hole, in open valves, and the key to name if they
     /// are too large. `hottest_k`: highest upstream temperature \[K\].
     fn new(

@@ -35,35 +35,81 @@ const LAMINAR_NUSSELT: f64 = 3.66;
 /// Cube root of air's Prandtl number, 0.71.
 const PRANDTL_ROOT: f64 = 0.892_112;
 
+/// A bore, whose wall stays at ambient temperature.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bore {
+    section_m2: f64,
+    diameter_m: f64,
+    wall_k: f64,
+    viscosity_pa_s: f64,
+    conductivity_w_m_k: f64,
+}
+
+impl Bore {
+    /// Of that diameter \[m\] and wall temperature \[K\].
+    pub fn new(diameter_m: f64, wall_k: f64) -> Self {
+        Self {
+            section_m2: 0.25 * PI * diameter_m * diameter_m,
+            diameter_m,
+            wall_k,
+            viscosity_pa_s: air_viscosity(wall_k),
+            conductivity_w_m_k: air_conductivity(wall_k),
+        }
+    }
+
+    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\].
+    /// They are interpolated between laminar and turbulent flow.
+    fn friction(&self, flow: f64) -> (f64, f64) {
+        let [laminar, turbulent] = LAMINAR_TO_TURBULENT;
+        let reynolds = flow.abs() * self.diameter_m / (self.section_m2 * self.viscosity_pa_s);
+        if reynolds <= laminar {
+            return (64.0, LAMINAR_NUSSELT);
+        }
+        let share = ((reynolds - laminar) / (turbulent - laminar)).min(1.0);
+        // 0.3164 Re^0.75
+        let blasius = 0.3164 * reynolds.sqrt() * reynolds.sqrt().sqrt();
+        let colburn = 0.125 * blasius * PRANDTL_ROOT;
+        (64.0 + share * (blasius - 64.0), LAMINAR_NUSSELT + share * (colburn - LAMINAR_NUSSELT))
+    }
+
+    /// Conductance to the wall \[W/K\] of gas of that volume \[m3\], at a Nusselt number.
+    fn conductance(&self, volume_m3: f64, nusselt: f64) -> f64 {
+        PI * self.conductivity_w_m_k * nusselt * volume_m3 / self.section_m2
+    }
+
+    /// Heat to the wall \[W\] from gas of that volume \[m3\] and temperature \[K\], at a flow \[kg/s\].
+    pub fn heat_w(&self, volume_m3: f64, gas_k: f64, flow: f64) -> f64 {
+        self.conductance(volume_m3, self.friction(flow).1) * (gas_k - self.wall_k)
+    }
+
+    /// Fastest rate \[1/s\] at which gas of the lowest pressure \[Pa\] and highest temperature \[K\] follows the wall, at the
+    /// largest flow \[kg/s\].
+    pub fn fastest_rate(&self, gas: &IdealGas, least_pa: f64, hottest_k: f64, flow: f64) -> f64 {
+        let capacity_j_m3_k = least_pa / (gas.r * hottest_k) * gas.cv;
+        self.conductance(1.0, self.friction(flow).1) / capacity_j_m3_k
+    }
+}
+
 /// The line; its state has the flows, then the masses, then the energies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
     gas: IdealGas,
     cells: usize,
-    section_m2: f64,
-    diameter_m: f64,
     cell_m: f64,
-    wall_k: f64,
-    viscosity_pa_s: f64,
-    conductivity_w_m_k: f64,
+    bore: Bore,
 }
 
 impl Line {
     /// The line of a scenario, if it has one.
     pub fn new(scenario: &Scenario, gas: &IdealGas) -> Option<Self> {
         let [length_m, diameter_m] = scenario.tube.line()?;
-        let wall_k = scenario.ambient.temperature_k;
         let longest_m = (0.1 * length_m).clamp(CELL_M[0], CELL_M[1]);
         let cells = (length_m / longest_m - 1e-9).ceil().max(1.0);
         Some(Self {
             gas: *gas,
             cells: cells as usize,
-            section_m2: 0.25 * PI * diameter_m * diameter_m,
-            diameter_m,
             cell_m: length_m / cells,
-            wall_k,
-            viscosity_pa_s: air_viscosity(wall_k),
-            conductivity_w_m_k: air_conductivity(wall_k),
+            bore: Bore::new(diameter_m, scenario.ambient.temperature_k),
         })
     }
 
@@ -74,7 +120,7 @@ impl Line {
 
     /// Volume of half a cell \[m3\]: the half at the valves is part of the tube's volume.
     pub fn half_cell_m3(&self) -> f64 {
-        0.5 * self.section_m2 * self.cell_m
+        0.5 * self.bore.section_m2 * self.cell_m
     }
 
     /// Volume of the gas after that face \[m3\].
@@ -107,7 +153,7 @@ impl Line {
         let gas = &self.gas;
         let sound = (gas.k * gas.r * hottest_k).sqrt();
         let density = least_pa / (gas.r * hottest_k);
-        let friction = self.friction(density * sound * self.section_m2).0;
+        let friction = self.bore.friction(density * sound * self.bore.section_m2).0;
         // Nothing flows faster than sound, and heat passes no faster than momentum. Where the flow turns turbulent, its
         // friction grows 3.2 times as fast as the flow.
         let braking = 3.2 * self.braking(friction, density);
@@ -118,22 +164,8 @@ impl Line {
     /// Fraction of its momentum that a flow loses to friction \[1/s\], f |m|/(2 D A rho), for
     /// [`Self::friction`] and a density \[kg/m3\].
     fn braking(&self, friction: f64, density: f64) -> f64 {
-        0.5 * self.viscosity_pa_s * friction / (self.diameter_m * self.diameter_m * density)
-    }
-
-    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\].
-    /// They are interpolated between laminar and turbulent flow.
-    fn friction(&self, flow: f64) -> (f64, f64) {
-        let [laminar, turbulent] = LAMINAR_TO_TURBULENT;
-        let reynolds = flow.abs() * self.diameter_m / (self.section_m2 * self.viscosity_pa_s);
-        if reynolds <= laminar {
-            return (64.0, LAMINAR_NUSSELT);
-        }
-        let share = ((reynolds - laminar) / (turbulent - laminar)).min(1.0);
-        // 0.3164 Re^0.75
-        let blasius = 0.3164 * reynolds.sqrt() * reynolds.sqrt().sqrt();
-        let colburn = 0.125 * blasius * PRANDTL_ROOT;
-        (64.0 + share * (blasius - 64.0), LAMINAR_NUSSELT + share * (colburn - LAMINAR_NUSSELT))
+        0.5 * self.bore.viscosity_pa_s * friction
+            / (self.bore.diameter_m * self.bore.diameter_m * density)
     }
 
     /// Pressure \[Pa\] and temperature \[K\] of a mass \[kg\] and energy \[J\] in a volume \[m3\].
@@ -154,7 +186,7 @@ impl Line {
         let gas = &self.gas;
         let (flows, masses, energies) = self.parts(state);
         let (flow_rates, mass_rates, energy_rates) = self.parts_mut(rates);
-        let by_length = self.section_m2 / self.cell_m;
+        let by_length = self.bore.section_m2 / self.cell_m;
         let (mut from, mut from_density) = (tube, tube.0 / (gas.r * tube.1));
         let mut out_of_tube = (0.0, 0.0);
         for face in 0..self.cells {
@@ -162,7 +194,7 @@ impl Line {
             let here = self.gas_of(masses[face], energies[face], volume);
             let density = masses[face] / volume;
             // With the mean of the densities, the steps of p^2 add up to f L/D (m/A)^2 R T.
-            let (friction, nusselt) = self.friction(flow);
+            let (friction, nusselt) = self.bore.friction(flow);
             let braking = self.braking(friction, 0.5 * (from_density + density));
             flow_rates[face] = by_length * (from.0 - here.0) - braking * flow;
             let enthalpy = flow * if flow > 0.0 { from.1 } else { here.1 };
@@ -172,9 +204,9 @@ impl Line {
                 mass_rates[face - 1] -= flow;
                 energy_rates[face - 1] -= gas.cp * enthalpy;
             }
-            let conductance = PI * self.conductivity_w_m_k * nusselt * volume / self.section_m2;
+            let conductance = self.bore.conductance(volume, nusselt);
             mass_rates[face] = flow;
-            energy_rates[face] = gas.cp * enthalpy - conductance * (here.1 - self.wall_k);
+            energy_rates[face] = gas.cp * enthalpy - conductance * (here.1 - self.bore.wall_k);
             (from, from_density) = (here, density);
         }
         let last = self.cells - 1;
@@ -260,12 +292,13 @@ mod tests {
     #[test]
     fn laminar_flow_turns_turbulent_without_a_jump() {
         let line = line(1.0, 0.004);
-        let flow =
-            |reynolds: f64| reynolds * line.section_m2 * line.viscosity_pa_s / line.diameter_m;
+        let flow = |reynolds: f64| {
+            reynolds * line.bore.section_m2 * line.bore.viscosity_pa_s / line.bore.diameter_m
+        };
         let mut last = (0.0, 0.0);
         for i in 1..1000 {
             let reynolds = 10.0 * f64::from(i);
-            let (friction, nusselt) = line.friction(-flow(reynolds));
+            let (friction, nusselt) = line.bore.friction(-flow(reynolds));
             let drop = friction * reynolds;
             assert!(drop > last.0 && nusselt >= last.1, "{reynolds}");
             assert!(i == 1 || drop < last.0 + 64.0 * 10.0 * 9.0, "{reynolds}");
@@ -303,7 +336,7 @@ mod tests {
     #[test]
     fn mass_and_energy_go_nowhere() {
         let mut line = line(3.0, 0.004);
-        line.conductivity_w_m_k = 0.0;
+        line.bore.conductivity_w_m_k = 0.0;
         let mut state = at_rest(&line, 3.0e5);
         for (i, y) in state.iter_mut().enumerate() {
             let share = f64::from((i * 37 % 23) as u32) / 23.0 - 0.5;
@@ -326,7 +359,8 @@ mod tests {
         let mut state = at_rest(&line, 3.0e5);
         let hot = 1.1 * AIR_K;
         state[2] *= 1.1;
-        let time_constant = line.gas.cv * state[1] / (PI * 3.66 * line.conductivity_w_m_k * 0.05);
+        let time_constant =
+            line.gas.cv * state[1] / (PI * 3.66 * line.bore.conductivity_w_m_k * 0.05);
         assert!((0.05..0.15).contains(&time_constant), "{time_constant} s");
         let mut integrator = Rk4::new(3);
         for _ in 0..1000 {

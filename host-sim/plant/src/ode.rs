@@ -101,56 +101,15 @@ impl DormandPrince {
         mut rates: impl FnMut(f64, &[f64; N]) -> [f64; N],
     ) -> Result<(), StepTooSmall> {
         let mut time = start;
-        let mut k1 = rates(time, state);
+        let mut first = rates(time, state);
         while time < end {
             let remaining = end - time;
             let last = self.step >= remaining;
             let h = self.step.min(remaining);
-            let y = *state;
-            let k2 = rates(time + h / 5.0, &from_fn(|i| y[i] + h * k1[i] / 5.0));
-            let k3 =
-                rates(time + 0.3 * h, &from_fn(|i| y[i] + h * (3.0 * k1[i] + 9.0 * k2[i]) / 40.0));
-            let k4 = rates(
-                time + 0.8 * h,
-                &from_fn(|i| {
-                    y[i] + h * (44.0 / 45.0 * k1[i] - 56.0 / 15.0 * k2[i] + 32.0 / 9.0 * k3[i])
-                }),
-            );
-            let k5 = rates(
-                time + 8.0 / 9.0 * h,
-                &from_fn(|i| {
-                    y[i] + h
-                        * (19372.0 / 6561.0 * k1[i] - 25360.0 / 2187.0 * k2[i]
-                            + 64448.0 / 6561.0 * k3[i]
-                            - 212.0 / 729.0 * k4[i])
-                }),
-            );
-            let k6 = rates(
-                time + h,
-                &from_fn(|i| {
-                    y[i] + h
-                        * (9017.0 / 3168.0 * k1[i] - 355.0 / 33.0 * k2[i]
-                            + 46732.0 / 5247.0 * k3[i]
-                            + 49.0 / 176.0 * k4[i]
-                            - 5103.0 / 18656.0 * k5[i])
-                }),
-            );
-            let next: [f64; N] = from_fn(|i| {
-                y[i] + h
-                    * (35.0 / 384.0 * k1[i] + 500.0 / 1113.0 * k3[i] + 125.0 / 192.0 * k4[i]
-                        - 2187.0 / 6784.0 * k5[i]
-                        + 11.0 / 84.0 * k6[i])
-            });
-            let k7 = rates(time + h, &next);
+            let Trial { next, rates: at_end, error } =
+                Trial::new(time, h, state, &first, &mut rates);
             let error = (0..CONTROLLED)
-                .map(|i| {
-                    let difference = h
-                        * (71.0 / 57600.0 * k1[i] - 71.0 / 16695.0 * k3[i] + 71.0 / 1920.0 * k4[i]
-                            - 17253.0 / 339_200.0 * k5[i]
-                            + 22.0 / 525.0 * k6[i]
-                            - 1.0 / 40.0 * k7[i]);
-                    (difference / scales[i]).abs()
-                })
+                .map(|i| (error[i] / scales[i]).abs())
                 // `f64::max` would drop a NaN.
                 .fold(0.0, |worst, e| if e <= worst { worst } else { e })
                 / self.tolerance;
@@ -163,7 +122,7 @@ impl DormandPrince {
             if accepted {
                 time = if last { end } else { time + h };
                 *state = next;
-                k1 = k7;
+                first = at_end;
                 // A step cut short by `end` is no reason against the longer one.
                 self.step = if last { self.step.max(h * factor) } else { h * factor };
             } else {
@@ -174,6 +133,68 @@ impl DormandPrince {
             }
         }
         Ok(())
+    }
+}
+
+/// One step of the pair, not yet accepted.
+struct Trial<const N: usize> {
+    next: [f64; N],
+    /// At its end.
+    rates: [f64; N],
+    /// Between its two orders.
+    error: [f64; N],
+}
+
+impl<const N: usize> Trial<N> {
+    /// A step of `h` from that state and its rates.
+    fn new(
+        time: f64,
+        h: f64,
+        y: &[f64; N],
+        k1: &[f64; N],
+        rates: &mut impl FnMut(f64, &[f64; N]) -> [f64; N],
+    ) -> Self {
+        let k2 = rates(time + h / 5.0, &from_fn(|i| y[i] + h * k1[i] / 5.0));
+        let k3 = rates(time + 0.3 * h, &from_fn(|i| y[i] + h * (3.0 * k1[i] + 9.0 * k2[i]) / 40.0));
+        let k4 = rates(
+            time + 0.8 * h,
+            &from_fn(|i| {
+                y[i] + h * (44.0 / 45.0 * k1[i] - 56.0 / 15.0 * k2[i] + 32.0 / 9.0 * k3[i])
+            }),
+        );
+        let k5 = rates(
+            time + 8.0 / 9.0 * h,
+            &from_fn(|i| {
+                y[i] + h
+                    * (19372.0 / 6561.0 * k1[i] - 25360.0 / 2187.0 * k2[i]
+                        + 64448.0 / 6561.0 * k3[i]
+                        - 212.0 / 729.0 * k4[i])
+            }),
+        );
+        let k6 = rates(
+            time + h,
+            &from_fn(|i| {
+                y[i] + h
+                    * (9017.0 / 3168.0 * k1[i] - 355.0 / 33.0 * k2[i]
+                        + 46732.0 / 5247.0 * k3[i]
+                        + 49.0 / 176.0 * k4[i]
+                        - 5103.0 / 18656.0 * k5[i])
+            }),
+        );
+        let next: [f64; N] = from_fn(|i| {
+            y[i] + h
+                * (35.0 / 384.0 * k1[i] + 500.0 / 1113.0 * k3[i] + 125.0 / 192.0 * k4[i]
+                    - 2187.0 / 6784.0 * k5[i]
+                    + 11.0 / 84.0 * k6[i])
+        });
+        let k7 = rates(time + h, &next);
+        let error = from_fn(|i| {
+            h * (71.0 / 57600.0 * k1[i] - 71.0 / 16695.0 * k3[i] + 71.0 / 1920.0 * k4[i]
+                - 17253.0 / 339_200.0 * k5[i]
+                + 22.0 / 525.0 * k6[i]
+                - 1.0 / 40.0 * k7[i])
+        });
+        Self { next, rates: k7, error }
     }
 }
 

@@ -44,18 +44,22 @@ impl<C: Chamber> Pull<C> {
             + chamber.elastic_slope(length)
     }
 
-    /// Length \[m\] where the pull equals `force` \[N\]: Newton from `guess`. `pressure` gives the
-    /// pressure and its slope over length. NaN when there is no such length.
+    /// Length \[m\] where the pull equals `force` \[N\] and what holds the chamber back: Newton from
+    /// `guess`. `pressure` gives the pressure and its slope over length, `held` the force that holds it back
+    /// and its slope over contraction. NaN when there is no such length.
     pub fn balance(
         &self,
         force: f64,
         guess: f64,
         mut pressure: impl FnMut(f64) -> (f64, f64),
+        held: impl Fn(f64) -> (f64, f64),
     ) -> f64 {
         let mut length = guess;
         for _ in 0..50 {
             let (p, slope) = pressure(length);
-            let correction = (self.force(p, length) - force) / self.stiffness(p, slope, length);
+            let (held_n, held_n_m) = held(length);
+            let correction = (self.force(p, length) - held_n - force)
+                / (self.stiffness(p, slope, length) + held_n_m);
             length -= correction;
             // Newton squares the error: this correction leaves less than 1e-12 m.
             if correction.abs() < 1e-7 {
@@ -88,7 +92,7 @@ impl<C: Chamber> Pull<C> {
         if stop == rest || (stop.is_finite() && beyond * (at_rest - wanted) >= 0.0) {
             return stop;
         }
-        self.balance(wanted, rest, |_| (pressure, 0.0))
+        self.balance(wanted, rest, |_| (pressure, 0.0), |_| (0.0, 0.0))
     }
 }
 
@@ -99,6 +103,29 @@ pub fn load_n(scenario: &Scenario, chamber: &(impl Chamber + ?Sized)) -> f64 {
     match kind {
         LoadKind::Isotonic | LoadKind::Isometric => force_n,
         LoadKind::Mass => chamber.direction() * mass_kg * STANDARD_GRAVITY,
+    }
+}
+
+/// Gauge pressure at which friction and slip are the configured ones \[Pa\].
+const CONFIGURED_AT_PA: f64 = 4.0e5;
+
+/// A force of which a share follows gauge pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pressed {
+    /// Factor without pressure \[-\], and its slope \[1/Pa\].
+    without: f64,
+    per_pa: f64,
+}
+
+impl Pressed {
+    /// For that share \[-\].
+    pub fn new(share: f64) -> Self {
+        Self { without: 1.0 - share, per_pa: share / CONFIGURED_AT_PA }
+    }
+
+    /// Factor on the force \[-\] at a gauge pressure \[Pa\].
+    pub fn factor(&self, gauge_pa: f64) -> f64 {
+        (self.without + self.per_pa * gauge_pa).max(0.0)
     }
 }
 

@@ -2,10 +2,12 @@
 
 use super::closure::Closure;
 use super::flow::{Nozzle, Streams};
-use super::heat::InnerHeat;
+use super::gas::IdealGas;
+use super::heat::{InnerHeat, Stirred};
 use super::ode::DormandPrince;
 use super::piping::{Disturbance, Piping};
 use super::sensors::{Exposure, Sensors};
+use super::start::Start;
 use super::{Actuation, BuildError, Diverged, Ledger, Plant, Truth, check_gas};
 use thermyo_compute::math;
 use thermyo_scenario::profile::Profile;
@@ -25,7 +27,9 @@ const ENTHALPY_IN: usize = 6;
 const ENTHALPY_OUT: usize = 7;
 const HEAT: usize = 8;
 const TO_AMBIENT: usize = 9;
-const STATES: usize = 10;
+const STIRRED_IN: usize = 10;
+const STIRRED_OUT: usize = 11;
+const STATES: usize = 12;
 
 /// The openings of the vessel.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,6 +45,22 @@ enum Ports {
     Given {
         inflow_k: f64,
     },
+}
+
+impl Ports {
+    fn of(scenario: &Scenario, gas: &IdealGas) -> Self {
+        let orifice = &scenario.orifice;
+        let nozzle = Nozzle::new(orifice.diameter_m, orifice.discharge_coefficient, gas);
+        match scenario.drive.kind {
+            DriveKind::Closed => Self::Closed,
+            DriveKind::Discharge => Self::Discharge(nozzle),
+            DriveKind::Fill => Self::Fill(nozzle),
+            DriveKind::MassFlow
+            | DriveKind::Duty
+            | DriveKind::Pressure
+            | DriveKind::Contraction => Self::Valves,
+        }
+    }
 }
 
 /// Everything that does not change during a run.
@@ -106,8 +126,11 @@ impl Constants {
     ) -> [f64; STATES] {
         let closure = &self.closure;
         let Instant { volume, pressure, temperature, streams } = self.instant(time, y, actuation);
-        let coefficient = self.heat.coefficient(pressure, temperature, y[WALL], streams.inflow);
-        let convective = coefficient * self.surface_m2 * (temperature - y[WALL]);
+        let stirred = Stirred { inflow: y[STIRRED_IN], outflow: y[STIRRED_OUT] };
+        let forced = self.heat.forced(&stirred, temperature);
+        let film = self.heat.film(pressure, temperature, y[WALL], &forced, self.heat.whole());
+        let convective =
+            film.coefficient(streams.inflow) * self.surface_m2 * (temperature - y[WALL]);
         let work = pressure * volume_slope;
         let heat = closure.heat_of_streams(&streams, temperature, convective)
             + closure.heat_per_work() * work;
@@ -124,6 +147,8 @@ impl Constants {
         rates[HEAT] = heat;
         rates[WORK] = work;
         rates[TO_AMBIENT] = to_ambient;
+        [rates[STIRRED_IN], rates[STIRRED_OUT]] =
+            self.heat.stirring_rates(&stirred, (streams.inflow, streams.outflow));
         rates
     }
 }
@@ -155,23 +180,11 @@ impl Vessel {
         }
         let closure = Closure::new(scenario);
         let gas = &closure.gas;
-        let orifice = &scenario.orifice;
-        let nozzle = Nozzle::new(orifice.diameter_m, orifice.discharge_coefficient, gas);
-        let ports = match scenario.drive.kind {
-            DriveKind::Closed => Ports::Closed,
-            DriveKind::Discharge => Ports::Discharge(nozzle),
-            DriveKind::Fill => Ports::Fill(nozzle),
-            DriveKind::MassFlow
-            | DriveKind::Duty
-            | DriveKind::Pressure
-            | DriveKind::Contraction => Ports::Valves,
-        };
-        let diameter = scenario.vessel.characteristic_length_m;
         let constants = Constants {
             step_s: scenario.run.step_s,
-            ports,
+            ports: Ports::of(scenario, gas),
             piping: Piping::new(scenario, gas),
-            heat: InnerHeat::of(scenario, diameter),
+            heat: InnerHeat::of_vessel(scenario),
             surface_m2: scenario.vessel.surface_m2,
             wall_j_k: scenario.vessel.wall_heat_capacity_j_k,
             outer_w_k: scenario.heat.outer_w_m2_k * scenario.vessel.surface_m2,
@@ -180,33 +193,20 @@ impl Vessel {
             closure,
             volume,
         };
-        let pressure = scenario.plant.initial_pressure_pa;
-        let gas_k = scenario.plant.gas_k();
         let volume = constants.volume.value(0.0);
-        let mass = pressure * volume / (gas.r * gas_k);
+        let start = Start::new(scenario, volume / constants.section_m2, volume);
         let mut state = [0.0; STATES];
-        state[MASS] = mass;
-        state[W] = pressure * math::pow(volume, closure.exponent());
-        state[WALL] = constants.initial_k;
-        let initial = Ledger {
-            mass_initial_kg: mass,
-            energy_initial_j: gas.cv * mass * gas_k,
-            ..Ledger::default()
-        };
-        let start = Exposure {
-            gas_k,
-            wall_k: constants.initial_k,
-            pressure_pa: pressure,
-            length_m: volume / constants.section_m2,
-        };
+        state[MASS] = start.mass(gas);
+        state[W] = start.pressure * math::pow(volume, closure.exponent());
+        state[WALL] = start.wall_k;
         let mut vessel = Self {
-            sensors: Sensors::new(scenario, 0.0, &start),
+            sensors: Sensors::new(scenario, 0.0, &start.exposure()),
             integrator: DormandPrince::new(TOLERANCE, 1e-3 * constants.step_s),
             constants,
             steps: 0,
             state,
             truth: Truth::default(),
-            initial,
+            initial: start.ledger(gas),
         };
         vessel.observe(Actuation::default());
         Ok(vessel)

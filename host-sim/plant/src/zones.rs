@@ -10,20 +10,37 @@ use thermyo_compute::math;
 
 /// Volume that the jet recirculates, per volume that it brings: 0.47 D/d - 0.5 for a jet of diameter d
 /// in a tube of diameter D (Thring and Newby, 4th Symp. Combustion, 1953), with 20 over 4.4 mm.
-const RECIRCULATION: f64 = 1.6;
+pub const RECIRCULATION: f64 = 1.6;
 /// How far the jet stirs: a confined jet meets the wall within some 3 diameters of the tube.
-const JET_REACH_DIAMETERS: f64 = 3.0;
+pub const JET_REACH_DIAMETERS: f64 = 3.0;
 /// Axial diffusivity of the gas between strokes \[m2/s\]: five times the molecular one, for the
 /// buoyant currents.
-const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
+pub const BACKGROUND_DIFFUSIVITY: f64 = 1.0e-4;
+
+/// Shares of a zone in what the flows stir.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// Of the inflow, mean 1 over the zones: where the coefficient is a constant and a part that grows with inflow.
+    pub inflow: f64,
+    /// Of the jet's forced convection.
+    pub jet: f64,
+    /// Of the column's forced convection.
+    pub column: f64,
+}
+
+impl Shares {
+    /// A vessel, all of which a jet stirs: Woodfield's are means over vessels. Its outflow stirs nothing: with a share of
+    /// 1 the measured discharge of air (`docs/background/validation.md`) would be 8.9 instead of 3.1 K off.
+    pub const VESSEL: Self = Self { inflow: 1.0, jet: 1.0, column: 0.0 };
+}
 
 /// Where jet and mixing act along the muscle.
 #[derive(Debug, Clone)]
 pub struct Stirring {
     /// Strength of the jet at the face between zone i and i + 1 \[-\].
     faces: Vec<f64>,
-    /// Strength of the jet in each zone, mean 1 \[-\].
-    zones: Vec<f64>,
+    /// Shares of the zones in what the flows stir.
+    zones: Vec<Shares>,
 }
 
 impl Stirring {
@@ -34,15 +51,34 @@ impl Stirring {
         let at = |position: f64| math::exp(-decay * position / zones as f64);
         let strengths: Vec<f64> = (0..zones).map(|i| at(i as f64 + 0.5)).collect();
         let mean = strengths.iter().sum::<f64>() / zones as f64;
+        let shares = |(i, strength): (usize, f64)| {
+            let (from, to) = (i as f64, i as f64 + 1.0);
+            Shares {
+                inflow: strength / mean,
+                // Means over the zone.
+                jet: (at(from) - at(to)) * zones as f64 / decay,
+                column: 1.0 - 0.5 * (from + to) / zones as f64,
+            }
+        };
         Self {
             faces: (1..zones).map(|i| RECIRCULATION * at(i as f64)).collect(),
-            zones: strengths.iter().map(|strength| strength / mean).collect(),
+            zones: strengths.into_iter().enumerate().map(shares).collect(),
         }
     }
 
-    /// Shares of the inflow's heat transfer that the zones get, mean 1 \[-\].
-    pub fn zones(&self) -> &[f64] {
+    /// Shares of the zones in what the flows stir.
+    pub fn zones(&self) -> &[Shares] {
         &self.zones
+    }
+
+    /// The largest of each of these shares.
+    pub fn largest(&self) -> Shares {
+        let none = Shares { inflow: 1.0, jet: 0.0, column: 0.0 };
+        self.zones.iter().fold(none, |most, share| Shares {
+            inflow: most.inflow.max(share.inflow),
+            jet: most.jet.max(share.jet),
+            column: most.column.max(share.column),
+        })
     }
 
     /// Fastest rate \[1/s\] at which a zone's gas is replaced, for gas of that volume \[m3\] and length \[m\] and volume flows

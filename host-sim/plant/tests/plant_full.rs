@@ -2,9 +2,10 @@
 
 use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
+use std::f64::consts::PI;
 use thermyo_plant::chamber::braid::Geometry;
 use thermyo_plant::flow::{Iso6358, Streams};
-use thermyo_plant::gas::IdealGas;
+use thermyo_plant::gas::{IdealGas, air_conductivity, air_viscosity};
 use thermyo_plant::{Actuation, Plant, Truth};
 use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
@@ -15,6 +16,13 @@ fn cycle(scenario: &Scenario, steps: usize) -> Box<dyn Plant> {
         plant.advance(drive.actuation(&plant.truth())).unwrap();
     }
     plant
+}
+
+/// Takes slip and creep away, for what is about something else.
+pub fn elastic(mut scenario: Scenario) -> Scenario {
+    let muscle = &mut scenario.muscle;
+    (muscle.slip_force_n, muscle.creep_fast_n_m, muscle.creep_slow_n_m) = (0.0, 0.0, 0.0);
+    scenario
 }
 
 #[test]
@@ -48,19 +56,21 @@ fn the_working_cycle() {
     println!("outer wall {outer:.2?} K");
     assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.2e5..4.5e5).contains(&pressure.1));
     assert!((0.25..0.31).contains(&contraction));
-    assert!((280.0..292.0).contains(&gas.0) && (304.0..320.0).contains(&gas.1));
-    assert!((5.0..8.0).contains(&rms));
-    // Fig. 5: the foil's mean rises by a kelvin or so.
-    assert!((298.0..300.5).contains(&foil));
+    assert!((275.0..287.0).contains(&gas.0) && (312.0..328.0).contains(&gas.1));
+    assert!((10.0..16.0).contains(&rms));
+    // Fig. 5: the foil's mean rises by some kelvins.
+    assert!((299.0..305.0).contains(&foil));
     // Fig. 2: cool at the port, warm at the closed end.
-    assert!(outer.windows(2).all(|pair| pair[1] > pair[0] - 0.05), "{outer:?}");
+    assert!(outer.windows(2).all(|pair| pair[1] > pair[0] - 0.2), "{outer:?}");
     let rise = outer.last().unwrap() - outer.first().unwrap();
     assert!((1.0..10.0).contains(&rise), "{outer:?}");
 }
 
 #[test]
 fn mass_and_energy_are_conserved_over_100_s() {
-    for heat in [HeatModel::Adiabatic, HeatModel::Isothermal, HeatModel::Constant] {
+    let models =
+        [HeatModel::Adiabatic, HeatModel::Isothermal, HeatModel::Constant, HeatModel::Correlation];
+    for heat in models {
         for load in [LoadKind::Isotonic, LoadKind::Isometric, LoadKind::Mass] {
             let mut scenario = muscle(PlantModel::Full);
             scenario.heat.model = heat;
@@ -90,14 +100,18 @@ const CLOSED: Actuation = Actuation { inlet: 0.0, outlet: 0.0 };
 #[test]
 fn the_ends_of_the_ranges_run() {
     type Set = fn(&mut Scenario);
-    let ends: [(&str, Set); 8] = [
+    let ends: [(&str, Set); 10] = [
         ("no sliding friction", |s| s.friction.force_n = 0.0),
         ("no friction", |s| (s.friction.force_n, s.friction.stribeck_force_n) = (0.0, 0.0)),
         ("stiff bristles", |s| s.friction.presliding_stiffness_n_m = 1e7),
         ("stiff in the cold", |s| s.friction.reference_temperature_k = 700.0),
         ("friction softened away", |s| s.plant.initial_temperature_k = 700.0),
         ("heat transfer", |s| s.heat.scale = 300.0),
-        ("heat transfer of the jet", |s| s.heat.inner_per_flow = 1e7),
+        ("heat transfer of the jet", |s| {
+            (s.heat.model, s.heat.inner_per_flow) = (HeatModel::Constant, 1e7);
+        }),
+        ("stirring that lasts", |s| s.heat.stirring_decay_s = 100.0),
+        ("stirring that stops", |s| s.heat.stirring_decay_s = 0.001),
         ("thin wall", |s| s.wall.conductance_w_k = 1e5),
     ];
     for model in [PlantModel::Full, PlantModel::Lumped] {
@@ -128,6 +142,7 @@ fn hold(plant: &mut dyn Plant, actuation: Actuation, steps: usize) -> Truth {
 /// than the step, and nothing switches.
 fn smooth() -> Scenario {
     let mut scenario = muscle(PlantModel::Full);
+    scenario.heat.model = HeatModel::Constant;
     scenario.load.kind = LoadKind::Isometric;
     scenario.plant.initial_pressure_pa = 300_000.0;
     scenario.valve.switch_time_s = 0.0;
@@ -140,8 +155,8 @@ fn smooth() -> Scenario {
 #[test]
 fn integration_is_of_fourth_order() {
     let mut scenario = smooth();
-    // A small flow through a wide tube: the pressure drop stays in the tube's linear range.
-    scenario.valve.conductance_m3_s_pa = 1.0e-9;
+    // A small flow through a wide tube: the pressure drop stays in the tube's linear range, and the flow laminar.
+    scenario.valve.conductance_m3_s_pa = 1.5e-10;
     scenario.tube.conductance_m3_s_pa = 3.0e-8;
     scenario.tube.volume_m3 = 3.0e-5;
     let mut pressure = |step: f64| {
@@ -196,10 +211,10 @@ fn its_own_steps_are_short_enough() {
         println!("{}", off.map(|off| format!("{off:.1e}")).join(" "));
     }
     for (what, off, (low, high)) in [
-        ("RMS, Pa", own[0], (0.002, 0.1)),
-        ("largest, Pa", own[1], (0.02, 1.0)),
-        ("gas, K", own[2], (1e-6, 1e-4)),
-        ("length, m", own[3], (1e-10, 2e-8)),
+        ("RMS, Pa", own[0], (0.005, 0.2)),
+        ("largest, Pa", own[1], (0.03, 1.0)),
+        ("gas, K", own[2], (1e-5, 1e-3)),
+        ("length, m", own[3], (1e-9, 2e-7)),
         ("halved, Pa", tenth[0] / twentieth[0], (3.0, 20.0)),
     ] {
         assert!((low..=high).contains(&off), "{what}: {off}, allowed {low} to {high}");
@@ -215,6 +230,21 @@ struct Independent {
     tube: Iso6358,
     volume: f64,
     surface: f64,
+}
+
+impl Independent {
+    /// To the wall of a tube as wide as a nozzle that passes as much as its port.
+    fn tube_heat_w(&self, flow: f64, gas_k: f64) -> f64 {
+        let (bore_m, wall_k) =
+            (self.tube.equivalent_diameter(&self.gas), self.scenario.ambient.temperature_k);
+        let section_m2 = PI / 4.0 * bore_m * bore_m;
+        let reynolds = flow.abs() * bore_m / (section_m2 * air_viscosity(wall_k));
+        let turbulent = ((reynolds - 2300.0) / 1700.0).clamp(0.0, 1.0);
+        let colburn = 0.3164 / 8.0 * reynolds.powf(0.75) * 0.71_f64.powf(1.0 / 3.0);
+        let nusselt = (1.0 - turbulent) * 3.66 + turbulent * colburn;
+        let surface_m2 = PI * bore_m * self.scenario.tube.volume_m3 / section_m2;
+        nusselt * air_conductivity(wall_k) / bore_m * surface_m2 * (gas_k - wall_k)
+    }
 }
 
 impl System<f64, SVector<f64, 7>> for Independent {
@@ -236,7 +266,7 @@ impl System<f64, SVector<f64, 7>> for Independent {
         dy[0] = port.inflow - port.outflow;
         dy[1] = into - heat;
         dy[2] = inflow - dy[0];
-        dy[3] = gas.cp * inflow * s.supply.temperature_k - into;
+        dy[3] = gas.cp * inflow * s.supply.temperature_k - into - self.tube_heat_w(dy[0], tube.1);
         dy[4] = (inflow - y[4]) / 0.02;
         dy[5] = (heat - through) / (s.wall.heat_capacity_j_k * (1.0 - s.wall.outer_fraction));
         dy[6] = (through - lost) / (s.wall.heat_capacity_j_k * s.wall.outer_fraction);
@@ -340,7 +370,7 @@ fn the_load_rests_on_the_stop_until_it_is_lifted() {
 fn a_slack_muscle_does_not_hold_its_load() {
     const G: f64 = 9.80665;
     for (kind, fall) in [(LoadKind::Mass, G), (LoadKind::Isotonic, 8.0)] {
-        let mut scenario = muscle(PlantModel::Full);
+        let mut scenario = elastic(muscle(PlantModel::Full));
         scenario.load.kind = kind;
         scenario.load.mass_kg = 0.5;
         scenario.load.force_n = 0.5 * fall;
@@ -369,7 +399,7 @@ fn a_slack_muscle_does_not_hold_its_load() {
         let load = speed[thrown] - fall * flight_s;
         let together = (0.5 * load + 0.05 * speed[caught]) / 0.55;
         let after = speed[caught + 1];
-        assert!((after / together - 1.0).abs() < 0.05, "{after} m/s, {together} m/s");
+        assert!((after / together - 1.0).abs() < 0.08, "{after} m/s, {together} m/s");
     }
 }
 
@@ -387,11 +417,10 @@ fn a_load_of_no_force_may_fly_away() {
     }
 }
 
-#[test]
-fn friction_makes_a_loop_of_pressure_over_length() {
-    // The same length takes more pressure on the way in than on the way out.
-    let scenario = muscle(PlantModel::Full);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+/// Width of the loop of force over length \[N\]: the same length takes more pressure on the way in than
+/// on the way out.
+fn loop_width_n(scenario: &Scenario) -> f64 {
+    let mut plant = thermyo_plant::build(scenario, None).unwrap();
     let crossing = |plant: &mut dyn Plant, actuation: Actuation, contracting: bool| loop {
         let truth = hold(plant, actuation, 1);
         if (truth.length_m < 0.27) == contracting {
@@ -402,9 +431,57 @@ fn friction_makes_a_loop_of_pressure_over_length() {
     let up = crossing(&mut *plant, slow, true);
     hold(&mut *plant, slow, 500);
     let down = crossing(&mut *plant, Actuation { inlet: 0.0, outlet: 0.1 }, false);
-    let braid = Geometry::from_braid(0.3, 0.02, 23.0, 0.0);
-    let band = (up - down) * braid.force_area(0.27);
-    assert!((25.0..45.0).contains(&band), "{band} N");
+    (up - down) * Geometry::from_braid(0.3, 0.02, 23.0, 0.0).force_area(0.27)
+}
+
+#[test]
+fn friction_slip_and_creep_make_a_loop_of_pressure_over_length() {
+    let nominal = muscle(PlantModel::Full);
+    let mut slipping = nominal.clone();
+    (slipping.muscle.creep_fast_n_m, slipping.muscle.creep_slow_n_m) = (0.0, 0.0);
+    let [dry, with_slip, all] =
+        [elastic(nominal.clone()), slipping, nominal].map(|scenario| loop_width_n(&scenario));
+    assert!((30.0..42.0).contains(&dry), "{dry} N");
+    // Twice 6.5 N.
+    assert!((12.0..14.0).contains(&(with_slip - dry)), "{with_slip} N, {dry} N");
+    // Creep holds back up to 4 N a millimetre.
+    assert!((20.0..45.0).contains(&(all - with_slip)), "{all} N, {with_slip} N");
+}
+
+/// All that the gas does to the muscle's end is in the load, in the bladder, in motion, in what slip and
+/// creep hold, or heat.
+#[test]
+fn the_books_of_work_close() {
+    let mut scenario = muscle(PlantModel::Full);
+    scenario.load.kind = LoadKind::Mass;
+    scenario.load.mass_kg = 8.0;
+    scenario.muscle.slip_pressure_factor = 0.7;
+    // The ledger does not have what the bristles store.
+    (scenario.friction.force_n, scenario.friction.stribeck_force_n) = (0.0, 0.0);
+    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let start = plant.truth();
+    for cycle in 0..6 {
+        hold(&mut *plant, Actuation { inlet: 0.3, outlet: 0.0 }, 300 + 40 * cycle);
+        hold(&mut *plant, Actuation { inlet: 0.0, outlet: 0.4 }, 300);
+    }
+    hold(&mut *plant, Actuation { inlet: 0.5, outlet: 0.0 }, 300);
+    let (truth, ledger) = (plant.truth(), plant.ledger());
+    let bladder_j = |length: f64| 0.5 * 600.0 * (0.3 - length).powi(2);
+    let lifted_j = 8.0 * 9.80665 * (start.length_m - truth.length_m);
+    let moving_j = 0.5 * 8.0 * truth.speed_m_s.powi(2);
+    let pushed_j = 101_325.0 * (truth.volume_m3 - start.volume_m3);
+    let residual_j = ledger.work_j
+        - pushed_j
+        - lifted_j
+        - moving_j
+        - (bladder_j(truth.length_m) - bladder_j(start.length_m))
+        - ledger.hysteresis_energy_j
+        - ledger.friction_heat_j;
+    let handled_j = ledger.energy_initial_j + ledger.enthalpy_in_j + ledger.enthalpy_out_j;
+    println!("{residual_j:.2e} J of {handled_j:.0} J; {ledger:?}");
+    assert!(residual_j.abs() < 1e-6 * handled_j, "{residual_j} J");
+    assert!(ledger.hysteresis_energy_j > 0.1 && ledger.friction_heat_j > 4.0, "{ledger:?}");
+    assert!(ledger.energy_balance_error() < 1e-6 && ledger.wall_balance_error() < 1e-6);
 }
 
 #[test]

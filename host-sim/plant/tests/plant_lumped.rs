@@ -1,5 +1,6 @@
 //! The lumped muscle: the working cycle, conservation, order, an independent solver.
 
+use crate::plant_full::elastic;
 use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use thermyo_plant::chamber::braid::Geometry;
@@ -41,7 +42,7 @@ fn the_working_cycle() {
     println!("bare sensor {rms:.2} K RMS, wall {:.2} K", plant.truth().wall_temperature_k);
     assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.5e5..4.7e5).contains(&pressure.1));
     assert!((0.25..0.31).contains(&contraction));
-    assert!((4.0..9.0).contains(&rms));
+    assert!((8.0..13.0).contains(&rms));
     let ledger = plant.ledger();
     println!(
         "balances: mass {:.1e}, energy {:.1e}, wall {:.1e}",
@@ -84,7 +85,8 @@ fn mass_and_energy_are_conserved_over_100_s() {
 
 /// A contraction from the stop, sliding all the time, with no valve near equal pressures.
 fn smooth() -> Scenario {
-    let mut scenario = muscle(PlantModel::Lumped);
+    let mut scenario = elastic(muscle(PlantModel::Lumped));
+    scenario.heat.model = HeatModel::Constant;
     scenario.friction.force_n = 0.0;
     scenario.load.force_n = 60.0;
     scenario.plant.initial_pressure_pa = 150_000.0;
@@ -101,17 +103,20 @@ fn run(scenario: &Scenario, until: f64) -> Truth {
     plant.truth()
 }
 
-/// The same muscle from scratch: states m, U, T_w; the length by bisection of the forces.
+/// The same muscle from scratch: states m, U, T_w and the ways u of the creep's dashpots; the length by
+/// bisection of the forces. It starts relaxed and only contracts.
 struct Independent {
     scenario: Scenario,
     braid: Geometry,
     valve: Iso6358,
+    start_m: f64,
 }
 
 impl Independent {
-    /// P, V, L for an internal energy.
-    fn place(&self, energy: f64) -> (f64, f64, f64) {
+    /// P, V, L for an internal energy and the dashpots' ways.
+    fn place(&self, energy: f64, ways: [f64; 2]) -> (f64, f64, f64) {
         let k = self.scenario.gas.heat_capacity_ratio;
+        let muscle = &self.scenario.muscle;
         let (mut low, mut high) = (self.braid.thread_length_m / 3.0f64.sqrt(), 0.3);
         let state = |length: f64| {
             let v = length * (self.braid.thread_length_m.powi(2) - length * length)
@@ -128,8 +133,13 @@ impl Independent {
                 + 8.0 * state(length + h).1
                 - state(length + 2.0 * h).1)
                 / (12.0 * h);
+            let x = self.start_m - length;
+            let held = (muscle.slip_stiffness_n_m * x).min(muscle.slip_force_n)
+                + muscle.creep_fast_n_m * (x - ways[0])
+                + muscle.creep_slow_n_m * (x - ways[1]);
             let force = -(p - self.scenario.ambient.pressure_pa) * slope
-                + self.scenario.muscle.bladder_stiffness_n_m * (length - 0.3);
+                + muscle.bladder_stiffness_n_m * (length - 0.3)
+                - held;
             if force > self.scenario.load.force_n { high = length } else { low = length }
         }
         let length = 0.5 * (low + high);
@@ -138,12 +148,13 @@ impl Independent {
     }
 }
 
-impl System<f64, SVector<f64, 3>> for Independent {
-    fn system(&self, _: f64, y: &SVector<f64, 3>, dy: &mut SVector<f64, 3>) {
-        // Eq. (3) with U and L found together: dL/dt from a difference of the equilibrium.
+impl System<f64, SVector<f64, 5>> for Independent {
+    fn system(&self, _: f64, y: &SVector<f64, 5>, dy: &mut SVector<f64, 5>) {
+        // Eq. (3) with U and L found together: dL/dt from differences of the equilibrium.
         let s = &self.scenario;
         let gas = IdealGas::new(&s.gas);
-        let (p, v, length) = self.place(y[1]);
+        let ways = [y[3], y[4]];
+        let (p, v, length) = self.place(y[1], ways);
         let t = p * v / (y[0] * gas.r);
         let inflow =
             OPEN.inlet * self.valve.mass_flow(s.supply.pressure_pa, s.supply.temperature_k, p);
@@ -152,23 +163,37 @@ impl System<f64, SVector<f64, 3>> for Independent {
         let h = s.heat.inner_w_m2_k + s.heat.inner_per_flow * inflow;
         let heat = h * area * (t - y[2]);
         let source = gas.cp * (inflow * s.supply.temperature_k - outflow * t) - heat;
+        let stretches = ways.map(|way| self.start_m - length - way);
+        let rates = [stretches[0] / s.muscle.creep_fast_s, stretches[1] / s.muscle.creep_slow_s];
+        // Volume and length over time at a constant energy, as the dashpots give way.
+        let d = 1e-3;
+        let moved = |by: f64| self.place(y[1], [ways[0] + by * rates[0], ways[1] + by * rates[1]]);
+        let (before, after) = (moved(-d), moved(d));
+        let (volume_drift, length_drift) =
+            ((after.1 - before.1) / (2.0 * d), (after.2 - before.2) / (2.0 * d));
         let d = 1e-4 * y[1];
-        let (up, down) = (self.place(y[1] + d), self.place(y[1] - d));
-        // dU = source dt - P dV and dV = V'(U) dU.
+        let (up, down) = (self.place(y[1] + d, ways), self.place(y[1] - d, ways));
+        // dU = source dt - P dV and dV = V'(U) dU + drift dt.
         let volume_per_energy = (up.1 - down.1) / (2.0 * d);
-        let energy_rate = source / (1.0 + p * volume_per_energy);
-        let speed = (up.2 - down.2) / (2.0 * d) * energy_rate;
+        let energy_rate = (source - p * volume_drift) / (1.0 + p * volume_per_energy);
+        let speed = (up.2 - down.2) / (2.0 * d) * energy_rate + length_drift;
         let outer = s.heat.outer_w_m2_k + s.heat.outer_per_speed * speed.abs();
+        let slips = s.muscle.slip_stiffness_n_m * (self.start_m - length) > s.muscle.slip_force_n;
+        let lost = s.muscle.creep_fast_n_m * stretches[0] * rates[0]
+            + s.muscle.creep_slow_n_m * stretches[1] * rates[1]
+            + if slips { -speed * s.muscle.slip_force_n } else { 0.0 };
         dy[0] = inflow - outflow;
         dy[1] = energy_rate;
-        dy[2] = (heat - outer * area * (y[2] - s.ambient.temperature_k)) / s.wall.heat_capacity_j_k;
+        dy[2] = (heat + s.friction.heat_fraction * lost
+            - outer * area * (y[2] - s.ambient.temperature_k))
+            / s.wall.heat_capacity_j_k;
+        (dy[3], dy[4]) = (rates[0], rates[1]);
     }
 }
 
-#[test]
-fn agrees_with_an_independent_solver() {
-    let scenario = smooth();
-    let start = thermyo_plant::build(&scenario, None).unwrap().truth();
+/// Largest relative difference of mass, energy and wall temperature after a second.
+fn difference(scenario: &Scenario) -> f64 {
+    let start = thermyo_plant::build(scenario, None).unwrap().truth();
     let gas = IdealGas::new(&scenario.gas);
     let system = Independent {
         braid: Geometry::new(
@@ -181,25 +206,36 @@ fn agrees_with_an_independent_solver() {
             scenario.valve.critical_ratio,
             &gas,
         ),
+        start_m: start.length_m,
         scenario: scenario.clone(),
     };
     let energy = start.pressure_pa * start.volume_m3 / (gas.k - 1.0);
-    let initial = SVector::<f64, 3>::new(start.mass_kg, energy, 298.0);
+    let initial = SVector::<f64, 5>::new(start.mass_kg, energy, 298.0, 0.0, 0.0);
     let mut solver = Dop853::new(system, 0.0, 1.0, 0.01, initial, 1e-11, 1e-13);
     solver.integrate().unwrap();
     let end = *solver.y_out().last().unwrap();
-    let truth = run(&scenario, 1.0);
+    let truth = run(scenario, 1.0);
+    assert!(truth.length_m < 0.285, "it must have moved: {truth:?}");
     let energy = truth.pressure_pa * truth.volume_m3 / (gas.k - 1.0);
-    for (name, ours, theirs) in [
-        ("mass", truth.mass_kg, end[0]),
-        ("energy", energy, end[1]),
-        ("wall", truth.wall_temperature_k, end[2]),
-    ] {
-        let error = (ours / theirs - 1.0).abs();
-        println!("{name}: {error:.1e}");
-        assert!(error < 1e-8, "{name}: {ours} for {theirs}");
-    }
-    assert!(truth.length_m < 0.28, "it must have moved: {truth:?}");
+    let pairs = [(truth.mass_kg, end[0]), (energy, end[1]), (truth.wall_temperature_k, end[2])];
+    println!("{pairs:?}");
+    pairs.into_iter().map(|(ours, theirs)| (ours / theirs - 1.0).abs()).fold(0.0, f64::max)
+}
+
+#[test]
+fn agrees_with_an_independent_solver() {
+    let error = difference(&smooth());
+    assert!(error < 1e-8, "{error:e}");
+}
+
+/// Creep is of second order in time: a constant speed over a step. Slip has a kink within one.
+#[test]
+fn slip_and_creep_agree_with_an_independent_solver() {
+    let mut scenario = smooth();
+    scenario.muscle = Scenario::default().muscle;
+    scenario.friction.softening_per_k = 0.0;
+    let error = difference(&scenario);
+    assert!(error < 1e-6, "{error:e}");
 }
 
 #[test]
@@ -220,7 +256,7 @@ fn integration_is_of_fourth_order() {
 
 #[test]
 fn friction_holds_the_length_and_heats_the_wall() {
-    let mut scenario = muscle(PlantModel::Lumped);
+    let mut scenario = elastic(muscle(PlantModel::Lumped));
     scenario.plant.initial_pressure_pa = 300_000.0;
     let mut plant = thermyo_plant::build(&scenario, None).unwrap();
     let start = plant.truth();

@@ -227,6 +227,24 @@ fn eq_9_with_equal_coefficients_is_polytropic() {
     assert!(plant.ledger().wall_balance_error() < 1e-9);
 }
 
+/// 0.515 m by 0.20 m, wall 8.18 mm of steel, 7.9 bar, 2.71 mm nozzle.
+fn measured_vessel() -> Scenario {
+    let mut s = Scenario::default();
+    let (length, diameter, thickness) = (0.515, 0.2, 0.008_18);
+    s.plant.kind = PlantKind::Vessel;
+    s.plant.initial_pressure_pa = 7.9e5;
+    s.ambient.pressure_pa = 1.0e5;
+    s.vessel.volume_m3 = PI / 4.0 * diameter * diameter * length;
+    s.vessel.surface_m2 = PI * diameter * length + PI / 2.0 * diameter * diameter;
+    s.vessel.wall_heat_capacity_j_k = s.vessel.surface_m2 * thickness * 7800.0 * 500.0;
+    s.vessel.characteristic_length_m = diameter;
+    s.orifice.diameter_m = 0.002_71;
+    s.heat.outer_w_m2_k = 5.0;
+    s.drive.kind = DriveKind::Discharge;
+    s.run.step_s = 0.01;
+    s
+}
+
 /// The measured discharge that HydDown validates against: 0.515 m by 0.20 m, wall 8.18 mm of steel,
 /// 7.9 bar, 2.71 mm nozzle. Columns time_s, sensor_gas_k, pressure_pa; empty cells are gaps.
 #[test]
@@ -245,19 +263,7 @@ fn measured_air_discharge() {
             (cells.next().flatten().unwrap(), cells.next().flatten(), cells.next().flatten())
         })
         .collect();
-    let mut s = Scenario::default();
-    let (length, diameter, thickness) = (0.515, 0.2, 0.008_18);
-    s.plant.kind = PlantKind::Vessel;
-    s.plant.initial_pressure_pa = 7.9e5;
-    s.ambient.pressure_pa = 1.0e5;
-    s.vessel.volume_m3 = PI / 4.0 * diameter * diameter * length;
-    s.vessel.surface_m2 = PI * diameter * length + PI / 2.0 * diameter * diameter;
-    s.vessel.wall_heat_capacity_j_k = s.vessel.surface_m2 * thickness * 7800.0 * 500.0;
-    s.vessel.characteristic_length_m = diameter;
-    s.orifice.diameter_m = 0.002_71;
-    s.heat.outer_w_m2_k = 5.0;
-    s.drive.kind = DriveKind::Discharge;
-    s.run.step_s = 0.01;
+    let mut s = measured_vessel();
     let mut rms = |heat: HeatModel, lag: f64| {
         s.heat.model = heat;
         s.sensor.gas.time_constant_s = lag;

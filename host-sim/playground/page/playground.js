@@ -70,6 +70,7 @@ function turn(key, value, show) {
   });
   show();
   showExport();
+  showAddress();
 }
 
 function showExport() {
@@ -95,6 +96,86 @@ function wrong(message) {
   $("wrong").hidden = !message;
 }
 
+// The address: scenario, changed keys, and whether the core has them too
+
+/** Name of the running scenario; none for a file of the user's own, which an address cannot hold. */
+let shipped = null;
+
+function showAddress() {
+  const fields = new URLSearchParams();
+  if (shipped) {
+    fields.set("run", shipped);
+    for (const [key, value] of turned) fields.set(key, value);
+    if (turned.size) fields.set("core", unconfigured ? "before" : "updated");
+  }
+  const text = fields.toString();
+  history.replaceState(null, "", text ? `#${text}` : location.pathname + location.search);
+}
+
+/** Starts what the address describes; the first scenario where it describes none. */
+function fromAddress() {
+  const fields = new URLSearchParams(location.hash.slice(1));
+  const index = Math.max(0, scenarios.findIndex(({ name }) => name === fields.get("run")));
+  $("choice").selectedIndex = index;
+  run(index);
+  const known = new Set(KNOBS.map(([key]) => key));
+  const values = [...fields].map(([key, text]) => [key, Number(text)]).filter(([key, value]) => known.has(key) && Number.isFinite(value));
+  attempt(() => {
+    for (const [key, value] of values) {
+      simulation.turn(key, value, fields.get("core") === "updated");
+      turned.set(key, value);
+    }
+  });
+  settings = simulation.settings();
+  unconfigured = turned.size > 0 && fields.get("core") !== "updated";
+  makeKnobs();
+  showExport();
+  showAddress();
+}
+
+/** Starts a scenario of the list. */
+function run(index) {
+  const { name, text: scenario, own } = scenarios[index];
+  if (!begin(scenario)) return false;
+  shipped = own ? null : name;
+  showAddress();
+  return true;
+}
+
+// The tour
+
+/** Text, and the changes of a step: the scenario it starts, the keys it turns, and whether the core gets them. */
+const TOUR = [
+  { text: "Five seconds of filling, five of emptying. The gas (wide line) swings with every stroke; the sensor, with a lag of 3 s, shows little of it. The estimate follows from pressure, length and that slow sensor.", run: 0, turn: {} },
+  { text: "Heat transfer is tripled, in the muscle only: the core still believes the old value. Watch the estimate: wrong by kelvins at first, as its band says, until it has found the new value after some strokes.", run: 0, turn: { "heat.scale": 3 } },
+  { text: "Now the core is configured with the same value, and starts again. It knows what it had to find before: the error is small from the first stroke on.", run: 0, turn: { "heat.scale": 3 }, configured: true },
+  { text: "A slow sensor, with a lag of 12 s, and the core knows it. The sensor's error is as large as the swing itself; the estimate hardly needs the sensor from stroke to stroke.", run: 0, turn: { "sensor.gas.time_constant_s": 12 }, configured: true },
+  { text: "The controller at work: it holds 400 kPa. The gas jumps with the inflow and cools at the wall, and the valves make up for that. Now turn anything.", run: 1, turn: { "drive.pressure_pa": 4e5 } },
+];
+let step = -1;
+
+function tour(to) {
+  step = to;
+  const { text: words, run: index, turn: keys, configured } = TOUR[step];
+  $("choice").selectedIndex = index;
+  if (!run(index)) return;
+  attempt(() => {
+    for (const [key, value] of Object.entries(keys)) {
+      simulation.turn(key, value, configured);
+      turned.set(key, value);
+    }
+    settings = simulation.settings();
+    unconfigured = turned.size > 0 && !configured;
+  });
+  $("tour-title").textContent = `Step ${step + 1} of ${TOUR.length}`;
+  $("tour-text").textContent = words;
+  $("tour-next").textContent = step + 1 < TOUR.length ? "Next" : "From the start";
+  $("tour-back").hidden = step === 0;
+  makeKnobs();
+  showExport();
+  showAddress();
+}
+
 // From time zero
 
 function begin(scenario) {
@@ -113,6 +194,7 @@ function again() {
     for (const [key, value] of turned) simulation.turn(key, value, true);
   });
   if (done) fresh();
+  showAddress();
 }
 
 function fresh() {
@@ -193,6 +275,9 @@ function take(cells) {
     const row = Object.fromEntries(places.map(([name, place, factor]) => [name, cells[first + place] * factor]));
     row.low = row.estimate - 2 * row.sd;
     row.high = row.estimate + 2 * row.sd;
+    row.error = row.estimate - row.gas;
+    row.least = -2 * row.sd;
+    row.most = 2 * row.sd;
     if (rest) row.contraction = 100 * (1 - row.length / 1e3 / rest);
     if (kind === "pressure") row.pressureSet = row.wanted / 1e3;
     if (kind === "contraction") row.contractionSet = row.wanted * 100;
@@ -203,10 +288,12 @@ function take(cells) {
 
 // Display
 
-const live = new Live([...Object.keys(SHOWN).slice(1), "low", "high", "contraction", "pressureSet", "contractionSet"], KEPT_S, 5000);
+const live = new Live([...Object.keys(SHOWN).slice(1), "low", "high", "error", "least", "most", "contraction", "pressureSet", "contractionSet"], KEPT_S, 5000);
 live.chart("plot-temperature", { label: "Gas temperature", unit: "K", digits: 2, least: 2 }, [
   wide("gas", "truth", "gas"), line("sensor", "sensor", "sensor"), line("estimate", "estimate", "estimate"),
   band("± 2 sd", "estimate", "low", "high")]);
+live.chart("plot-error", { label: "Error of the estimate", unit: "K", digits: 2, least: .5 },
+  [line("estimate less truth", "estimate", "error"), band("± 2 sd", "estimate", "least", "most")]);
 live.chart("plot-pressure", { label: "Pressure, absolute", unit: "kPa", digits: 1, least: 10 },
   [line("simulated", "measured", "pressure"), dashed("set point", "set-point", "pressureSet")]);
 live.chart("plot-length", { label: "Contraction", unit: "%", digits: 2, least: 2 },
@@ -221,6 +308,20 @@ function put(id, value, unit) {
   $(id).replaceChildren(value, small);
 }
 
+/** Root-mean-square differences of two columns from the gas, over the time shown. */
+function errors() {
+  const { time, gas, estimate, sensor } = live.columns, from = live.shown - live.span;
+  const squares = [0, 0];
+  let count = 0;
+  for (let i = time.length - 1; i >= 0 && time[i] >= from; i--) {
+    if (time[i] > live.shown || !Number.isFinite(gas[i])) continue;
+    squares[0] += (estimate[i] - gas[i]) ** 2;
+    squares[1] += (sensor[i] - gas[i]) ** 2;
+    count++;
+  }
+  return squares.map((sum) => Math.sqrt(sum / count));
+}
+
 function draw() {
   live.draw();
   const { now } = live;
@@ -229,6 +330,8 @@ function draw() {
   put("r-pressure", now.pressure.toFixed(1), "kPa");
   put("r-gas", now.gas.toFixed(2), "K");
   put("r-sensor", now.sensor.toFixed(2), "K");
+  const [estimated, sensed] = errors();
+  put("r-error", estimated.toFixed(2), `K, of the sensor ${sensed.toFixed(2)} K`);
   put("r-estimate", now.estimate.toFixed(2), `± ${(2 * now.sd).toFixed(2)} K`);
   const contracted = Number.isFinite(now.contraction);
   $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
@@ -248,15 +351,20 @@ function save(name, content, type) {
 $("export").addEventListener("click", () => attempt(() => save("scenario.toml", simulation.scenario(), "application/toml")));
 $("trace").addEventListener("click", () => attempt(() => save("trace.csv", simulation.trace(simulation.scenario()), "text/csv")));
 $("again").addEventListener("click", again);
-$("shipped").addEventListener("click", () => begin(text));
-$("choice").addEventListener("change", () => begin(scenarios[$("choice").selectedIndex].text));
+$("shipped").addEventListener("click", () => { if (begin(text)) showAddress(); });
+$("choice").addEventListener("change", () => run($("choice").selectedIndex));
+$("tour-next").addEventListener("click", () => tour((step + 1) % TOUR.length));
+$("tour-back").addEventListener("click", () => tour(step - 1));
+addEventListener("hashchange", fromAddress);
 $("file").addEventListener("change", async ({ target }) => {
   const [file] = target.files;
   target.value = "";
   if (!file || !begin(await file.text())) return;
-  scenarios.push({ name: file.name, text });
+  scenarios.push({ name: file.name, text, own: true });
   $("choice").append(new Option(file.name));
   $("choice").selectedIndex = scenarios.length - 1;
+  shipped = null;
+  showAddress();
 });
 for (const radio of document.querySelectorAll("[name=rate]")) radio.addEventListener("change", () => (rate = +radio.value));
 $("pause").addEventListener("click", () => {
@@ -270,7 +378,7 @@ try {
   if (!module.ok) throw new Error(`thermyo.wasm: ${module.status} ${module.statusText}`);
   simulation = await Simulation.load(await module.arrayBuffer());
   $("choice").append(...scenarios.map(({ name }) => new Option(name)));
-  begin(scenarios[0].text);
+  fromAddress();
   requestAnimationFrame((now) => { before = measured.from = now; frame(now); });
 } catch (error) {
   $("mode").textContent = "not loaded";

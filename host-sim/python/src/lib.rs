@@ -38,6 +38,7 @@ mod thermyo {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("Run", super::run::results(module.py())?.getattr("Run")?)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

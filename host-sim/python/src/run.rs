@@ -5,10 +5,13 @@ use crate::scenario;
 use numpy::{AllowTypeChange, IntoPyArray, PyArrayLike1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyDict, PyMapping, PyModule};
 use serde::Serialize;
+use std::ffi::CString;
 use std::io;
 use std::time::{Duration, Instant};
+use thermyo_files::units::Unit;
 use thermyo_record::trace::{COLUMNS, Row, cells_text};
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run as simulation;
@@ -44,6 +47,23 @@ impl Signals {
     }
 }
 
+/// The Python part of the package, `results.py`.
+pub fn results(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
+    static MODULE: PyOnceLock<Py<PyModule>> = PyOnceLock::new();
+    let module = MODULE.get_or_try_init(py, || {
+        let code = CString::new(include_str!("results.py"))?;
+        let module = PyModule::from_code(py, &code, c"thermyo/results.py", c"thermyo.results")?;
+        let units = PyDict::new(py);
+        for name in COLUMNS {
+            let Unit { symbol, factor } = Unit::of_column(name);
+            units.set_item(name, (symbol, factor))?;
+        }
+        module.getattr("Run")?.setattr("_units", units)?;
+        PyResult::Ok(module.unbind())
+    })?;
+    Ok(module.bind(py))
+}
+
 /// Runs a scenario: the columns of trace.csv as numpy arrays, and the summary under "summary".
 #[pyfunction]
 #[pyo3(signature = (scenario, seed = None))]
@@ -51,7 +71,7 @@ pub fn run<'py>(
     py: Python<'py>,
     scenario: &Bound<'py, PyAny>,
     seed: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<Bound<'py, PyAny>> {
     let loaded = scenario::load(scenario, seed)?;
     let run = &loaded.plant.run;
     let rows = (run.steps() / run.log_every) as usize + 2;
@@ -72,7 +92,7 @@ pub fn run<'py>(
         table.set_item(name, column.into_pyarray(py))?;
     }
     table.set_item(SUMMARY, plain(py, &summary)?)?;
-    Ok(table)
+    results(py)?.getattr("Run")?.call1((table,))
 }
 
 /// Columns as the text of a CSV file: for a run, the bytes of its trace.csv. A summary is left out.

@@ -1,7 +1,7 @@
 //! Sweeps, a point at a time: for engines that distribute them over machines.
 
 use crate::error;
-use crate::run::Signals;
+use crate::run::{Signals, results};
 use crate::scenario;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
@@ -58,6 +58,12 @@ impl Sweep {
         let point = py.detach(|| self.points.point(index, &mut || signals.go_on()));
         signals.raise()?;
         Ok(self.points.study.csv_row(&point))
+    }
+
+    /// The row as a dict.
+    fn record<'py>(&self, py: Python<'py>, point: usize) -> PyResult<Bound<'py, PyAny>> {
+        let row = self.row(py, point)?;
+        results(py)?.getattr("record")?.call1((self.header(), row))
     }
 }
 

@@ -6,7 +6,7 @@ import pytest
 import thermyo
 
 TRUE = {"run": {"duration_s": 10.0}, "plant": {"model": "lumped"}}
-GUESS = {**TRUE, "heat": {"inner_w_m2_k": 60.0}, "identify": {"parameters": ["heat.inner_w_m2_k"]}}
+GUESS = {**TRUE, "heat": {"scale": 0.7}, "identify": {"parameters": ["heat.scale"]}}
 
 
 @pytest.fixture(scope="module")

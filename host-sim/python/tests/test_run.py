@@ -31,6 +31,22 @@ def test_columns_are_arrays_of_float(scenarios):
     assert run["time_s"][0] == 0.0 and run["time_s"][-1] == 100.0
 
 
+def test_a_run_is_a_table_and_a_figure():
+    run = thermyo.run({"run": {"duration_s": 0.5}, "supply": {"pressure_pa": "6 bar"}})
+    assert isinstance(run, dict) and isinstance(run, thermyo.Run)
+    assert run.summary is run["summary"] and "summary" not in run.columns
+    assert repr(run) == f"<thermyo.Run of {len(run['time_s'])} rows and {len(run.columns)} columns>"
+    figure = run.plot()
+    assert [axis.get_ylabel() for axis in figure.axes][:2] == ["pressure / kPa", "gas_temperature / K"]
+    pressure_kpa = figure.axes[0].lines[0].get_ydata()
+    assert numpy.allclose(pressure_kpa * 1e3, run["pressure_pa"])
+    with pytest.raises(KeyError, match="presure_pa: must be one of time_s, "):
+        run.plot("presure_pa")
+    pytest.importorskip("pandas")
+    table = run.to_pandas()
+    assert table.index.name == "time_s" and (table["pressure_pa"].to_numpy() == run["pressure_pa"]).all()
+
+
 def test_a_seed_takes_the_place_of_the_scenarios():
     scenario = {"run": {"duration_s": 0.1}}
     default, other, again = (thermyo.run(scenario, seed=seed) for seed in (None, 7, 7))

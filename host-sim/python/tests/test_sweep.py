@@ -24,6 +24,13 @@ def test_rows_are_the_commands(command, tmp_path):
     assert values.startswith("sensor.gas.time_constant_s = ") and ", plant.model = " in values
 
 
+def test_rows_are_dicts_too():
+    sweep = thermyo.Sweep(SCENARIO, ["supply.pressure_pa=5bar,6bar"])
+    record = sweep.record(2)
+    assert (record["point"], record["supply.pressure_pa"], record["failure"]) == (2, 600000, None)
+    assert record["estimate_rmse_k"] > 0 and "checksum" not in record
+
+
 def test_seeds_keep_every_digit():
     seeds = [2**53 + 1, 2**53 + 3]
     sweep = thermyo.Sweep(SCENARIO, [f"run.seed={seeds[0]},{seeds[1]}"])

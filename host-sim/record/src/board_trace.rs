@@ -75,6 +75,21 @@ pub fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
     }
 }
 
+/// Cells of [`MORE_COLUMNS`]; an empty `status` leaves its columns empty.
+pub fn more_cells(status: Option<&Status>, telemetry: &Telemetry) -> [f64; MORE_COLUMNS.len()] {
+    let (kind, value, second) = kind_and_values(telemetry.set_point);
+    let stated = |value: fn(&Status) -> f64| status.map_or(f64::NAN, value);
+    [
+        f64::from(kind),
+        f64::from(value),
+        f64::from(second),
+        stated(|status| f64::from(status.armed_pa.unwrap_or_default())),
+        stated(|status| f64::from(status.restarts)),
+        stated(|status| f64::from(status.starts)),
+        stated(|status| f64::from(status.config_checksum)),
+    ]
+}
+
 /// Most missing steps when their count wraps at 2^32: three days at 1 kHz.
 const MOST_MISSING: u32 = 1 << 28;
 
@@ -142,17 +157,7 @@ impl<W: Write> Recorder<W> {
         let time_s = self.clock.time_s(telemetry.step, short(config.step_s));
         self.rows += 1;
         let row = row(time_s, config, telemetry);
-        let (kind, value, second) = kind_and_values(telemetry.set_point);
-        let stated = |value: fn(&Status) -> f64| status.map_or(f64::NAN, value);
-        let more: [f64; MORE_COLUMNS.len()] = [
-            f64::from(kind),
-            f64::from(value),
-            f64::from(second),
-            stated(|status| f64::from(status.armed_pa.unwrap_or_default())),
-            stated(|status| f64::from(status.restarts)),
-            stated(|status| f64::from(status.starts)),
-            stated(|status| f64::from(status.config_checksum)),
-        ];
+        let more = more_cells(status, telemetry);
         let cells: Vec<f64> = row.cells().into_iter().chain(more).collect();
         self.out.push(&cells_text(cells.iter().copied()))?;
         self.beside.row(&cells)?;

@@ -6,12 +6,14 @@ use std::collections::VecDeque;
 
 /// Swings in a row that make a limit cycle: five cycles.
 const SWINGS: usize = 10;
+/// Swings in a row that make one even if it ends by itself: twenty cycles.
+const MANY_SWINGS: usize = 40;
 /// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitCycle {
-    /// End of the set point in which it occurred \[s\].
+    /// Its end: that of the set point, unless it ended by itself \[s\].
     pub time_s: f64,
     pub frequency_hz: f64,
     /// Amplitude: half of the distance between turning points, in the unit of the set point.
@@ -69,7 +71,8 @@ impl Detector {
                     self.extreme = (time_s, value);
                 } else if -further > self.least_swing {
                     self.turns.push_back(self.extreme);
-                    if self.turns.len() > SWINGS + 1 {
+                    if self.turns.len() > MANY_SWINGS {
+                        self.found(MANY_SWINGS);
                         self.turns.pop_front();
                     }
                     self.rising = Some(!rising);
@@ -81,21 +84,23 @@ impl Detector {
 
     /// The set point has ended. A cycle that lasted to its end counts.
     fn end_set_point(&mut self) {
-        let (Some(first), Some(last)) = (self.turns.front(), self.turns.back()) else { return };
-        if self.turns.len() <= SWINGS {
-            return;
-        }
-        let half_s = (last.0 - first.0) / SWINGS as f64;
-        let swings = self.turns.iter().zip(self.turns.iter().skip(1));
-        let swings: Vec<f64> = swings.map(|(from, to)| (to.1 - from.1).abs()).collect();
-        let lasts = swings[SWINGS - 1] >= LASTS * swings[0];
-        if !lasts || self.time_s - last.0 > 4.0 * half_s {
+        self.found(SWINGS);
+    }
+
+    /// Keeps the last so many swings if they are a limit cycle that lasts until now, and the largest.
+    fn found(&mut self, count: usize) {
+        let Some(skipped) = self.turns.len().checked_sub(count + 1) else { return };
+        let turns: Vec<(f64, f64)> = self.turns.iter().skip(skipped).copied().collect();
+        let half_s = (turns[count].0 - turns[0].0) / count as f64;
+        let swings: Vec<f64> = turns.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).collect();
+        let lasts = swings[count - 1] >= LASTS * swings[0];
+        if !lasts || self.time_s - turns[count].0 > 4.0 * half_s {
             return;
         }
         let found = LimitCycle {
             time_s: self.time_s,
             frequency_hz: 0.5 / half_s,
-            amplitude: 0.5 * swings.iter().sum::<f64>() / SWINGS as f64,
+            amplitude: 0.5 * swings.iter().sum::<f64>() / count as f64,
         };
         if self.largest.is_none_or(|largest| found.amplitude > largest.amplitude) {
             self.largest = Some(found);
@@ -134,6 +139,9 @@ mod tests {
         let until = |t: f64| if t < 1.0 { swing(t) } else { 5.0 };
         let cycle = found(until, |t| if t < 1.0 { 5.0 } else { 6.0 }).unwrap();
         assert!((cycle.time_s - 0.999).abs() < 1e-9, "{cycle:?}");
+        // It ended by itself, after 28 cycles.
+        let cycle = found(|t| swing(t.min(1.5)), |_| 5.0).unwrap();
+        assert!((cycle.amplitude - 0.5).abs() < 0.01 && cycle.time_s < 1.51, "{cycle:?}");
     }
 
     #[test]

@@ -1,11 +1,11 @@
 //! How closely a set point is followed: figures of `control` in every summary, gathered step by step.
 
 use crate::trace::Row;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use thermyo_compute::math;
 use thermyo_files::number::significant;
-use thermyo_files::units::Unit;
+use thermyo_files::units::{Unit, UnitSystem};
 use thermyo_scenario::{DriveKind, Scenario, Shape};
 
 /// An error within this fraction of a jump counts as settled, as in `thermyo tune` \[-\].
@@ -17,7 +17,7 @@ const OFTEN: f64 = 0.1;
 const END: f64 = 1e-3;
 
 /// The controlled quantity.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Controlled {
     /// Absolute pressure \[Pa\].
@@ -43,15 +43,19 @@ impl Controlled {
     }
 
     /// A value or difference as text.
-    pub fn text(self, value: f64) -> String {
-        let Unit { symbol, factor } = self.unit();
+    pub fn text(self, value: f64, units: UnitSystem) -> String {
+        let Unit { symbol, factor } = match (units, self) {
+            (UnitSystem::Practical, _) => self.unit(),
+            (UnitSystem::Si, Self::Pressure) => Unit { symbol: "Pa", factor: 1.0 },
+            (UnitSystem::Si, Self::Contraction) => Unit { symbol: "of rest length", factor: 1.0 },
+        };
         format!("{} {symbol}", significant(value * factor, 3))
     }
 }
 
 /// Control errors, in the set point's unit. Those of a shape count after its first period, in which
 /// the muscle gets to where it begins.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Control {
     /// The controlled quantity.
     pub quantity: Controlled,
@@ -84,8 +88,8 @@ pub struct Control {
 
 impl Control {
     /// Two lines of text.
-    pub fn text(&self) -> String {
-        let text = |value| self.quantity.text(value);
+    pub fn text(&self, units: UnitSystem) -> String {
+        let text = |value| self.quantity.text(value, units);
         let mut line = format!("set point: RMS error {}", text(self.rms_error));
         if let Some(error) = self.steady_error {
             line += &format!(", at the end {}", text(error));

@@ -3,7 +3,7 @@
 
 const HEAD = 28, FOOT = 42, ROW = 15, CHARACTER = 6.7, CLIP = 3;
 /** Margins of a growing record, whose title stands outside. */
-const LIVE_HEAD = 8, LIVE_FOOT = 22;
+const LIVE_HEAD = 8, LIVE_FOOT = 22, LIVE_TITLE = 28;
 const SMALLEST = 1e-6; // of the whole window
 const NARROW = 520;
 /** Marks from the lowest: a line through dense dots stays visible. */
@@ -114,6 +114,20 @@ function sample({ colour, mark }) {
   return svg;
 }
 
+/** A bar of buttons, and the function that adds one. */
+function toolbar() {
+  const bar = html("div", "tools");
+  const button = (text, what, act) => {
+    const node = html("button", "tool", text);
+    node.type = "button";
+    node.title = what;
+    node.setAttribute("aria-label", what);
+    node.addEventListener("click", act);
+    bar.append(node);
+  };
+  return { bar, button };
+}
+
 /** Properties that style sheets give a drawing. */
 const INHERENT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharray", "stroke-linecap", "stroke-linejoin", "opacity", "font-family", "font-size", "font-weight", "text-anchor", "display"];
 
@@ -147,6 +161,11 @@ export class Chart {
     this.reach = this.extent();
     this.legend(figure);
     if (tools) this.tools(tools);
+    if (plot.live) {
+      const { bar, button } = toolbar();
+      this.downloads(button, `: ${plot.name}`);
+      figure.querySelector(".figure-title").append(bar);
+    }
     this.readout = html("div", "readout");
     this.readout.setAttribute("role", "status");
     this.readout.hidden = true;
@@ -195,24 +214,20 @@ export class Chart {
   }
 
   tools(place) {
-    const bar = html("div", "tools");
-    const button = (text, what, act) => {
-      const node = html("button", "tool", text);
-      node.type = "button";
-      node.title = what;
-      node.setAttribute("aria-label", what);
-      node.addEventListener("click", act);
-      bar.append(node);
-    };
+    const { bar, button } = toolbar();
     const middle = () => (this.window[0] + this.window[1]) / 2;
     button("+", "Zoom in; or draw over the part to see", () => this.zoom(0.5, middle()));
     button("−", "Zoom out", () => this.zoom(2, middle()));
     button("◂", "Earlier; or drag with Shift", () => this.pan(-0.5));
     button("▸", "Later; or drag with Shift", () => this.pan(0.5));
     button("whole", "Back to the whole; or double-click", () => this.back());
-    // A growing record is saved by its recording.
-    if (!this.plot.live) for (const kind of ["csv", "svg", "png"]) button(kind, `Download as ${kind.toUpperCase()}`, () => this.save(kind));
+    if (!this.plot.live) this.downloads(button);
     place.append(bar);
+  }
+
+  /** Adds buttons that download the chart; `of` ends their names. */
+  downloads(button, of = "") {
+    for (const kind of ["csv", "svg", "png"]) button(kind, `Download as ${kind.toUpperCase()}${of}`, () => this.save(kind));
   }
 
   /** Downloads the points within the window, or the drawing. */
@@ -264,7 +279,19 @@ export class Chart {
       const style = getComputedStyle(node);
       for (const name of INHERENT) to[i].style.setProperty(name, style.getPropertyValue(name));
     });
-    copy.prepend(element("rect", { width: "100%", height: "100%", fill: getComputedStyle(document.body).backgroundColor }));
+    const fill = getComputedStyle(document.body).backgroundColor;
+    let top = 0;
+    // The title of a growing record stands outside, as HTML.
+    if (this.plot.live) {
+      const [wide, high] = ["width", "height"].map((name) => Number(copy.getAttribute(name)));
+      top = -LIVE_TITLE;
+      copy.setAttribute("height", high + LIVE_TITLE);
+      copy.setAttribute("viewBox", `0 ${top} ${wide} ${high + LIVE_TITLE}`);
+      const { fontFamily, color } = getComputedStyle(this.box);
+      const style = `font: 600 13px ${fontFamily}; fill: ${color}`;
+      copy.prepend(element("text", { x: px(this.x.from), y: -8, style }, title(this.plot.panels[0].y)));
+    }
+    copy.prepend(element("rect", { y: top, width: "100%", height: "100%", fill }));
     return new XMLSerializer().serializeToString(copy);
   }
 

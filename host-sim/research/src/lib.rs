@@ -1,1 +1,1 @@
-//! Benches alone: forms of the filter (`filter_forms`), integrators of the plant (`integrators`).
+//! Benches alone: integrators of the plant (`integrators`).

@@ -1,6 +1,7 @@
 //! Parts of a report on a run in which the core found faults, on a board or in this process.
 
 use super::run_report::{SummaryRow, capitalised};
+use thermyo_files::units::UnitSystem;
 use thermyo_record::summary::{CoreFigures, Found};
 use thermyo_record::tracking::Control;
 use thermyo_report::page::Tile;
@@ -17,7 +18,7 @@ impl Faulted<'_> {
     /// Sentence on the tracking of the set point.
     pub fn control(self, control: &Control) -> String {
         let what = control.quantity.name().to_lowercase();
-        let error = control.quantity.text(control.rms_error);
+        let error = control.quantity.text(control.rms_error, UnitSystem::Practical);
         if self.0.vented_s.is_some() {
             format!("The {what} misses its set point by {error} (RMS), the vented time included. ")
         } else {

@@ -187,7 +187,13 @@ fn part_of(table: &Table, config: &Config) -> Result<Part, InputError> {
         |row: usize| checksums.as_ref().and_then(|all| all[row]).is_none_or(|stated| stated == own);
     let part = Part::of(&steps, of_config).or_else(|| Part::of(&steps, |_| true));
     part.filter(|part| part.rows > 1 || steps.len() < 2).ok_or_else(|| {
-        table.cell_error(1, "step", "the next step: record with [run] log_every = 1")
+        let after = steps[1] - steps[0];
+        let every = format!(
+            "the next step, but the record goes on {after} steps later, and the core needs every sample: \
+             record again with `[run] log_every = 1`, or a board with `thermyo monitor PORT --every 1`, \
+             `thermyo serve` or `thermyo board PORT drive`"
+        );
+        table.cell_error(1, "step", &every)
     })
 }
 

@@ -97,6 +97,20 @@ impl Document {
         }
     }
 
+    /// This document, with the entries of another above its own.
+    #[must_use]
+    pub fn overlaid(&self, over: &Self) -> Self {
+        let both = |own: &Entries, over: &Entries| {
+            let kept = own.list.iter().filter(|entry| over.get(&entry.path()).is_none());
+            Entries { prefix: own.prefix, list: kept.chain(&over.list).cloned().collect() }
+        };
+        Self {
+            origin: self.origin.clone(),
+            plant: both(&self.plant, &over.plant),
+            believed: both(&self.believed, &over.believed),
+        }
+    }
+
     /// Sets the key of a whole path, such as "sensor.gas.position" or "believed.heat.scale", to
     /// this number, as if it were in the file.
     ///
@@ -264,7 +278,7 @@ impl Walk<'_> {
 }
 
 /// Allowed values in place of another; for a text without a unit of the key, also the units.
-fn allowed_instead(allowed: Allowed, text: Option<&str>) -> String {
+pub(crate) fn allowed_instead(allowed: Allowed, text: Option<&str>) -> String {
     match (allowed, text) {
         (Allowed::Real(limits), Some(text)) if limits.wanted().read_with_unit(text).is_err() => {
             format!("{limits}, or a text with its unit: {}", limits.wanted().names())
@@ -274,7 +288,7 @@ fn allowed_instead(allowed: Allowed, text: Option<&str>) -> String {
 }
 
 /// The value in the schema's type, if it is allowed.
-fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
+pub(crate) fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
     match allowed {
         Allowed::Real(limits) => {
             let number = match value {

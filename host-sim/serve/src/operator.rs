@@ -19,13 +19,18 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::input::InputError;
+use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
 use thermyo_logs::Logs;
 use thermyo_protocol::{ConfigSource, Refusal, Status, Timing};
+use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 use thermyo_studies::drive::LiveBench;
+use thermyo_studies::stops;
+use thermyo_studies::stops::{Asked, LiveRows, Plan, Record, RowBench};
 use thermyo_studies::tune;
 use thermyo_studies::tune::{OutOfReach, TuneError, Tuned};
 
@@ -99,6 +104,8 @@ enum NotDone {
     Input(#[from] InputError),
     #[error(transparent)]
     Pressure(#[from] OutOfReach),
+    #[error(transparent)]
+    Stops(#[from] stops::Refusal),
     #[error("{0}")]
     NotNow(&'static str),
 }
@@ -423,6 +430,7 @@ impl Operator {
                 return Ok(());
             }
             Order::Tune { most_pa } => return self.tune(most_pa, wanted),
+            Order::Stops { most_pa } => return self.measure_stops(most_pa, wanted),
             _ => (),
         }
         let board = self.board.as_mut().ok_or(NO_LINK)?;
@@ -459,7 +467,8 @@ impl Operator {
             | Order::Leave
             | Order::Finish
             | Order::Reference(_)
-            | Order::Tune { .. } => (),
+            | Order::Tune { .. }
+            | Order::Stops { .. } => (),
         }
         Ok(())
     }
@@ -505,19 +514,11 @@ impl Operator {
         let ends = || shared.orders.vent_wanted().is_some() || wanted();
         let bench = LiveBench::new(&mut board, name.as_str(), most_pa, &ends);
         let tuned = tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
-            if self.shared.orders.refuse() {
-                self.shared.log(Weight::Refused, "the board is being tuned: to vent ends that");
-            }
             let text = format!(
                 "Run {}: {:.0} of {:.0} s. To vent ends it.",
                 part.number, part.time_s, part.duration_s
             );
-            self.tuning = Some(Guide {
-                title: "Tuning".to_owned(),
-                text,
-                progress: Some(part.time_s / part.duration_s),
-                ..Guide::default()
-            });
+            self.show_progress("Tuning", text, part.time_s / part.duration_s);
             self.see(telemetry);
             self.show();
         });
@@ -557,6 +558,89 @@ impl Operator {
             ..Guide::default()
         }));
         Ok(())
+    }
+
+    fn measure_stops(&mut self, most_pa: f64, wanted: &dyn Fn() -> bool) -> Result<(), NotDone> {
+        if self.recording.is_some() {
+            return Err(RECORDS);
+        }
+        if self.known.status.config_source == ConfigSource::Defaults {
+            return Err(BoardError::Refused(Refusal::NotConfigured).into());
+        }
+        let config = self.known.config;
+        let loaded = from_config::to_scenario(&config)?.scenario;
+        let most_pa = tune::highest_pa(&config, Some(most_pa))?;
+        let plan = Plan::new(&loaded, &config, &Asked::usual(most_pa), None)?;
+        let mut board = self.board.take().ok_or(NO_LINK)?;
+        self.shared.log(Weight::Plain, "stops are measured");
+        let mut record = Record::default();
+        let whole_s = plan.driven.plant.run.duration_s;
+        let outcome = LiveRows::arm(&mut board, config, &plan, true)
+            .map_err(RunError::from)
+            .and_then(|mut bench| {
+                bench.measure(&plan, &mut record, &mut |telemetry| {
+                    let time_s = f64::from(telemetry.step) * plan.driven.plant.run.step_s;
+                    self.show_progress(
+                        "Stops",
+                        format!("{time_s:.0} of {whole_s:.0} s. To vent ends it."),
+                        time_s / whole_s,
+                    );
+                    self.see(telemetry);
+                    self.show();
+                    self.shared.orders.vent_wanted().is_some() || wanted()
+                })
+            });
+        self.tuning = None;
+        self.board = Some(board);
+        self.heard = Instant::now();
+        self.learn_anew();
+        let why = match outcome {
+            Ok(()) => None,
+            Err(RunError::Stopped) => Some(format!(
+                "{}; the board vents",
+                self.shared.orders.vent_wanted().unwrap_or("it ended")
+            )),
+            Err(error) => Some(error.to_string()),
+        };
+        if let Some(why) = why {
+            let text = format!("Nothing was measured: {why}.");
+            self.shared.log(Weight::Refused, text.clone());
+            self.guided = Some(Guided::failed("Stops", text));
+            return Ok(());
+        }
+        let findings = stops::measured(&record, &plan, &loaded, &self.target.name());
+        self.publish_stops(&findings, &record, &loaded)
+    }
+
+    fn publish_stops(
+        &mut self,
+        findings: &stops::Findings,
+        record: &Record,
+        loaded: &Loaded,
+    ) -> Result<(), NotDone> {
+        let (folder, name) = next_folder(&self.out, "stops");
+        let mut files = OutputDir::create(&folder)?;
+        stops::write(&mut files, findings, record, loaded, &name)?;
+        files.publish()?;
+        self.shared.log(Weight::Plain, format!("stops measured: {}", folder.display()));
+        let text = "gas temperature at stops, heat transfer".to_owned();
+        self.shared.add_result(Outcome { name: name.clone(), folder, text });
+        self.guided = Some(Guided::Over(Guide {
+            title: "Stops".to_owned(),
+            text: findings.text(UnitSystem::Practical),
+            result: Some(name),
+            over: true,
+            ..Guide::default()
+        }));
+        Ok(())
+    }
+
+    fn show_progress(&mut self, title: &str, text: String, progress: f64) {
+        if self.shared.orders.refuse() {
+            self.shared.log(Weight::Refused, "the board is at work: to vent ends that");
+        }
+        let (title, progress) = (title.to_owned(), Some(progress));
+        self.tuning = Some(Guide { title, text, progress, ..Guide::default() });
     }
 
     fn not_tuned(&mut self, error: TuneError) {

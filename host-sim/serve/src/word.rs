@@ -47,6 +47,10 @@ pub enum Order {
     Tune {
         most_pa: f64,
     },
+    /// Measures the gas temperature at stops, up to this absolute pressure \[Pa\].
+    Stops {
+        most_pa: f64,
+    },
     /// Leaves the guided task, or closes its result.
     Leave,
 }
@@ -54,7 +58,7 @@ pub enum Order {
 impl Order {
     /// Whether the order may move the muscle.
     pub fn moves(&self) -> bool {
-        matches!(self, Self::Arm { .. } | Self::Set(_) | Self::Tune { .. })
+        matches!(self, Self::Arm { .. } | Self::Set(_) | Self::Tune { .. } | Self::Stops { .. })
     }
 }
 

@@ -1,9 +1,10 @@
 //! The core's configuration: a scenario (with `[believed]` applied) in the core's own terms.
 
-use model_core::config::{Config, EstimatorConfig, Load};
+use model_core::config::{Config, Load, Zones};
 use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
+use model_core::physics::hysteresis::Hysteresis;
 use model_core::physics::valve::Valve;
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasSensor;
@@ -11,8 +12,9 @@ use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::heat::InnerHeat;
 use thermyo_plant::load_n;
+use thermyo_plant::zones::{BACKGROUND_DIFFUSIVITY, JET_REACH_DIAMETERS, RECIRCULATION};
 use thermyo_scenario::schema::limits;
-use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
+use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario, ZonesSource};
 
 /// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
 /// of still air.
@@ -30,60 +32,34 @@ const WORKING_PRESSURE_PA: f64 = 2.0e5;
 const WORKING_SWING_K: f64 = 20.0;
 const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 
-/// Effective values of the plant `full` for a model of one zone; without effect for other plants.
+/// Zones of the core's estimate.
+const CORE_ZONES: f64 = 4.0;
+/// Nominal conductance of a valve \[m3/(s Pa)\]: the working flow is in proportion.
+const NOMINAL_VALVE: f64 = 4.0e-9;
+
+/// What the core has of the plant `full`, and of other plants not.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OneZone {
+pub struct Effective {
     /// Volume of the tube \[m3\], which is filled and emptied with the muscle. The volume of a
     /// line is left out, because its gas keeps the temperature of its wall: including 4 m of 4 mm
     /// raises the error of the nominal cycle's estimate from 0.22 K to 0.33 K.
     pub tube_m3: f64,
-    /// Fraction of the jet's stirring that acts on the mean of the gas: the jet stirs the zones
-    /// near the port, which hold the fresh gas. Identified on `full`.
-    pub stirring: f64,
     /// Fraction of the wall that follows a stroke: the inner layer.
     pub wall: f64,
     /// Lag of the element's housing \[s\].
     pub housing_s: f64,
-    /// Location factor: how much more the gas at the element swings than the mean, since fresh gas
-    /// damps the swing near the port. For an element slower than a stroke it shortens the lag by
-    /// the same factor. Measured on `full` without lag: 1.03 to 1.08 in the middle for strokes of
-    /// 10 to 1 s, 0.83 near the port and 1.16 near the closed end at 5 s; 1 for an element that
-    /// averages over the length.
-    pub swing: f64,
-    /// How much more the gas at the element differs from the mean than in the middle: at the ends
-    /// it is 2 K colder or warmer over 5 s strokes. Chosen on `full` so that the stated deviation
-    /// covers this.
-    pub place_error: f64,
-    /// Fraction of the inflow's temperature deficit that persists near the port. Identified on 38
-    /// random muscles of `full`, and tested on others.
-    pub port_cooling: f64,
 }
 
-impl OneZone {
+impl Effective {
     pub fn of(s: &Scenario) -> Self {
         if s.moves_in_full() {
-            let foil = &s.sensor.gas;
-            let part = 1.0 - foil.span;
-            let off_middle = part * (foil.position - 0.5);
             Self {
                 tube_m3: s.tube.volume_m3,
-                stirring: 0.5,
                 wall: 1.0 - s.wall.outer_fraction,
-                housing_s: foil.housing_time_constant_s,
-                swing: 1.0 + 0.067 * part + 0.45 * off_middle,
-                place_error: 1.0 + 100.0 * off_middle * (foil.position - 0.5),
-                port_cooling: 0.65,
+                housing_s: s.sensor.gas.housing_time_constant_s,
             }
         } else {
-            Self {
-                tube_m3: 0.0,
-                stirring: 1.0,
-                wall: 1.0,
-                housing_s: 0.0,
-                swing: 1.0,
-                place_error: 1.0,
-                port_cooling: 0.0,
-            }
+            Self { tube_m3: 0.0, wall: 1.0, housing_s: 0.0 }
         }
     }
 }
@@ -92,11 +68,11 @@ impl OneZone {
 /// that are not set here have the scenario's values.
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
-    let one_zone = OneZone::of(s);
+    let effective = Effective::of(s);
     let moving = chamber::of(s);
-    let (chamber, wall_j_k) = chamber_and_wall(s, moving.as_deref(), &one_zone);
+    let (chamber, wall_j_k) = chamber_and_wall(s, moving.as_deref(), &effective);
     let full = s.plant.model == PlantModel::Full;
-    let (inner_w_m2_k, inner_per_flow) = inner_heat(s);
+    let inner = inner_heat(s);
     Config {
         step_s: s.run.step_s as f32,
         gas: s.gas.core(),
@@ -105,20 +81,14 @@ pub fn core_config(believed: &Scenario) -> Config {
         chamber,
         leak: s.leak.core(),
         heat: Heat {
-            inner_w_m2_k: inner_w_m2_k as f32,
-            inner_per_flow: (one_zone.stirring * inner_per_flow) as f32,
+            inner_w_m2_k: inner.still_w_m2_k as f32,
+            inner_per_flow: inner.per_inflow as f32,
             ..s.heat.core()
         },
+        zones: zones(s, moving.as_deref(), &inner),
         wall: Wall { heat_capacity_j_k: wall_j_k.max(LEAST_WALL_J_K) as f32 },
-        friction: if full {
-            s.friction.core()
-        } else {
-            Friction {
-                presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
-                viscous_n_s_m: 0.0,
-                ..s.friction.core()
-            }
-        },
+        friction: friction(s),
+        hysteresis: hysteresis(s),
         load: match (s.load.kind, &moving) {
             (LoadKind::Isometric, _) => Load::Isometric { length_m: s.load.length_m as f32 },
             (_, Some(chamber)) => Load::Isotonic { force_n: load_n(s, chamber.as_ref()) as f32 },
@@ -131,32 +101,30 @@ pub fn core_config(believed: &Scenario) -> Config {
             adc: s.adc.core(),
             pressure: s.sensor.pressure.core(),
             length: s.sensor.length.core(),
-            gas: gas_sensor(s, &one_zone),
+            gas: gas_sensor(s, &effective),
             gas_element: s.sensor.gas_element(),
             pressure_part: s.sensor.pressure_part(),
         },
-        estimator: EstimatorConfig {
-            place_error_k: (one_zone.place_error * f64::from(s.estimator.place_error_k)).min(100.0)
-                as f32,
-            port_cooling: (f64::from(s.estimator.port_cooling) + one_zone.port_cooling).min(1.0)
-                as f32,
-            ..s.estimator
-        },
+        estimator: s.estimator,
         controller: s.controller,
         pressure_limit_pa: pressure_limit_pa(s) as f32,
         link: s.link.core(),
     }
 }
 
+fn hysteresis(s: &Scenario) -> Hysteresis {
+    if s.plant.kind == PlantKind::Muscle { s.muscle.core() } else { Hysteresis::NONE }
+}
+
 /// The chamber, and the heat capacity of its wall \[J/K\].
 fn chamber_and_wall(
     s: &Scenario,
     moving: Option<&dyn Chamber>,
-    one_zone: &OneZone,
+    effective: &Effective,
 ) -> (ChamberConfig, f64) {
     match moving {
         Some(chamber) => {
-            (chamber.configured(one_zone.tube_m3), one_zone.wall * s.wall.heat_capacity_j_k)
+            (chamber.configured(effective.tube_m3), effective.wall * s.wall.heat_capacity_j_k)
         }
         None => {
             let vessel = Vessel {
@@ -165,6 +133,17 @@ fn chamber_and_wall(
             };
             (ChamberConfig::Vessel(vessel), s.vessel.wall_heat_capacity_j_k)
         }
+    }
+}
+
+fn friction(s: &Scenario) -> Friction {
+    if s.plant.model == PlantModel::Full {
+        return s.friction.core();
+    }
+    Friction {
+        presliding_stiffness_n_m: LUMPED_PRESLIDING_N_M,
+        viscous_n_s_m: 0.0,
+        ..s.friction.core()
     }
 }
 
@@ -178,36 +157,111 @@ fn valve(s: &Scenario) -> Valve {
     Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() }
 }
 
-fn gas_sensor(s: &Scenario, one_zone: &OneZone) -> GasSensor {
+fn gas_sensor(s: &Scenario, effective: &Effective) -> GasSensor {
     GasSensor {
-        time_constant_s: ((s.sensor.gas.time_constant_s / one_zone.swing) as f32)
-            .clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
-        housing_time_constant_s: one_zone.housing_s as f32,
+        time_constant_s: (s.sensor.gas.time_constant_s as f32).clamp(SHORTEST_LAG_S, LONGEST_LAG_S),
+        housing_time_constant_s: effective.housing_s as f32,
         ..s.sensor.gas.core()
     }
 }
 
-/// Coefficient of still gas \[W/(m2 K)\], and its gain per inflow \[W/(m2 K) per kg/s\].
-fn inner_heat(s: &Scenario) -> (f64, f64) {
+/// Heat transfer from gas to wall, as the core has it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Inner {
+    still_w_m2_k: f64,
+    per_inflow: f64,
+    per_outflow: f64,
+    /// At 2 bar and 20 K.
+    buoyancy_w_m2_k: f64,
+    decay_s: f64,
+    /// Flow at which both gains are taken \[kg/s\].
+    forced_flow_kg_s: f64,
+}
+
+fn inner_heat(s: &Scenario) -> Inner {
+    let most = limits("heat.inner_w_m2_k").max;
+    let most_per_flow = limits("heat.inner_per_flow").max;
+    let inner = unlimited_heat(s);
+    Inner {
+        still_w_m2_k: inner.still_w_m2_k.min(most),
+        per_inflow: inner.per_inflow.min(most_per_flow),
+        per_outflow: inner.per_outflow.min(most_per_flow),
+        buoyancy_w_m2_k: inner.buoyancy_w_m2_k.min(most),
+        ..inner
+    }
+}
+
+fn unlimited_heat(s: &Scenario) -> Inner {
     match s.heat.model {
-        HeatModel::Adiabatic => (0.0, 0.0),
-        HeatModel::Isothermal => (ISOTHERMAL_W_M2_K, 0.0),
-        HeatModel::Constant => {
-            (s.heat.scale * s.heat.inner_w_m2_k, s.heat.scale * s.heat.inner_per_flow)
+        HeatModel::Adiabatic => Inner::default(),
+        HeatModel::Isothermal => Inner { still_w_m2_k: ISOTHERMAL_W_M2_K, ..Inner::default() },
+        HeatModel::Constant => Inner {
+            still_w_m2_k: s.heat.scale * s.heat.inner_w_m2_k,
+            per_inflow: s.heat.scale * s.heat.inner_per_flow,
+            ..Inner::default()
+        },
+        HeatModel::Correlation => laws_of_air(s),
+    }
+}
+
+/// The laws of air about a working point.
+fn laws_of_air(s: &Scenario) -> Inner {
+    /// As thin as no gas is: there is no buoyancy.
+    const THIN_PA: f64 = 1.0;
+    let heat = match chamber::of(s) {
+        Some(chamber) => {
+            let rest_m = chamber.rest_length();
+            let (diameter_m, length_m) = (chamber.diameter(rest_m), chamber.gas_length(rest_m));
+            InnerHeat::of_chamber(s, diameter_m, length_m)
         }
-        HeatModel::Correlation => {
-            let diameter_m = chamber::of(s).map_or(s.vessel.characteristic_length_m, |chamber| {
-                chamber.diameter(chamber.rest_length())
-            });
-            let wall_k = s.ambient.temperature_k;
-            let gas_k = wall_k + WORKING_SWING_K;
-            InnerHeat::of(s, diameter_m).linearised(
-                WORKING_PRESSURE_PA,
-                gas_k,
-                wall_k,
-                WORKING_FLOW_KG_S,
-            )
-        }
+        None => InnerHeat::of_vessel(s),
+    };
+    let wall_k = s.ambient.temperature_k;
+    let gas_k = wall_k + WORKING_SWING_K;
+    let flow_kg_s = WORKING_FLOW_KG_S * s.valve.conductance_m3_s_pa / NOMINAL_VALVE;
+    let at = |pressure| heat.linearised(pressure, gas_k, wall_k, flow_kg_s);
+    let (thin, working) = (at(THIN_PA), at(WORKING_PRESSURE_PA));
+    let fourth = |h: f64| (h * h) * (h * h);
+    let buoyancy4 = fourth(working.still_w_m2_k) - fourth(thin.still_w_m2_k);
+    Inner {
+        still_w_m2_k: thin.still_w_m2_k,
+        per_inflow: working.per_inflow,
+        per_outflow: working.per_outflow,
+        buoyancy_w_m2_k: buoyancy4.max(0.0).sqrt().sqrt(),
+        decay_s: s.heat.stirring_decay_s,
+        forced_flow_kg_s: flow_kg_s,
+    }
+}
+
+/// Gas along the muscle: what the plant `full` has, in four zones. Other plants have one.
+fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
+    if s.zones.source == ZonesSource::Keys {
+        return s.zones.core();
+    }
+    let laws = Zones {
+        buoyancy_w_m2_k: inner.buoyancy_w_m2_k as f32,
+        per_outflow: inner.per_outflow as f32,
+        stirring_decay_s: inner.decay_s as f32,
+        forced_flow_kg_s: inner.forced_flow_kg_s as f32,
+        ..Zones::default()
+    };
+    let Some(chamber) = moving.filter(|_| s.moves_in_full()) else { return laws };
+    let diameter_m = chamber.diameter(chamber.rest_length());
+    let foil = &s.sensor.gas;
+    Zones {
+        // What the plant exchanges between neighbours acts over the distance of its zones.
+        recirculation: (RECIRCULATION * CORE_ZONES / chamber.zones().max(1) as f64) as f32,
+        jet_reach_m: (JET_REACH_DIAMETERS * diameter_m).max(limits("zones.jet_reach_m").min) as f32,
+        diffusivity_m2_s: BACKGROUND_DIFFUSIVITY as f32,
+        foil_position: foil.position as f32,
+        foil_span: foil.span as f32,
+        // A constant coefficient knows of no profile.
+        bore_m: if s.heat.model == HeatModel::Correlation { diameter_m as f32 } else { 0.0 },
+        foil_radius: foil.radius as f32,
+        outer_wall_j_k: (s.wall.outer_fraction * s.wall.heat_capacity_j_k).max(LEAST_WALL_J_K)
+            as f32,
+        layers_w_k: s.wall.conductance_w_k as f32,
+        ..laws
     }
 }
 
@@ -278,7 +332,11 @@ mod tests {
         let mut sensors = full.sensors;
         sensors.gas.time_constant_s = lag_s(&lumped);
         assert_eq!(sensors, default.sensors);
-        let Config { chamber, valve, sensors, .. } = lumped;
-        assert_eq!(Config { chamber, valve, sensors, ..default }, lumped);
+        let Config { chamber, valve, sensors, heat, zones, .. } = lumped;
+        assert_eq!(Config { chamber, valve, sensors, heat, zones, ..default }, lumped);
+        // The laws of air at the working point, where the core's own defaults are constants.
+        assert!((7.0..8.0).contains(&heat.inner_w_m2_k), "{heat:?}");
+        assert!((5.0..11.0).contains(&zones.buoyancy_w_m2_k), "{zones:?}");
+        assert!((1.0e5..2.0e5).contains(&heat.inner_per_flow), "{heat:?}");
     }
 }

@@ -1,7 +1,7 @@
 //! The inverse of [`core_config`]: a scenario for a configuration of the core, such as a board's.
 //! The plant is `full`; keys that the core does not have are left out or at their defaults.
 
-use super::core_config::{OneZone, core_config};
+use super::core_config::{Effective, core_config};
 use super::{Loaded, parse, render};
 use model_core::Config;
 use model_core::config::Load;
@@ -13,8 +13,8 @@ use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_scenario::{
-    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario, short,
-    with_numbers,
+    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
+    ZonesSource, short, with_numbers,
 };
 
 #[derive(Debug, Clone, PartialEq)]
@@ -32,8 +32,13 @@ pub struct ConfigScenario {
 pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
     let plant = scenario(config).map_err(|problem| InputError::file(origin, problem))?;
-    let loaded =
-        Loaded { believed: plant.clone(), plant, volume_profile: None, drive_profile: None };
+    let loaded = Loaded {
+        believed: plant.clone(),
+        plant,
+        volume_profile: None,
+        drive_profile: None,
+        shut_s: Vec::new(),
+    };
     let scenario = parse(&render(&loaded), origin)?;
     let exact = core_config(&scenario.believed) == *config;
     Ok(ConfigScenario { scenario, exact })
@@ -41,9 +46,9 @@ pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
 
 fn scenario(config: &Config) -> Result<Scenario, Problem> {
     let mut s = Scenario::default();
-    // From `full` the core takes gas near the port, or at least the housing of the element.
+    // From `full` the core takes gas along the muscle, or at least the housing of the element.
     let housing_s = config.sensors.gas.housing_time_constant_s;
-    let full = config.estimator.port_cooling > 0.0 || housing_s > 0.0;
+    let full = config.zones.layers_w_k > 0.0 || housing_s > 0.0;
     s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
     // An element that averages over the whole muscle sees the mean, as the core's one zone does.
     (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
@@ -51,25 +56,24 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
     let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
     s.heat.model = HeatModel::Constant;
     s.heat.scale = 1.0;
+    s.zones.source = ZonesSource::Keys;
     set_chamber(&mut s, config, tube_m3)?;
     (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
         Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
         Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
     };
-    let one_zone = OneZone::of(&s);
+    let effective = Effective::of(&s);
     let step_s = short(config.step_s);
     let pt1000 = set_sensors(&mut s, config)?;
     let core = numbers_of_the_core(config, pt1000);
     let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
         ("run.step_s", step_s),
         ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
-        ("heat.inner_per_flow", short(config.heat.inner_per_flow) / one_zone.stirring),
-        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / one_zone.wall),
+        ("heat.inner_per_flow", short(config.heat.inner_per_flow)),
+        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / effective.wall),
     ]);
     let mut s = with_numbers(&s, numbers);
     s.estimator = config.estimator;
-    let own = short(config.estimator.port_cooling) - one_zone.port_cooling;
-    s.estimator.port_cooling = own.max(0.0) as f32;
     s.controller = config.controller;
     Ok(s)
 }
@@ -147,12 +151,33 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
         ("heat.inner_w_m2_k", config.heat.inner_w_m2_k),
         ("heat.outer_w_m2_k", config.heat.outer_w_m2_k),
         ("heat.outer_per_speed", config.heat.outer_per_speed),
+        ("zones.buoyancy_w_m2_k", config.zones.buoyancy_w_m2_k),
+        ("zones.per_outflow", config.zones.per_outflow),
+        ("zones.stirring_decay_s", config.zones.stirring_decay_s),
+        ("zones.recirculation", config.zones.recirculation),
+        ("zones.jet_reach_m", config.zones.jet_reach_m),
+        ("zones.diffusivity_m2_s", config.zones.diffusivity_m2_s),
+        ("zones.foil_position", config.zones.foil_position),
+        ("zones.foil_span", config.zones.foil_span),
+        ("zones.forced_flow_kg_s", config.zones.forced_flow_kg_s),
+        ("zones.bore_m", config.zones.bore_m),
+        ("zones.foil_radius", config.zones.foil_radius),
+        ("zones.outer_wall_j_k", config.zones.outer_wall_j_k),
+        ("zones.layers_w_k", config.zones.layers_w_k),
         ("friction.force_n", config.friction.force_n),
         ("friction.reference_temperature_k", config.friction.reference_temperature_k),
         ("friction.softening_per_k", config.friction.softening_per_k),
+        ("friction.pressure_factor", config.friction.pressure_factor),
         ("friction.heat_fraction", config.friction.heat_fraction),
         ("friction.presliding_stiffness_n_m", config.friction.presliding_stiffness_n_m),
         ("friction.viscous_n_s_m", config.friction.viscous_n_s_m),
+        ("muscle.slip_force_n", config.hysteresis.slip_force_n),
+        ("muscle.slip_stiffness_n_m", config.hysteresis.slip_stiffness_n_m),
+        ("muscle.slip_pressure_factor", config.hysteresis.slip_pressure_factor),
+        ("muscle.creep_fast_n_m", config.hysteresis.creep_fast_n_m),
+        ("muscle.creep_fast_s", config.hysteresis.creep_fast_s),
+        ("muscle.creep_slow_n_m", config.hysteresis.creep_slow_n_m),
+        ("muscle.creep_slow_s", config.hysteresis.creep_slow_s),
         ("load.mass_kg", config.moving_mass_kg),
         ("valve.conductance_m3_s_pa", config.valve.conductance_m3_s_pa),
         ("valve.critical_ratio", config.valve.critical_ratio),
@@ -201,7 +226,7 @@ mod tests {
             "[muscle]\nrest_length_m = 0.217\ndiameter_m = 0.0137\nbraid_angle_deg = 21.3\n\
              [valve]\npwm_hz = 62.5\n[leak]\nconductance_m3_s_pa = 3.7e-12\ncritical_ratio = 0.21\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
             "[muscle]\nbladder_saturation_n = 41.3\nbladder_strain = 0.031\nslack_m = 0.0043\n\
-             [estimator]\nport_cooling = 0.15\n",
+             [estimator]\nfoil_sd_k = 0.15\n",
             "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",
             "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",

@@ -10,6 +10,7 @@ pub mod core_config;
 pub mod from_config;
 mod load;
 mod loaded;
+mod presets;
 mod render;
 mod rules;
 mod tree;

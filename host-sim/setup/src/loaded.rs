@@ -1,5 +1,6 @@
 //! A scenario that has been read and checked.
 
+use std::ops::Range;
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{DriveKind, PlantModel, Scenario};
 
@@ -14,6 +15,8 @@ pub struct Loaded {
     pub volume_profile: Option<Profile>,
     /// The set point over time in the drive's unit, from `drive.profile_csv`.
     pub drive_profile: Option<Profile>,
+    /// Times during which both valves are shut, whatever the drive \[s\].
+    pub shut_s: Vec<Range<f64>>,
 }
 
 impl Loaded {

@@ -7,7 +7,7 @@ use thermyo_scenario::fault_rules;
 use thermyo_scenario::schema::{Limits, fittable, fittable_paths, limits};
 use thermyo_scenario::violation::{Violation, within};
 use thermyo_scenario::{
-    Drive, DriveKind, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Shape, Tube,
+    Drive, DriveKind, HeatModel, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Shape, Tube,
 };
 use thermyo_scenario::{number, short};
 
@@ -124,9 +124,13 @@ fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
             let near = nearest(path, paths.iter().map(String::as_str));
             let hint = near.map_or_else(String::new, |near| format!("; did you mean {near}?"));
             format!("{rule}, and {path:?} is none{hint}")
+        } else if let Some(why) = without_effect(scenario, path) {
+            format!("{rule} that matter; {path} does not: {why}")
         } else if all[..i].contains(path) {
             format!("{rule}, each once; {path} appears twice")
-        } else if number(scenario, path).is_none_or(|value| value <= 0.0) {
+        } else if number(scenario, path).is_none() {
+            format!("{rule}, with values above 0 to start from; {path} has none")
+        } else if number(scenario, path).is_some_and(|value| value <= 0.0) {
             format!("{rule}, with values above 0 to start from; {path} is not above 0")
         } else {
             continue;
@@ -145,6 +149,17 @@ fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
         return Err(wrong("identify.columns", columns, why));
     }
     Ok(())
+}
+
+/// Why the heat transfer does not depend on a key.
+fn without_effect(scenario: &Scenario, path: &str) -> Option<&'static str> {
+    let constant = scenario.heat.model == HeatModel::Constant;
+    match path {
+        "heat.inner_w_m2_k" | "heat.inner_per_flow" if !constant => {
+            Some("heat.model is not \"constant\"; \"correlation\", the default, has heat.scale")
+        }
+        _ => None,
+    }
 }
 
 fn check_drive(scenario: &Scenario) -> Result<(), Violation> {

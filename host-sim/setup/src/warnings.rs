@@ -1,6 +1,7 @@
 //! Warnings: scenarios that are valid and run, but are hardly meant so.
 
 use super::loaded::Loaded;
+use super::presets::presets_of;
 use super::tree::{same, tree, value};
 use crate::core_config::{core_config, pressure_limit_pa};
 use model_core::Config;
@@ -12,10 +13,11 @@ use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::load_n;
-use thermyo_scenario::document::{Document, Entry};
+use thermyo_scenario::document::{Document, Entries, Entry};
+use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
-    Shape,
+    Shape, ZonesSource,
 };
 
 /// Tables that neither plant nor core uses, each with the value that causes it.
@@ -39,7 +41,9 @@ pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)
     .filter(|(_, used, _)| !used)
     .map(|(table, _, why)| (table, why))
     .collect();
-    if !vessel && scenario.plant.model != PlantModel::Full {
+    // Its conductance gives the width of the jet.
+    let stirs = scenario.heat.model == HeatModel::Correlation;
+    if !vessel && scenario.plant.model != PlantModel::Full && !stirs {
         tables.push(("tube", "plant.model is not \"full\""));
     }
     if scenario.plant.model != PlantModel::Paper {
@@ -72,7 +76,7 @@ pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
 const NEARLY_VACUUM_PA: f64 = 1000.0;
 
 /// Keys that only a muscle with zones uses.
-const IN_FULL: [&str; 14] = [
+const IN_FULL: [&str; 15] = [
     "supply.droop_pa_s_kg",
     "muscle.zones",
     "cylinder.zones",
@@ -86,6 +90,7 @@ const IN_FULL: [&str; 14] = [
     "sensor.gas.housing_time_constant_s",
     "sensor.gas.position",
     "sensor.gas.span",
+    "sensor.gas.radius",
     "sensor.wall.position",
 ];
 
@@ -121,10 +126,17 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
         "heat.inner_w_m2_k" | "heat.inner_per_flow" => {
             (heat.model != HeatModel::Constant).then_some("heat.model is not \"constant\"")
         }
-        "heat.inlet_diameter_m" => {
+        path if path.starts_with("zones.") && path != "zones.source" => {
+            let of_plant = scenario.zones.source == ZonesSource::Plant;
+            of_plant.then_some("zones.source is not \"keys\"")
+        }
+        "heat.inlet_diameter_m" | "heat.stirring_decay_s" => {
             (heat.model != HeatModel::Correlation).then_some("heat.model is not \"correlation\"")
         }
         "heat.scale" if none => Some("heat.model sets it"),
+        "sensor.gas.radius" if heat.model != HeatModel::Correlation => {
+            Some("heat.model is not \"correlation\": the gas has no profile")
+        }
         "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
@@ -157,6 +169,36 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .collect()
 }
 
+/// Presets that keys contradict, each with the keys, which win.
+fn contradicted(document: &Document) -> Vec<InputError> {
+    let of = |entries: &Entries| {
+        let one = |preset: &Preset| {
+            let differs = preset.values.iter().filter(|(path, value)| {
+                entries
+                    .get(path)
+                    .is_some_and(|entry| !same(Some(&entry.value), Some(&value.toml())))
+            });
+            let keys: Vec<String> = differs.map(|(path, _)| entries.full_path(path)).collect();
+            let key = format!("{}.preset", preset.table);
+            let line = entries.get(&key).and_then(|entry| entry.line);
+            let problem = Problem::NoSense {
+                key: entries.full_path(&key),
+                value: format!("{:?}", preset.word),
+                why: format!(
+                    "{} of the file {} above it",
+                    keys.join(", "),
+                    if keys.len() == 1 { "stands" } else { "stand" }
+                ),
+            };
+            (!keys.is_empty()).then(|| problem_at(document, line, problem))
+        };
+        presets_of(entries).filter_map(one).collect::<Vec<_>>()
+    };
+    let mut all = of(&document.plant);
+    all.extend(of(&document.believed));
+    all
+}
+
 /// All warnings of a valid scenario, by line.
 pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let scenario = &loaded.plant;
@@ -181,6 +223,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         problem_at(document, entry.line, problem)
     }));
     all.extend(unused_keys(document, loaded));
+    all.extend(contradicted(document));
     all.extend(restless(&loaded.believed).map(|(key, value, why)| {
         let line = document.plant.get(key).and_then(|entry| entry.line);
         let problem = Problem::NoSense { key: key.to_owned(), value, why };
@@ -204,6 +247,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
             short_of_pressure(scenario),
         ),
         ("sensor.length.range_m", scenario.sensor.length.range_m, short_of_length(scenario)),
+        ("tube.length_m", scenario.tube.length_m.unwrap_or(0.0), resonance(scenario)),
     ]
     .map(|(path, value, why)| (path.to_owned(), value, why));
     let end_s = scenario.run.duration_s;
@@ -225,7 +269,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
 
 /// The loop wakes at this many dead zones of contraction from its goal:
 /// `model-core/src/control/contraction.rs`.
-const WAKES_AT_ZONES: f64 = 2.0;
+const WAKES_AT_ZONES: f64 = 1.5;
 
 /// Why a loop cannot come to rest: `docs/background/control.md`, "Where the loop cannot come to rest", derives both
 /// conditions.
@@ -321,7 +365,7 @@ impl Spring {
 
 fn coarse_contraction(config: &Config, spring: &Spring) -> Option<Unrest> {
     let Spring { step_m, zone_m, .. } = *spring;
-    (step_m > WAKES_AT_ZONES * zone_m).then(|| {
+    (step_m > 2.0 * WAKES_AT_ZONES * zone_m).then(|| {
         let why = format!(
             "the shortest pulse, controller.minimum_pulse_s, moves the end by {:.2} mm, beyond both ends of \
              controller.contraction_dead_zone, {:.2} mm: the loop may never come to rest",
@@ -400,6 +444,27 @@ fn short_of_length(scenario: &Scenario) -> Option<String> {
         _ => ("the rest length", rest_m),
     };
     (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
+}
+
+/// PWM frequencies, in quarter-wave frequencies of the line, that drive it: measured on `full`
+/// (`docs/background/model.md`, "Limits").
+const DRIVES_A_LINE: [f64; 2] = [0.25, 1.6];
+
+/// Why a line swings with the valve's pulses.
+///
+/// Shut at the valve and open at the muscle, its gas swings at c/(4 L). Pulses below that frequency have a harmonic near it.
+fn resonance(scenario: &Scenario) -> Option<String> {
+    let [length_m, _] = scenario.tube.line().filter(|_| scenario.moves_in_full())?;
+    let gas = IdealGas::new(&scenario.gas);
+    let quarter_hz = (gas.k * gas.r * scenario.ambient.temperature_k).sqrt() / (4.0 * length_m);
+    let pwm_hz = scenario.valve.pwm_hz;
+    let [from, to] = DRIVES_A_LINE.map(|share| share * quarter_hz);
+    (from..to).contains(&pwm_hz).then(|| {
+        format!(
+            "its gas swings at {quarter_hz:.0} Hz, and valve.pwm_hz = {pwm_hz:?} drives it: gas goes to and fro \
+             through the port and takes heat along, which the estimate does not know; from {to:.0} Hz on it does not"
+        )
+    })
 }
 
 /// Why no gas enters although the drive should let gas in.

@@ -12,6 +12,7 @@ use model_core::{ConfigError, Sample, SetPoint, Telemetry};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io;
+use std::ops::Range;
 use std::time::Instant;
 use thermyo_plant::chamber;
 use thermyo_plant::{BuildError, Diverged, Truth};
@@ -344,6 +345,7 @@ impl StepAlignment {
 pub struct SetPoints {
     drive: Drive,
     profile: Option<Profile>,
+    shut_s: Vec<Range<f64>>,
     duration_s: f64,
 }
 
@@ -352,6 +354,7 @@ impl SetPoints {
         Self {
             drive: loaded.plant.drive.clone(),
             profile: loaded.drive_profile.clone(),
+            shut_s: loaded.shut_s.clone(),
             duration_s: loaded.plant.run.duration_s,
         }
     }
@@ -401,6 +404,9 @@ impl SetPoints {
 
     /// The set point for the core.
     pub fn at(&self, time_s: f64) -> SetPoint {
+        if self.shut_s.iter().any(|shut_s| shut_s.contains(&time_s)) {
+            return SetPoint::Duty { inlet: 0.0, outlet: 0.0 };
+        }
         match self.drive.kind {
             DriveKind::MassFlow if self.profile.is_none() => SetPoint::MassFlowCycle {
                 flow_kg_s: self.drive.flow_kg_s as f32,

@@ -1,5 +1,6 @@
 //! The figures of a run's summary, on runs.
 
+use thermyo_files::units::UnitSystem;
 use thermyo_plant::Ledger;
 use thermyo_record::summary::{Accumulator, Ending};
 use thermyo_record::trace::Row;
@@ -39,13 +40,16 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
     let cut = ended_at(500);
     assert_eq!(cut.steady_error, None);
     assert!(cut.rms_error > 1000.0);
-    assert!(cut.text().starts_with("set point: RMS error ") && !cut.text().contains("at the end"));
+    assert!(
+        cut.text(UnitSystem::Practical).starts_with("set point: RMS error ")
+            && !cut.text(UnitSystem::Practical).contains("at the end")
+    );
     assert!(serde_json::to_value(cut).unwrap()["steady_error"].is_null());
     let whole = ended_at(rows.len());
     let mean: f64 = rows[900..].iter().map(|row| row.truth.pressure_pa - row.set_point).sum();
     let mean = mean / rows[900..].len() as f64;
     assert!((whole.steady_error.unwrap() - mean).abs() < 1e-9 * mean.abs(), "{mean}");
-    assert!(whole.text().contains(", at the end "));
+    assert!(whole.text(UnitSystem::Practical).contains(", at the end "));
 }
 
 /// A run of the nominal muscle, or of another scenario.

@@ -44,6 +44,11 @@ fn board_kind(text: &str) -> Result<BoardKind, String> {
 }
 
 impl BoardArgs {
+    /// Whether the core runs in this process.
+    pub(super) fn is_core(&self) -> bool {
+        matches!(self.board, BoardKind::Core) && self.image.is_none()
+    }
+
     /// Port of a board that samples a real muscle.
     pub(super) fn port(&self) -> Option<&str> {
         match &self.board {

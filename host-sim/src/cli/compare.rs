@@ -1,11 +1,11 @@
-use super::{Failure, OutputArgs, print, publish, read_record, trace_in};
+use super::{Failure, OutputArgs, UnitArgs, print, publish, read_record, trace_in};
 use clap::Args;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use thermyo_files::number::significant;
 use thermyo_files::output::OutputDir;
-use thermyo_record::tracking::Controlled;
+use thermyo_files::units::UnitSystem;
+use thermyo_record::tracking::Control;
 use thermyo_runs::compare;
 use thermyo_runs::compare::{Compared, Run};
 
@@ -16,6 +16,8 @@ pub(super) struct CompareArgs {
     runs: Vec<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    units: UnitArgs,
 }
 
 pub(super) fn run(
@@ -39,6 +41,7 @@ pub(super) fn run(
             "thermyo: warning: {run} and {with} have no column at the same time in common"
         );
     }
+    let units = args.units.system();
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/compare"));
     let mut out = OutputDir::create(&folder)?;
     let control: Vec<Value> = args.runs.iter().map(|path| control_of(path)).collect();
@@ -49,13 +52,13 @@ pub(super) fn run(
     let json = format!("{json:#}\n");
     out.text("summary.json", &json)?;
     out.text("report.html", &compare::page(&runs, &compared))?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         return print(stdout, &json);
     }
-    print(stdout, &compare::text(&compared))?;
+    print(stdout, &compare::text(&compared, units))?;
     for (run, control) in runs.iter().zip(&control) {
-        print(stdout, &tracking(&run.name, control))?;
+        print(stdout, &tracking(&run.name, control, units))?;
     }
     print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
 }
@@ -67,23 +70,10 @@ fn control_of(run: &Path) -> Value {
     summary["control"].clone()
 }
 
-/// How a run followed its set point, in a line; empty without a set point.
-fn tracking(name: &str, control: &Value) -> String {
-    let quantity = match control["quantity"].as_str() {
-        Some("pressure") => Controlled::Pressure,
-        Some("contraction") => Controlled::Contraction,
-        _ => return String::new(),
-    };
-    let figure = |key: &str| control[key].as_f64();
-    let mut parts = Vec::new();
-    parts.extend(figure("rms_error").map(|error| format!("RMS error {}", quantity.text(error))));
-    parts.extend(figure("overshoot").map(|share| format!("overshoot {:.1} %", 100.0 * share)));
-    parts.extend(figure("gain").map(|gain| format!("gain {}", significant(gain, 3))));
-    parts.extend(figure("phase_deg").map(|phase_deg| format!("phase {phase_deg:.0} deg")));
-    parts.extend(figure("settled_s").map(|time_s| format!("settled in {time_s:.2} s")));
-    parts.extend(figure("pulses_per_s").map(|rate| format!("{rate:.1} pulses/s")));
-    parts.extend(control["diagnosis"].as_str().map(str::to_owned));
-    format!("{name}: {}\n", parts.join(", "))
+/// How a run followed its set point, below its name; empty without a set point.
+fn tracking(name: &str, control: &Value, units: UnitSystem) -> String {
+    let control = serde_json::from_value::<Control>(control.clone());
+    control.map(|control| format!("{name}\n{}", control.text(units))).unwrap_or_default()
 }
 
 /// Name of a run: its path without the file name that every trace has.

@@ -3,7 +3,7 @@ use super::{Failure, FormatArgs, interrupt, load, print, publish, read_record, w
 use clap::{Args, Subcommand};
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use thermyo_evaluate::{CaseFigures, control, control_page, estimator, faults};
+use thermyo_evaluate::{CaseFigures, control_observed, control_page, estimator, faults, joint};
 use thermyo_evaluate::{plants, recording, truth, tune};
 use thermyo_files::output::OutputDir;
 use thermyo_setup::Loaded;
@@ -29,6 +29,11 @@ enum Subject {
     },
     /// Fault injection: detection time, reaction, false alarms
     Faults(FaultsArgs),
+    /// A joint of two muscles: angle, stiffness, loads, wrong configurations, vents
+    Joint {
+        #[command(flatten)]
+        format: FormatArgs,
+    },
     /// Random plants of every size: none diverges, and none oscillates without a warning
     Plants(PlantsArgs),
     /// Published measurements, from the data in a folder
@@ -117,7 +122,9 @@ fn hours(text: &str) -> Result<f64, String> {
 impl Subject {
     fn format(&self) -> FormatArgs {
         match self {
-            Self::Tune { format, .. } | Self::Truth { format, .. } => *format,
+            Self::Tune { format, .. } | Self::Truth { format, .. } | Self::Joint { format } => {
+                *format
+            }
             Self::Estimator(args) => args.format,
             Self::Control(args) => args.format,
             Self::Faults(args) => args.format,
@@ -142,9 +149,9 @@ impl Subject {
             | Self::Control(ControlArgs { nominal, .. })
             | Self::Tune { nominal, .. }
             | Self::Faults(FaultsArgs { nominal, .. }) => nominal.scenario.as_deref(),
-            Self::Plants(_) | Self::Truth { .. } => None,
+            Self::Plants(_) | Self::Truth { .. } | Self::Joint { .. } => None,
         };
-        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, err))
+        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, self.format(), err))
     }
 }
 
@@ -193,7 +200,8 @@ fn evaluated(
             estimator::random(*seed, *count, &bar).map_err(Failure::Run)
         }
         Subject::Estimator(_) => estimator::evaluate(nominal, &bar).map_err(Failure::Run),
-        Subject::Control(_) => control::evaluate(nominal, &bar).map_err(Failure::Run),
+        Subject::Control(_) => control_observed::evaluate(nominal, &bar).map_err(Failure::Run),
+        Subject::Joint { .. } => joint::evaluate(&bar).map_err(Failure::Joint),
         Subject::Truth { data, .. } => Ok(truth::evaluate(data, &bar)?),
         Subject::Plants(PlantsArgs { random, seed, .. }) => {
             plants::evaluate(*seed, *random, &bar).map_err(Failure::Run)
@@ -223,7 +231,7 @@ fn report(
         control_page::page(nominal, lines, &plots)
     };
     files.text("report.html", &page)?;
-    publish(files, err)
+    publish(files, subject.format(), err)
 }
 
 /// Message about the finished cases of a stopped table.

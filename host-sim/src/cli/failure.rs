@@ -39,6 +39,8 @@ pub(super) enum Failure {
     Monitor(MonitorError),
     /// Exit 1.
     Run(RunError),
+    /// Exit 1, or 2 where nothing was run: a joint.
+    Joint(thermyo_joint::RunError),
     /// Exit 1: it ran, and a stated check did not hold.
     Check(String),
     /// Exit 130: Ctrl-C was pressed.
@@ -62,6 +64,7 @@ impl fmt::Display for Failure {
             Self::Flash(error) => error.fmt(f),
             Self::Monitor(error) => error.fmt(f),
             Self::Run(error) => error.fmt(f),
+            Self::Joint(error) => error.fmt(f),
             Self::Check(message) => f.write_str(message),
             Self::Interrupted => f.write_str("stopped"),
             Self::StoppedAt(time) => write!(f, "stopped at {time}"),
@@ -147,10 +150,14 @@ impl Failure {
             | Self::Flash(_)
             | Self::Monitor(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
-            | Self::Run(RunError::Build(_) | RunError::Config(_)) => 2,
+            | Self::Run(RunError::Build(_) | RunError::Config(_))
+            | Self::Joint(thermyo_joint::RunError::Build(_) | thermyo_joint::RunError::Config(_)) => {
+                2
+            }
             Self::Identify(IdentifyError::Diverged(_))
             | Self::Tune(_)
             | Self::Run(_)
+            | Self::Joint(_)
             | Self::Check(_) => 1,
             Self::Interrupted | Self::StoppedAt(_) => STOPPED,
         }

@@ -4,7 +4,8 @@ use super::log::LogArgs;
 use super::muscle::{line, vents};
 use super::progress::Bar;
 use super::{
-    Failure, FormatArgs, calibrate, interrupt, load, print, publish, read_to_compare, set, tune,
+    Failure, FormatArgs, UnitArgs, calibrate, interrupt, load, print, publish, read_to_compare,
+    set, tune,
 };
 use clap::{Args, Subcommand};
 use model_core::Faults;
@@ -16,6 +17,7 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
 use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
 use thermyo_protocol::{ConfigSource, Event, LastReset, Status, Timing};
 use thermyo_record::board_trace::Recorder;
 use thermyo_scenario::DriveKind;
@@ -36,6 +38,9 @@ pub(super) struct BoardCommand {
     /// Print only requested results, warnings and errors
     #[arg(long, global = true)]
     quiet: bool,
+    /// Print figures in SI: Pa, m, K and ratios instead of kPa, mm, degC and %
+    #[arg(long, global = true)]
+    si: bool,
     #[command(subcommand)]
     task: BoardTask,
 }
@@ -122,16 +127,18 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let BoardCommand { port, json, quiet, task } = command;
-    let format = FormatArgs { json, quiet };
+    let BoardCommand { port, json, quiet, si, task } = command;
+    let (format, units) = (FormatArgs { json, quiet }, UnitArgs { si }.system());
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
         return plug(&port, task, format, out);
     }
     let mut board = LiveBoard::open(&port)?;
     match task {
-        BoardTask::Info => info(&mut board, format, out),
-        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, format, out),
-        BoardTask::Set(args) => set::run(&mut board, &args, format, out, err),
+        BoardTask::Info => info(&mut board, (format, units), out),
+        BoardTask::Arm(ArmArgs { max_pressure }) => {
+            arm(&mut board, max_pressure, (format, units), out)
+        }
+        BoardTask::Set(args) => set::run(&mut board, &args, (format, units), out, err),
         BoardTask::Stop => {
             board.stop()?;
             format.done(out, &vents(), "it vents\n")
@@ -149,9 +156,9 @@ pub(super) fn run(
             format.done(out, &json!({ "faults": left.to_string() }), &words)
         }
         BoardTask::Config(task) => configure(&mut board, task, format, out, err),
-        BoardTask::History => history(&mut board, format, out),
+        BoardTask::History => history(&mut board, (format, units), out),
         BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, format, out, err),
-        BoardTask::Drive(args) => drive_profile(&mut board, &args, format, out, err),
+        BoardTask::Drive(args) => drive_profile(&mut board, &args, (format, units), out, err),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
 }
@@ -199,7 +206,11 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     Ok(service::serve(&args.scripts, &args.image, &args.file, &loaded)?)
 }
 
-fn info(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn info(
+    board: &mut LiveBoard,
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     let version = board.version();
     let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
     let telemetry = board.fresh_telemetry()?;
@@ -229,13 +240,15 @@ fn info(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Resul
         started_by(last_reset),
         status.restarts,
         configuration(&status),
-        status.armed_pa.map_or("no".to_owned(), |pa| format!("up to {:.1} kPa", pa / 1e3)),
+        status
+            .armed_pa
+            .map_or("no".to_owned(), |pa| format!("up to {}", units.text(pa.into(), "Pa", 1))),
         if telemetry.faults == Faults::NONE {
             "none".to_owned()
         } else {
             telemetry.faults.to_string()
         },
-        line(&telemetry),
+        line(&telemetry, units),
         timed(&timing),
     );
     format.answer(out, &json, &text)
@@ -284,12 +297,12 @@ fn timed(timing: &Timing) -> String {
 fn arm(
     board: &mut LiveBoard,
     most_pa: Option<f64>,
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     board.arm(most_pa.map(|pa| pa as f32))?;
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
-    let words = format!("armed up to {:.1} kPa, absolute\n", armed_pa / 1e3);
+    let words = format!("armed up to {}, absolute\n", units.text(armed_pa.into(), "Pa", 1));
     format.done(out, &json!({ "armed_pa": armed_pa }), &words)
 }
 
@@ -302,7 +315,7 @@ fn configure(
 ) -> Result<(), Failure> {
     match task {
         ConfigTask::Write { file } => {
-            let config = core_config(&load(&file, err)?.believed);
+            let config = core_config(&load(&file, format, err)?.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;
             format.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))
@@ -338,7 +351,11 @@ fn configure(
     }
 }
 
-fn history(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn history(
+    board: &mut LiveBoard,
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
     let events = board.history()?;
     let json = serde_json::to_value(&events).expect("plain data");
     if events.is_empty() {
@@ -350,9 +367,9 @@ fn history(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Re
         words += &match event {
             Event::Started(last_reset) => format!("started by {}\n", started_by(last_reset)),
             Event::Vented(first) => format!(
-                "vented by {} at {:.2} kPa, step {}\n",
+                "vented by {} at {}, step {}\n",
                 first.faults,
-                first.pressure_pa / 1e3,
+                units.text(first.pressure_pa.into(), "Pa", 2),
                 first.step
             ),
         };
@@ -363,12 +380,12 @@ fn history(board: &mut LiveBoard, format: FormatArgs, out: &mut dyn Write) -> Re
 fn drive_profile(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    format: FormatArgs,
+    shown: (FormatArgs, UnitSystem),
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let mut record = None;
-    let driven = drive_and_record(board, args, format, &mut record, out, err);
+    let driven = drive_and_record(board, args, shown, &mut record, out, err);
     if let (Err(_), Some(record)) = (&driven, record.filter(|record| record.exists())) {
         let _ = writeln!(err, "thermyo: the record so far is in {}", record.display());
     }
@@ -387,7 +404,7 @@ impl DriveArgs {
 fn drive_and_record(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    format: FormatArgs,
+    shown: (FormatArgs, UnitSystem),
     record: &mut Option<PathBuf>,
     out: &mut dyn Write,
     err: &mut dyn Write,
@@ -409,7 +426,7 @@ fn drive_and_record(
     if args.arm {
         board.arm(None)?;
     }
-    let bar = Bar::new((driven.plant.run.duration_s * 1e3) as u64, format.quiet);
+    let bar = Bar::new((driven.plant.run.duration_s * 1e3) as u64, shown.0.quiet);
     let outcome =
         drive::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
             let row = recorder.write(&config, status, telemetry)?;
@@ -442,7 +459,7 @@ fn drive_and_record(
     };
     let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
-    drove(files, &folder, &summary, format, out, err)
+    drove(files, &folder, &summary, shown, out, err)
 }
 
 /// Publishes a drive, and prints its summary.
@@ -450,17 +467,17 @@ fn drove(
     mut files: OutputDir,
     folder: &Path,
     summary: &Driven,
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(summary).expect("plain data") + "\n";
     files.text("summary.json", &json)?;
-    publish(files, err)?;
+    publish(files, format, err)?;
     if format.json {
         print(out, &json)?
     } else {
-        print(out, &brief(summary, folder))?
+        print(out, &brief(summary, units, folder))?
     }
     if summary.stopped_of_s.is_some() {
         let (driven, folder) = (summary.driven(), folder.display());
@@ -480,25 +497,23 @@ fn drive_files(folder: &Path, driven: &Loaded) -> Result<OutputDir, Failure> {
     Ok(files)
 }
 
-fn brief(summary: &Driven, folder: &Path) -> String {
+fn brief(summary: &Driven, units: UnitSystem, folder: &Path) -> String {
     let mut text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
-         pressure {:.1} to {:.1} kPa, estimated gas {:.1} to {:.1} K\n\
+         pressure {}, estimated gas {}\n\
          core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
         summary.driven(),
         summary.config_name,
         summary.config_checksum,
-        summary.pressure_pa.min / 1e3,
-        summary.pressure_pa.max / 1e3,
-        summary.estimate_k.min,
-        summary.estimate_k.max,
+        units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),
+        units.range([summary.estimate_k.min, summary.estimate_k.max], "K", 1),
         summary.timing.step_mean_us,
         summary.timing.step_worst_us,
         summary.timing.missed_steps,
         summary.lost_steps,
     );
     if let Some(control) = &summary.control {
-        text += &control.text();
+        text += &control.text(units);
     }
     text += &summary.core.fault_line();
     text + &format!("report: {}\n", folder.join("report.html").display())

@@ -24,7 +24,7 @@ pub(super) struct FmuArgs {
 }
 
 pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, err)?;
+    let loaded = load(&args.scenario, args.format, err)?;
     // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };

@@ -11,8 +11,11 @@ mod flash;
 mod flashed;
 mod fmu;
 mod folded;
+mod init;
 mod interrupt;
+mod joint;
 mod log;
+mod measure;
 mod muscle;
 mod playground;
 mod progress;
@@ -29,7 +32,7 @@ use self::folded::Folded;
 use self::log::LogArgs;
 use self::progress::Bar;
 use crate::commands::monitor::{self, Session, Shown};
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use crossterm::terminal;
 use std::ffi::OsString;
@@ -39,16 +42,19 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
+use thermyo_boards::checkout;
 use thermyo_files::input::{InputError, nearest};
-use thermyo_files::number::of_column;
+use thermyo_files::number::difference_text;
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
 use thermyo_files::table;
 use thermyo_files::table::Table;
-use thermyo_files::units::Wanted;
+use thermyo_files::units::{UnitSystem, Wanted};
+use thermyo_identify::motion;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
 use thermyo_identify::{IdentifyError, identify_table};
+use thermyo_joint::JointLoaded;
 use thermyo_logs::Logs;
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::board_trace::every_column;
@@ -80,6 +86,8 @@ struct Cli {
 enum Task {
     /// Simulate the paper's isotonic working cycle: sensors compared, Fig. 2 and 5 (the default)
     Reproduce(ReproduceArgs),
+    /// Write the scenario of your own rig: asks for muscle, valves, sensor and load, or takes flags
+    Init(init::InitArgs),
     /// Run a scenario
     Run(RunArgs),
     /// Fit the plant's parameters to recorded data
@@ -88,6 +96,8 @@ enum Task {
     Sweep(sweep::SweepArgs),
     /// Identify friction, valves and gains by a short experiment on a board
     Tune(tune::TuneArgs),
+    /// Measure the gas temperature of a muscle, and its heat transfer, without a wire in the gas
+    Measure(measure::MeasureCommand),
     /// Run recorded samples through the core again and compare every bit
     Replay(replay::ReplayArgs),
     /// Export a scenario for other simulators: FMI 3.0 co-simulation
@@ -106,6 +116,11 @@ enum Task {
         out: Option<PathBuf>,
         #[command(flatten)]
         format: FormatArgs,
+        #[command(flatten)]
+        units: UnitArgs,
+        /// Record every N-th step; `thermyo replay` needs every step: 1
+        #[arg(long, value_name = "N", default_value_t = monitor::EVERY, value_parser = |text: &str| whole(text, 1..=1000_u16))]
+        every: u16,
         #[command(flatten)]
         log: LogArgs,
     },
@@ -174,6 +189,13 @@ impl FormatArgs {
         }
     }
 
+    /// Prints a note, which is neither result, warning nor error.
+    fn note(self, err: &mut dyn Write, note: &str) {
+        if !self.quiet {
+            let _ = writeln!(err, "{note}");
+        }
+    }
+
     /// Prints a requested result: as text or as JSON.
     fn answer(
         self,
@@ -190,18 +212,30 @@ struct OutputArgs {
     /// Folder for the results, including report.html [default: out/<command>]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Print the summary as JSON on standard output
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+/// Units of the printed figures; JSON is SI.
+#[derive(Debug, Clone, Copy, Args)]
+struct UnitArgs {
+    /// Print figures in SI: Pa, m, K and ratios instead of kPa, mm, degC and %
     #[arg(long)]
-    json: bool,
-    /// No progress bar
-    #[arg(long)]
-    quiet: bool,
+    si: bool,
+}
+
+impl UnitArgs {
+    fn system(self) -> UnitSystem {
+        if self.si { UnitSystem::Si } else { UnitSystem::Practical }
+    }
 }
 
 #[derive(Debug, Args)]
 struct ReproduceArgs {
     #[command(flatten)]
     output: OutputArgs,
+    #[command(flatten)]
+    units: UnitArgs,
 }
 
 #[derive(Debug, Args)]
@@ -211,6 +245,8 @@ struct RunArgs {
     #[command(flatten)]
     output: OutputArgs,
     #[command(flatten)]
+    units: UnitArgs,
+    #[command(flatten)]
     board: BoardArgs,
     #[command(flatten)]
     log: LogArgs,
@@ -219,20 +255,38 @@ struct RunArgs {
     measured: Option<PathBuf>,
 }
 
+/// Kind of plan.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum Plan {
+    /// Readings of a static map
+    Static,
+    /// Pressures of a motion
+    Motion,
+}
+
 #[derive(Debug, Args)]
 struct IdentifyArgs {
-    /// Recorded data: time_s and columns of trace.csv; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n
+    /// Recorded data: time_s and columns of trace.csv; a motion: time_s, length_m, pressure_pa, with force_n where it was
+    /// measured; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n
     #[arg(required_unless_present = "plan")]
     data: Option<PathBuf>,
     /// Scenario file (TOML) whose [identify] names the parameters
     #[arg(long, value_name = "FILE.toml")]
     config: PathBuf,
-    /// Validation data: a second static map that is not used for the fit
+    /// Validation data: a second static map, or a second motion, that is not used for the fit
     #[arg(long, value_name = "OTHER.csv")]
     against: Option<PathBuf>,
-    /// Print the points to measure for a static map of the scenario's muscle, as CSV
-    #[arg(long, conflicts_with = "data")]
-    plan: bool,
+    /// Print what to measure of the scenario's muscle, as CSV: the readings of a static map, or the pressures of a motion
+    /// that shows slip and creep apart
+    #[arg(
+        long,
+        value_enum,
+        value_name = "KIND",
+        num_args = 0..=1,
+        default_missing_value = "static",
+        conflicts_with = "data"
+    )]
+    plan: Option<Plan>,
     #[command(flatten)]
     output: OutputArgs,
 }
@@ -260,6 +314,9 @@ fn whole<T: FromStr + PartialOrd + Display>(
 /// Runs the command of this process.
 pub fn main() -> ExitCode {
     let arguments: Vec<OsString> = std::env::args_os().collect();
+    if arguments.iter().any(|argument| argument == "--quiet") {
+        checkout::say_nothing();
+    }
     let size = terminal::size().ok().filter(|_| io::stdout().is_terminal());
     let columns = size.and_then(|(columns, _)| folded::columns(columns));
     let code = match columns {
@@ -295,16 +352,19 @@ pub fn run<A: Into<OsString> + Clone>(
     };
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
         Task::Reproduce(args) => reproduce_command(&args, out, err),
+        Task::Init(args) => init::run(&args, out, err),
         Task::Run(args) => run_command(&args, out, err),
         Task::Identify(args) => identify_command(&args, out, err),
         Task::Sweep(args) => sweep::run(args, out, err),
         Task::Tune(args) => tune::run(&args, out, err),
+        Task::Measure(command) => measure::run(&command, out, err),
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
         Task::Compare(args) => compare::run(&args, out, err),
-        Task::Monitor { port, out: folder, format, log } => {
+        Task::Monitor { port, out: folder, format, units, every, log } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            monitor_command(&port, &folder, format, &log.wanted(), out, err)
+            let shown = (format, units.system());
+            monitor_command((&port, every), &folder, shown, &log.wanted(), out, err)
         }
         Task::Serve(args) => serve::run(&args, out),
         Task::Playground(args) => playground::run(&args, out),
@@ -367,7 +427,10 @@ fn check_command(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(path, err)?;
+    if let Some(joint) = joint_in(path, format, err)? {
+        return joint::check(&joint, format, out);
+    }
+    let loaded = load(path, format, err)?;
     // Steps that would be too short are found only when the plant is built.
     thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
         .map_err(|error| Failure::Run(RunError::Build(error)))?;
@@ -375,14 +438,32 @@ fn check_command(
     format.done(out, &both, &thermyo_setup::render(&loaded))
 }
 
-/// Loads a scenario; prints its warnings, and a note if the built-in file is used.
-fn load(path: &Path, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
-    let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
+/// The scenario of a joint, if the file is one.
+fn joint_in(
+    path: &Path,
+    format: FormatArgs,
+    stderr: &mut dyn Write,
+) -> Result<Option<JointLoaded>, Failure> {
+    let loaded = thermyo_joint::load(path)?;
+    if loaded.is_some() {
+        note_shipped(path, format, stderr);
+    }
+    Ok(loaded)
+}
+
+/// Prints a note if the built-in file is used.
+fn note_shipped(path: &Path, format: FormatArgs, stderr: &mut dyn Write) {
     if shipped::instead_of(path).is_some() {
         let path = path.display();
-        let _ =
-            writeln!(stderr, "thermyo: {path} is not here: the one inside this program is used");
+        let note = format!("thermyo: {path} is not here: the one inside this program is used");
+        format.note(stderr, &note);
     }
+}
+
+/// Loads a scenario; prints its warnings, and a note if the built-in file is used.
+fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
+    let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
+    note_shipped(path, format, stderr);
     for warning in warnings {
         let _ = writeln!(stderr, "thermyo: warning: {warning}");
     }
@@ -394,7 +475,10 @@ fn run_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, stderr)?;
+    if let Some(joint) = joint_in(&args.scenario, args.output.format, stderr)? {
+        return joint::run(&joint, args, stdout, stderr);
+    }
+    let loaded = load(&args.scenario, args.output.format, stderr)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
         Some(path) => Some(read_to_compare(path, duration_s, stderr)?),
@@ -430,7 +514,7 @@ fn run_command(
     };
     let title = title_of(&args.scenario);
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
-    finish(out, stdout, stderr, &summary, &page, &args.output)
+    finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))
 }
 
 fn identify_command(
@@ -438,9 +522,9 @@ fn identify_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(&args.config, stderr)?;
+    let loaded = load(&args.config, args.output.format, stderr)?;
     let Some(data) = &args.data else {
-        return print(stdout, &static_map::plan(&loaded, &args.config)?);
+        return plan_command(&loaded, args, stdout, stderr);
     };
     let table = table::read_either(data, Readings::are_in)?;
     say_damage(&table, stderr);
@@ -449,7 +533,7 @@ fn identify_command(
     // Created before the search, which takes minutes: an unwritable folder fails at once.
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
     let mut out = OutputDir::create(&folder)?;
-    let bar = Bar::new(0, args.output.quiet);
+    let bar = Bar::new(0, args.output.format.quiet);
     let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
     drop(bar);
     let found = match found {
@@ -466,14 +550,32 @@ fn identify_command(
     out.text("report.html", &found.page(&title))?;
     let (name, plot) = found.plot(&title);
     out.text(name, &plot)?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         print(stdout, &json)?;
     } else {
         print(stdout, &found.text())?;
         print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
     found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
+}
+
+/// The table on stdout, and the reasons beside it.
+fn plan_command(
+    loaded: &Loaded,
+    args: &IdentifyArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    if let Some(Plan::Motion) = args.plan {
+        let (text, reasons) = motion::plan(loaded, &args.config)?;
+        print(stdout, &text)?;
+        for reason in reasons {
+            args.output.format.note(stderr, &reason);
+        }
+        return Ok(());
+    }
+    print(stdout, &static_map::plan(loaded, &args.config)?)
 }
 
 /// Keeps the results of the finished searches of an identification, and prints where.
@@ -499,9 +601,9 @@ fn title_of(file: &Path) -> String {
 }
 
 fn monitor_command(
-    port: &str,
+    (port, every): (&str, u16),
     folder: &Path,
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     logs: &Logs,
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
@@ -512,19 +614,20 @@ fn monitor_command(
     let recorder = Recorder::new(out.file("trace.csv")?)
         .map_err(|error| out.unwritable("trace.csv", &error))?
         .beside(logs.open(&mut out)?);
-    let mut session = Session::open(port, recorder).map_err(Failure::Board)?;
+    let mut session = Session::open(port, every, recorder).map_err(Failure::Board)?;
     let shown = match (format.quiet || format.json, io::stdout().is_terminal()) {
         (true, _) => Shown::Not,
         (false, true) => Shown::Terminal,
         (false, false) => Shown::Lines,
     };
     // `stdout` folds lines: the figures need the raw stream.
+    let shown = (shown, units);
     let outcome = monitor::run(&mut session, &mut out, shown, &interrupt::is_requested);
     let rows = session.rows();
     // Closes the file before it moves.
     drop(session);
     if rows > 0 {
-        publish(out, stderr)?;
+        publish(out, format, stderr)?;
         let trace = folder.join("trace.csv").display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
         format.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
@@ -557,8 +660,8 @@ fn reproduce_command(
         findings => findings.map_err(Failure::Run)?,
     };
     let page = reproduce::page(&loaded, &findings, &summary);
-    finish(out, stdout, stderr, &summary, &page, &args.output)?;
-    if !args.output.json {
+    finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))?;
+    if !args.output.format.json {
         print(stdout, &findings.text())?;
     }
     findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
@@ -579,7 +682,7 @@ fn record(
     let beside = logs.open(out)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
     let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
-    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.quiet);
+    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.format.quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
         each(row);
@@ -614,22 +717,24 @@ fn finish(
     stderr: &mut dyn Write,
     summary: &Summary,
     page: &str,
-    args: &OutputArgs,
+    (args, units): (&OutputArgs, UnitArgs),
 ) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(summary).expect("a summary is plain data") + "\n";
     let folder = out.path().to_path_buf();
     out.text("summary.json", &json)?;
     out.text("report.html", page)?;
-    publish(out, stderr)?;
-    if args.json { print(stdout, &json) } else { print(stdout, &brief(summary, &folder)) }
+    publish(out, args.format, stderr)?;
+    let brief = || brief(summary, units.system(), &folder);
+    print(stdout, &if args.format.json { json } else { brief() })
 }
 
 /// Publishes the results, and prints where an earlier result was moved to.
-fn publish(out: OutputDir, stderr: &mut dyn Write) -> Result<(), Failure> {
+fn publish(out: OutputDir, format: FormatArgs, stderr: &mut dyn Write) -> Result<(), Failure> {
     let folder = out.path().to_path_buf();
     if let Some(earlier) = out.publish()? {
         let (folder, earlier) = (folder.display(), earlier.display());
-        let _ = writeln!(stderr, "thermyo: the earlier result in {folder} is now in {earlier}");
+        let note = format!("thermyo: the earlier result in {folder} is now in {earlier}");
+        format.note(stderr, &note);
     }
     Ok(())
 }
@@ -672,19 +777,17 @@ fn read_to_compare(
     Ok(measured)
 }
 
-fn brief(summary: &Summary, folder: &Path) -> String {
+fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
     let mut text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
-         pressure {:.1} to {:.1} kPa, gas {:.1} to {:.1} K\n\
+         pressure {}, gas {}\n\
          gas temperature, RMS error: bare sensor {:.3} K, model {:.3} K, estimate {:.3} K\n\
          balance errors: mass {:.1e}, energy {:.1e}\n",
         summary.duration_s,
         summary.real_time_factor,
         summary.board,
-        summary.pressure_pa.min / 1e3,
-        summary.pressure_pa.max / 1e3,
-        summary.gas_temperature_k.min,
-        summary.gas_temperature_k.max,
+        units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),
+        units.range([summary.gas_temperature_k.min, summary.gas_temperature_k.max], "K", 1),
         summary.rmse_k.sensor_gas,
         summary.rmse_k.model,
         summary.rmse_k.estimate,
@@ -693,12 +796,13 @@ fn brief(summary: &Summary, folder: &Path) -> String {
     );
     if let Some(measured) = &summary.measured {
         for (name, difference) in measured {
-            let [rmse, max] = [difference.rmse, difference.max].map(|v| of_column(v, name));
+            let [rmse, max] =
+                [difference.rmse, difference.max].map(|v| difference_text(v, name, units));
             text += &format!("measured {name}: RMS difference {rmse}, largest {max}\n");
         }
     }
     if let Some(control) = &summary.control {
-        text += &control.text();
+        text += &control.text(units);
     }
     text += &summary.core.fault_line();
     for warning in [summary.overconfidence(), summary.unrest()].into_iter().flatten() {

@@ -3,6 +3,7 @@
 use model_core::Telemetry;
 use model_core::control::Mode;
 use serde_json::{Value, json};
+use thermyo_files::units::UnitSystem;
 
 /// Result of a command that vented, as JSON.
 pub(super) fn vents() -> Value {
@@ -10,17 +11,18 @@ pub(super) fn vents() -> Value {
 }
 
 /// The muscle in a line.
-pub(super) fn line(telemetry: &Telemetry) -> String {
+pub(super) fn line(telemetry: &Telemetry, units: UnitSystem) -> String {
     let Telemetry { pressure_pa, length_m, estimate, command, mode, limited, .. } = telemetry;
     let mode = Mode::NAMES.iter().find(|(known, _)| known == mode).map_or("", |(_, name)| name);
+    let share = |share: f32| units.text(share.into(), "", 1);
     format!(
-        "{:7.2} kPa  {:6.1} mm  gas {:6.2} +- {:.2} K  in {:5.1} %  out {:5.1} %  {mode}{}",
-        pressure_pa / 1e3,
-        length_m * 1e3,
-        estimate.gas_k,
+        "{:>11}  {:>9}  gas {} +- {:.2} K  in {:>7}  out {:>7}  {mode}{}",
+        units.text((*pressure_pa).into(), "Pa", 2),
+        units.text((*length_m).into(), "m", 1),
+        units.text(estimate.gas_k.into(), "K", 2),
         estimate.gas_sd_k,
-        command.inlet.share() * 100.0,
-        command.outlet.share() * 100.0,
+        share(command.inlet.share()),
+        share(command.outlet.share()),
         if *limited { ", limited by the highest pressure" } else { "" },
     )
 }

@@ -39,7 +39,7 @@ pub(super) fn run(
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
     let mut board = args.board.open()?;
     let mut out = OutputDir::create(&folder)?;
-    let bar = Bar::new(rows.len() as u64, args.output.quiet);
+    let bar = Bar::new(rows.len() as u64, args.output.format.quiet);
     let mut recorder = Recorder::new(&COLUMNS);
     interrupt::watch();
     let mut each = |recorded: &Telemetry, replayed: &Telemetry| {
@@ -65,8 +65,8 @@ pub(super) fn run(
     out.text("summary.json", &json)?;
     let note = part.note();
     out.text("report.html", &page(&outcome, rows.len() as u64, note.as_deref(), &recorder))?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         print(stdout, &json)?;
     } else {
         print(stdout, &format!("{}\n", sentence(&outcome, rows.len() as u64)))?;

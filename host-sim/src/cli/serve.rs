@@ -42,12 +42,12 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     let board = target.open()?;
     interrupt::watch();
     let operator = Operator::new(target.clone(), board, &folder, logs)?;
-    if args.output.json {
+    if args.output.format.json {
         let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });
         print(out, &format!("{json}\n"))?;
     } else {
         print(out, &format!("{address}\n"))?;
-        if !args.output.quiet {
+        if !args.output.format.quiet {
             let name = target.name();
             print(
                 out,
@@ -57,7 +57,7 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     }
     let results = serve(operator, listener, address, interrupt::is_requested)
         .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
-    if !args.output.quiet && !args.output.json {
+    if !args.output.format.quiet && !args.output.format.json {
         print(out, "it vents\n")?;
         for folder in results {
             print(out, &format!("report: {}\n", folder.join("report.html").display()))?;

@@ -9,6 +9,7 @@ use model_core::{Config, Faults, SetPoint};
 use serde_json::json;
 use std::io::{self, IsTerminal, Write};
 use thermyo_boards::live::LiveBoard;
+use thermyo_files::units::UnitSystem;
 use thermyo_plant::chamber;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -100,7 +101,7 @@ struct Held {
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &SetArgs,
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
@@ -117,11 +118,11 @@ pub(super) fn run(
     if args.hold.is_none() {
         format.done(&mut *err, &json!({}), "Ctrl-C ends it, and vents\n")?;
     }
-    let (stopped, mut held) = hold(board, args, format, (first, &config), out)?;
+    let (stopped, mut held) = hold(board, args, (format, units), (first, &config), out)?;
     board.stop()?;
     let Some(&Held { time_s: end_s, .. }) = held.last() else { return Err(Failure::Interrupted) };
     held.retain(|held| held.time_s >= end_s - HELD_S);
-    result(set_point, &held, format, out)?;
+    result(set_point, &held, (format, units), out)?;
     if !stopped {
         return Ok(());
     }
@@ -129,11 +130,17 @@ pub(super) fn run(
     Err(Failure::StoppedAt(format!("{end_s:.2} s{of}")))
 }
 
+/// A difference with its sign.
+fn signed(difference: f64, si: &'static str, units: UnitSystem) -> String {
+    let sign = if difference < 0.0 { '-' } else { '+' };
+    format!("{sign}{}", units.text(difference.abs(), si, 2))
+}
+
 /// Prints the means of the last second, and their differences from the set point.
 fn result(
     set_point: SetPoint,
     held: &[Held],
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     let count = held.len().max(1) as f64;
@@ -142,21 +149,21 @@ fn result(
     let contraction = Some(contraction).filter(|contraction| contraction.is_finite());
     let limited = held.iter().any(|held| held.limited);
     let (mut error_pa, mut contraction_error) = (None, None);
-    let mut text = format!("{:.2} kPa", mean_pa / 1e3);
+    let mut text = units.text(mean_pa, "Pa", 2);
     let of_last = "in the mean of the last second";
     match (set_point, contraction) {
         (SetPoint::Pressure { pressure_pa }, _) => {
             let off_pa = mean_pa - f64::from(pressure_pa);
             error_pa = Some(off_pa);
-            text += &format!(" {of_last}, {:+.2} kPa from the set point", off_pa / 1e3);
+            text += &format!(" {of_last}, {} from the set point", signed(off_pa, "Pa", units));
         }
         (SetPoint::Contraction { contraction: wanted }, Some(mean)) => {
             let off = mean - f64::from(wanted);
             contraction_error = Some(off);
+            let contracted = units.text(mean, "", 2);
             text = format!(
-                "{:.2} % contracted {of_last}, {:+.2} % from the set point, at {text}",
-                100.0 * mean,
-                100.0 * off
+                "{contracted} contracted {of_last}, {} from the set point, at {text}",
+                signed(off, "", units)
             );
         }
         _ => text += &format!(" {of_last}"),
@@ -181,7 +188,7 @@ fn result(
 fn hold(
     board: &mut LiveBoard,
     args: &SetArgs,
-    format: FormatArgs,
+    (format, units): (FormatArgs, UnitSystem),
     (first, config): (u32, &Config),
     out: &mut dyn Write,
 ) -> Result<(bool, Vec<Held>), Failure> {
@@ -212,7 +219,7 @@ fn hold(
         });
         if time_s >= next_line_s && !format.quiet && !format.json {
             next_line_s += LINE_S[usize::from(columns.is_some())];
-            let text = format!("{time_s:7.2} s  {}", line(&telemetry));
+            let text = format!("{time_s:7.2} s  {}", line(&telemetry, units));
             match columns {
                 // The same line again: a longer one would not return to its start.
                 Some(columns) => {

@@ -66,7 +66,7 @@ pub(super) fn run(
     let Some(scenario) = &args.scenario else {
         return merge_shards(&args, &folder, stdout, stderr);
     };
-    load(scenario, stderr)?;
+    load(scenario, args.output.format, stderr)?;
     let latin = args.lhs.map(|points| Latin { points, seed: args.seed });
     let sweep =
         Sweep::new(scenario, args.vary.clone(), latin, args.shard).map_err(Failure::Sweep)?;
@@ -77,7 +77,7 @@ pub(super) fn run(
     }
     let done: BTreeSet<usize> = kept.rows.iter().map(|row| row.point).collect();
     let left: Vec<usize> = study.own().into_iter().filter(|p| !done.contains(p)).collect();
-    let bar = Bar::new(left.len() as u64, args.output.quiet);
+    let bar = Bar::new(left.len() as u64, args.output.format.quiet);
     interrupt::watch();
     let rows = sweep.run(
         &left,
@@ -133,8 +133,8 @@ fn finish(
     out.text("sweep.csv", &outcome.csv())?;
     out.text("summary.json", &json)?;
     out.text("report.html", &page(outcome, args.within))?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         print(stdout, &json)?;
     } else {
         let mut text = format!("{} of {} points run\n", summary.run, summary.points);

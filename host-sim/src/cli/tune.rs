@@ -85,12 +85,12 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, stderr)?;
+    let loaded = load(&args.scenario, args.output.format, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     let tuned = |args: &TuneArgs| -> Result<tune::Tuned, Failure> {
-        let bar = Bar::new(0, args.output.quiet);
+        let bar = Bar::new(0, args.output.format.quiet);
         let tune_on = |bench: &mut dyn Bench| {
             let mut watched = Watched { bench, bar: &bar, before_ms: 0 };
             let tuned = tune::tune_on(&loaded, &args.scenario, highest_pa, &mut watched);
@@ -120,8 +120,8 @@ pub(super) fn run(
     out.text("summary.json", &json)?;
     out.text("tuned.toml", &thermyo_setup::render(&tuned.scenario))?;
     out.text("report.html", &tune::page(&tuned, &title))?;
-    publish(out, stderr)?;
-    if args.output.json {
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
         print(stdout, &json)
     } else {
         print(stdout, &tuned.findings.text())?;

@@ -3,6 +3,7 @@
 //     node look.mjs CHROMIUM PAGE.html SCREENSHOTS
 import puppeteer from "puppeteer-core";
 import { pathToFileURL } from "node:url";
+import { findings } from "./accessibility.mjs";
 
 const [executablePath, file, screenshots] = process.argv.slice(2);
 const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
@@ -116,11 +117,14 @@ const all = await figures(page);
 const charts = [];
 for (const { id, live } of all) if (live) charts.push(await used(page, id));
 
+const serious = await findings(page);
+
 const still = await open(wide, "light", false);
 const without_script = await figures(still);
 for (const chart of charts) chart.still = await drawn(await still.$(`#${chart.id}`));
 
 const phone = await open({ width: 390, height: 844, isMobile: true, hasTouch: true, deviceScaleFactor: 2 });
+serious.push(...await findings(phone));
 const narrow = await phone.evaluate(() => ({
   page_px: document.documentElement.scrollWidth,
   // Elements wider than their container, by figure or table.
@@ -139,4 +143,4 @@ for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 84
   }
 }
 await browser.close();
-console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow }));
+console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, serious }));

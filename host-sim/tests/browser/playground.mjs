@@ -6,6 +6,7 @@ import { mkdtemp, readFile, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import puppeteer from "puppeteer-core";
+import { findings } from "./accessibility.mjs";
 
 const [executablePath, folder, screenshots] = process.argv.slice(2);
 const TYPES = { html: "text/html", js: "text/javascript", css: "text/css" };
@@ -105,6 +106,31 @@ await choose("rate", 1);
 await page.click("#again");
 await until(() => document.getElementById("wrong").hidden && parseFloat(document.getElementById("time").textContent) < 4);
 
+// The tour: the estimate's error grows when only the muscle changes, and is small again when the core changes too.
+const tour = [];
+await choose("rate", 10);
+for (let i = 0; i < 5; i++) {
+  await page.click("#tour-next");
+  await until((step) => document.getElementById("tour-title").textContent.startsWith(`Step ${step} of 5`), i + 1);
+  // The time of the step before is shown for half a second.
+  await pause(700);
+  await until(() => parseFloat(document.getElementById("time").textContent) > 15);
+  tour.push({ error_k: await number("r-error"), address: await page.evaluate(() => decodeURIComponent(location.hash)), words: await text("tour-text") });
+  if (i === 1) await page.screenshot({ path: `${screenshots}-tour.png`, fullPage: true });
+}
+// An address opens the same page elsewhere.
+const other = await browser.newPage();
+await other.goto(`${address}${await page.evaluate(() => location.hash)}`);
+await other.waitForFunction(() => parseFloat(document.getElementById("time").textContent) > 0, { timeout: 30000, polling: 50 });
+const elsewhere = { address: await other.evaluate(() => decodeURIComponent(location.hash)), knobs: await other.$eval("#knobs", (node) => node.textContent), here: await text("knobs") };
+await other.close();
+await page.bringToFront();
+// A plot is downloaded.
+const saved_plot = await page.evaluate(() => new Promise((done) => {
+  HTMLAnchorElement.prototype.click = function () { done([this.download, decodeURIComponent(this.href).split("\n")[0]]); };
+  document.querySelector('[aria-label="Download as CSV: Pressure, absolute"]').click();
+}));
+
 // Highest speed.
 await page.select("#choice", await page.$eval("#choice", (list) => list.options[0].value));
 await choose("rate", 100);
@@ -135,9 +161,14 @@ await page.screenshot({ path: `${screenshots}-390-dark.png`, fullPage: true });
 await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
 await pause(300);
 await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
+const serious = await findings(page);
+await page.setViewport({ width: 1280, height: 900 });
+await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "dark" }]);
+await pause(300);
+serious.push(...await findings(page));
 const mode = await text("mode");
 await browser.close();
 server.close();
 console.log(JSON.stringify({
-  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode, nameless,
+  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode, nameless, serious, tour, elsewhere, saved_plot,
 }));

@@ -1,5 +1,8 @@
 //! Inputs of the loops: readings, and the gas that a pulse moves.
 
+use super::valve_drive::FlowDrive;
+use crate::config::Config;
+use crate::physics::chamber::Chamber;
 use crate::physics::gas::Reservoir;
 use crate::sample::Estimate;
 
@@ -49,6 +52,37 @@ pub struct ChamberPort {
 }
 
 impl ChamberPort {
+    /// The gas behind the valves of `drive`, at the start of a period; `per_k` is the reciprocal of the
+    /// heat-capacity ratio.
+    pub fn new(
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        drive: &FlowDrive,
+        per_k: f32,
+    ) -> Self {
+        let period_s = drive.period_s();
+        let leaked_kg = if config.leak.leaks() {
+            let Config { leak, gas, ambient, .. } = config;
+            period_s * leak.mass_flow_kg_s(gas, feedback.muscle(), ambient.pressure_pa)
+        } else {
+            0.0
+        };
+        Self {
+            period_s,
+            pwm_hz: drive.pwm_hz(),
+            pressure_pa: feedback.pressure_pa,
+            volume_m3: chamber.volume_m3(feedback.length_m),
+            in_flight_kg: drive.in_flight_kg(),
+            leaked_kg,
+            saturated: drive.saturated(),
+            inflow_k: config.supply.temperature_k,
+            gas_k: feedback.estimate.gas_k,
+            per_k,
+            gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k,
+        }
+    }
+
     /// Gas mass at the estimated temperature, eq. (1) \[kg\].
     pub fn gas_mass_kg(&self) -> f32 {
         self.pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.gas_k)

@@ -6,29 +6,40 @@
 //! (12 000 N/m and more), and what it lacks in length counts as missing gas:
 //!
 //! ```text
-//! F     = load + disturbance + friction + viscous v + moving mass a      along the reference
+//! F     = load + disturbance + slip and creep + friction + viscous v + mass a      along the reference
 //! P_ref = P_amb + (F - elastic)/(-dV/dL)                          force and geometry
 //! dm    = (V (P_ref - P)/k + P (V(L_ref) - V(L)))/(R T)           eq. (6), adiabatic
 //! ```
 //!
 //! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the
-//! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode.
+//! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode. Load,
+//! Coulomb force and mass are observed ([`LoadObserver`]). An integral of the length error is left for what the
+//! balance of forces does not see: gas that the valves move more or less of than they should.
+//!
+//! Pulses are spared. After one that has ended, small masses wait for a period, and the next pulse looks that much
+//! further ahead; one that nearly fills its period is made to last, so that the valve stays open.
 
 use super::chamber_port::{ChamberPort, Feedback};
+use super::load_observer::{Balance, LoadObserver};
+use super::valve_drive::open_kg_s;
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
 use crate::physics::chamber::Chamber;
+use crate::physics::hysteresis::{Held, Law};
 
 /// Periods within the dead zone before the valves rest.
 const CALM_PERIODS: u8 = 5;
 /// The dead zone is left at this multiple of its width \[-\].
-const HYSTERESIS: f32 = 2.0;
-/// A reference that needs longer than this for a dead zone is at rest \[s\].
-const STILL_S: f32 = 0.1;
-/// Addition to an error at rest while the loop learns, in dead zones \[-\].
-const STICKING: f32 = 2.0;
+const HYSTERESIS: f32 = 1.5;
 /// Closer than this to either end of its lengths the load may lie on a stop \[m\].
 const STOP_M: f32 = 3.0e-4;
+/// Gas for less way than this, as a share of the rest length, can wait for a period; a mass that waits is 50 Hz
+/// of ripple, of which a load on its gas spring of 10 to 15 Hz follows a twentieth.
+const WAITS: f32 = 0.0043;
+/// Gas for less way than this, as a share of the rest length, may come a period early to keep a valve open.
+const EARLY: f32 = 0.0017;
+/// Share of an open period's mass up to which two periods' fit into one.
+const FITS: f32 = 0.5;
 
 /// Coefficients of a period, computed once because divisions are slow without an FPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,11 +51,14 @@ pub struct Gains {
     per_target_speed: f32,
     /// Share of an error of the gas mass that one period closes \[-\].
     closes: f32,
+    /// Slip and creep over a period.
+    law: Law,
 }
 
 impl Gains {
     /// For a PWM period \[s\].
-    pub fn new(tuning: &ControllerConfig, period_s: f32) -> Self {
+    pub fn new(config: &Config, period_s: f32) -> Self {
+        let tuning = &config.controller;
         let w = tuning.reference_rad_s;
         let wt = w * period_s;
         let keeps = 1.0 / (1.0 + wt * (2.0 + wt));
@@ -53,6 +67,7 @@ impl Gains {
             per_error: keeps * wt * w,
             per_target_speed: keeps * 2.0 * wt,
             closes: limit(period_s / tuning.length_loop_s, 0.0, 1.0),
+            law: Law::new(&config.hysteresis, period_s),
         }
     }
 }
@@ -120,10 +135,18 @@ pub struct ContractionLoop {
     reference: Reference,
     /// Pressure that belongs to the reference \[Pa\].
     pressure_pa: f32,
+    /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
+    given_pa: f32,
+    given_m3: f32,
+    /// The last period had a pulse that ended within it.
+    pulsed: bool,
     /// Friction that the reference has to overcome, positive in contraction \[N\].
     friction_n: f32,
-    /// Load that the loop has learnt to add to the configured one \[N\].
-    disturbance_n: f32,
+    /// Slip and creep along the reference.
+    held: Held,
+    observer: LoadObserver,
+    /// Integral of the length error \[N\].
+    effort_n: f32,
     /// Measured length of the period before \[m\].
     length_m: f32,
     calm_periods: u8,
@@ -158,8 +181,13 @@ impl ContractionLoop {
             gains: *gains,
             reference: Reference::at(chamber, feedback.length_m),
             pressure_pa: feedback.pressure_pa,
+            given_pa: feedback.pressure_pa,
+            given_m3: 0.0,
+            pulsed: false,
             friction_n: 0.0,
-            disturbance_n: 0.0,
+            held: Held::default(),
+            observer: LoadObserver::new(),
+            effort_n: 0.0,
             length_m: feedback.length_m,
             calm_periods: 0,
             holding: false,
@@ -189,16 +217,19 @@ impl ContractionLoop {
         force_n: f32,
         softening: f32,
     ) {
-        let most_friction_n = config.controller.friction_gain * softening * config.friction.force_n;
-        let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
-        let holds_n = chamber.force_n(gauge_pa, feedback.length_m) - force_n - self.disturbance_n;
-        self.friction_n = limit(holds_n, -most_friction_n, most_friction_n);
-        let length_m = feedback.length_m;
-        if length_m > chamber.shortest_m() + STOP_M && length_m < chamber.longest_m() - STOP_M {
-            let disturbance_n = self.disturbance_n + holds_n - self.friction_n;
-            self.disturbance_n = limited_disturbance_n(config, chamber, force_n, disturbance_n);
+        let most_n = self.observer.coulomb_n(configured_coulomb_n(config, softening));
+        let pull_n = pull_n(config, chamber, feedback);
+        let mut disturbance_n = self.observer.disturbance_n;
+        let holds_n = pull_n - force_n - self.held.force_n() - self.effort_n - disturbance_n;
+        self.friction_n = limit(holds_n, -most_n, most_n);
+        if is_free(chamber, feedback.length_m) {
+            let [least_n, most_n] = disturbances_n(config, chamber, force_n);
+            disturbance_n = limit(disturbance_n + holds_n - self.friction_n, least_n, most_n);
         }
+        self.observer.restart(disturbance_n);
         self.pressure_pa = feedback.pressure_pa;
+        self.given_pa = feedback.pressure_pa;
+        self.given_m3 = self.reference.volume_m3;
     }
 
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
@@ -210,18 +241,18 @@ impl ContractionLoop {
         port: &ChamberPort,
         wanted: &Contracting,
     ) -> Option<f32> {
-        let Contracting { contraction, load_n, softening, most_pa } = *wanted;
-        let tuning = &config.controller;
-        let period_s = port.period_s;
+        let Contracting { contraction, load_n, softening, .. } = *wanted;
         let rest_m = chamber.rest_length_m();
         let target_m = chamber.limit_length_m(rest_m - rest_m * contraction);
         let moves = target_m != self.reference.target_m;
         // Positive: has to contract.
         let error_m = feedback.length_m - self.reference.length_m;
-        let zone_m = tuning.contraction_dead_zone * rest_m;
+        let zone_m = config.controller.contraction_dead_zone * rest_m;
         let moved_m = feedback.length_m - self.length_m;
         self.length_m = feedback.length_m;
         if self.holding {
+            // Creep goes on at rest.
+            self.creep(config, feedback, 0.0, softening);
             if !moves && absolute(error_m) <= HYSTERESIS * zone_m {
                 return None;
             }
@@ -235,71 +266,157 @@ impl ContractionLoop {
         self.calm_periods = if still { self.calm_periods.saturating_add(1) } else { 0 };
         if self.calm_periods >= CALM_PERIODS {
             self.holding = true;
+            self.pulsed = false;
             self.reference = Reference::at(chamber, target_m);
             return None;
         }
 
-        // What is missing of the gas that belongs to the reference of the period before.
-        let volume_m3 = port.volume_m3;
-        let before_m3 = self.reference.volume_m3;
-        let before_pa = self.pressure_pa;
+        // What is missing of the gas that has been given.
         // Ahead of its reference by that much when the pulse acts: damps the load on its gas spring.
-        let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * tuning.length_lead_s;
-        let ahead_m3 = chamber.volume_slope_m2(feedback.length_m) * ahead_m;
-        let missing_m3 = (before_m3 - volume_m3 - ahead_m3) * tuning.length_gain;
+        let lead_s = config.controller.length_lead_s;
+        let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * lead_s;
+        let slope_m2 = chamber.volume_slope_m2(feedback.length_m);
+        let missing_m3 = self.given_m3 - port.volume_m3 - slope_m2 * ahead_m;
+        let missing_m3 = missing_m3 * config.controller.length_gain;
+        let missing_pa = self.given_pa - feedback.pressure_pa;
 
-        // Anti-windup: nothing is learnt while a valve is fully open, or from more than what
-        // friction and load explain at once.
-        if !port.saturated {
-            let most_m = tuning.learning_band * rest_m;
-            // A muscle that sticks near its goal needs as much force as one that sticks far from it.
-            let sticks = absolute(self.reference.speed_m_s) * STILL_S < zone_m;
-            let extra_m = if !sticks {
-                0.0
-            } else if error_m > zone_m {
-                STICKING * zone_m
-            } else if error_m < -zone_m {
-                -STICKING * zone_m
-            } else {
-                0.0
+        self.learn(config, chamber, feedback, port, wanted, (error_m, moved_m));
+        let start_m3 = self.reference.volume_m3;
+        self.advance(config, chamber, feedback, port, wanted, target_m);
+        let given = self.gains.closes;
+        let change_pa = self.pressure_pa - self.given_pa + given * missing_pa;
+        let change_m3 = self.reference.volume_m3 - self.given_m3 + given * missing_m3;
+        let wanted_kg = port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg;
+        let open_kg = port.period_s * open_kg_s(config, wanted_kg, feedback.muscle());
+        let per_rest_kg = absolute(port.mass_kg(0.0, slope_m2 * rest_m));
+        let ahead_m3 = self.reference.volume_m3 - start_m3;
+        Some(self.spare(port, wanted_kg, open_kg, per_rest_kg, ahead_m3))
+    }
+
+    /// One period of the observer and of the integral, for the error \[m\] and the way since the period before
+    /// \[m\].
+    fn learn(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &ChamberPort,
+        wanted: &Contracting,
+        (error_m, moved_m): (f32, f32),
+    ) {
+        let Contracting { load_n, softening, .. } = *wanted;
+        if is_free(chamber, feedback.length_m) {
+            let coulomb_n = configured_coulomb_n(config, softening);
+            let balance = Balance {
+                force_n: pull_n(config, chamber, feedback),
+                load_n: load_n + self.held.force_n(),
+                friction_n: self.friction_n,
+                coulomb_n: self.observer.coulomb_n(coulomb_n),
+                reference_m_s: -self.reference.speed_m_s,
+                speed_m_s: -moved_m * port.pwm_hz,
+                mass_kg: config.moving_mass_kg,
+                pwm_hz: port.pwm_hz,
             };
-            let learns_m = limit(error_m + extra_m, -most_m, most_m);
-            let learnt_n = tuning.load_gain_n_m_s * period_s * learns_m;
-            self.disturbance_n =
-                limited_disturbance_n(config, chamber, load_n, self.disturbance_n + learnt_n);
+            self.observer.period(&balance, disturbances_n(config, chamber, load_n));
         }
+        // Anti-windup: nothing is learnt while a valve is fully open, or from large errors.
+        if !port.saturated {
+            let tuning = &config.controller;
+            let most_m = tuning.learning_band * chamber.rest_length_m();
+            let learns_n = tuning.load_gain_n_m_s * port.period_s * limit(error_m, -most_m, most_m);
+            let most_n = tuning.load_limit_n;
+            self.effort_n = limit(self.effort_n + learns_n, -most_n, most_n);
+        }
+    }
 
+    /// One period of the reference, and of what holds it back.
+    fn advance(
+        &mut self,
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &ChamberPort,
+        wanted: &Contracting,
+        target_m: f32,
+    ) {
+        let Contracting { load_n, softening, most_pa, .. } = *wanted;
         let start_m = self.reference.length_m;
-        self.reference.advance(tuning, &self.gains, chamber, target_m, port);
-        let reference = &self.reference;
-        let way_n = config.friction.presliding_stiffness_n_m * (start_m - reference.length_m);
-        let coulomb_n = tuning.friction_gain * softening * config.friction.force_n;
+        self.reference.advance(&config.controller, &self.gains, chamber, target_m, port);
+        let reference = self.reference;
+        let way_m = start_m - reference.length_m;
+        let way_n = config.friction.presliding_stiffness_n_m * way_m;
+        let coulomb_n = self.observer.coulomb_n(configured_coulomb_n(config, softening));
         self.friction_n = slide(self.friction_n, way_n, coulomb_n);
-        let wanted_n = load_n + self.disturbance_n + self.friction_n
+        self.creep(config, feedback, way_m, softening);
+        let held_n = load_n + self.observer.disturbance_n + self.held.force_n() + self.effort_n;
+        let wanted_n = held_n + self.friction_n
             - softening * config.friction.viscous_n_s_m * reference.speed_m_s
-            - config.moving_mass_kg * reference.acceleration_m_s2;
+            - (config.moving_mass_kg + self.observer.mass_kg) * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
         let gauge_pa = chamber.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
         self.limited = ambient_pa + gauge_pa > most_pa;
         self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
+    }
 
-        let gain = self.gains.closes;
-        let change_pa = self.pressure_pa - before_pa + gain * (before_pa - feedback.pressure_pa);
-        let change_m3 = reference.volume_m3 - before_m3 + gain * missing_m3;
-        Some(port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg)
+    /// Slip and creep after a period in which the reference contracted by `way_m`.
+    fn creep(&mut self, config: &Config, feedback: &Feedback, way_m: f32, softening: f32) {
+        let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
+        self.held = self.gains.law.after(&self.held, way_m, gauge_pa, softening);
+    }
+
+    /// The mass to give now of what is wanted; none where it waits. `open_kg` is what an open period moves,
+    /// `per_rest_kg` the gas for a way of the rest length, `ahead_m3` the volume by which the reference grew in
+    /// this period.
+    fn spare(
+        &mut self,
+        port: &ChamberPort,
+        wanted_kg: f32,
+        open_kg: f32,
+        per_rest_kg: f32,
+        ahead_m3: f32,
+    ) -> f32 {
+        let size_kg = absolute(wanted_kg);
+        let fits = size_kg < FITS * open_kg;
+        if self.pulsed && fits && size_kg < WAITS * per_rest_kg {
+            self.pulsed = false;
+            return 0.0;
+        }
+        self.given_pa = self.pressure_pa;
+        self.given_m3 = self.reference.volume_m3;
+        let left_kg = open_kg - size_kg;
+        self.pulsed = left_kg > 0.0;
+        if self.pulsed && !fits && left_kg < EARLY * per_rest_kg {
+            self.pulsed = false;
+            return if wanted_kg > 0.0 { open_kg } else { -open_kg };
+        }
+        if !fits {
+            return wanted_kg;
+        }
+        self.given_m3 += ahead_m3;
+        wanted_kg + port.mass_kg(0.0, ahead_m3)
     }
 }
 
-/// A learnt load within its limit; with what is configured, no less than what the chamber can hold: what cannot push has no
-/// load that is lifted for it.
-fn limited_disturbance_n(
-    config: &Config,
-    chamber: &impl Chamber,
-    load_n: f32,
-    disturbance_n: f32,
-) -> f32 {
+/// Pull of the chamber at measured pressure and length \[N\].
+fn pull_n(config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
+    chamber.force_n(feedback.pressure_pa - config.ambient.pressure_pa, feedback.length_m)
+}
+
+/// Whether it lies on neither stop: there the load is not what it pulls.
+fn is_free(chamber: &impl Chamber, length_m: f32) -> bool {
+    length_m > chamber.shortest_m() + STOP_M && length_m < chamber.longest_m() - STOP_M
+}
+
+/// Configured Coulomb force at the wall's temperature \[N\].
+fn configured_coulomb_n(config: &Config, softening: f32) -> f32 {
+    config.controller.friction_gain * softening * config.friction.force_n
+}
+
+/// Least and largest disturbance \[N\]: with what is configured, no less than what the chamber can hold. What cannot
+/// push has no load that is lifted for it.
+fn disturbances_n(config: &Config, chamber: &impl Chamber, load_n: f32) -> [f32; 2] {
     let most_n = config.controller.load_limit_n;
-    limit(disturbance_n, limit(chamber.least_force_n() - load_n, -most_n, 0.0), most_n)
+    [limit(chamber.least_force_n() - load_n, -most_n, 0.0), most_n]
 }
 
 /// Friction after a way, `way_n` its stiffness times the way: it builds up along the way as the
@@ -313,6 +430,7 @@ fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::physics::chamber::{AnyChamber, ChamberConfig, Cylinder};
+    use crate::physics::hysteresis::Hysteresis;
     use crate::sample::Estimate;
 
     const LENGTH_M: f32 = 0.27;
@@ -320,8 +438,20 @@ mod tests {
     const LOAD_N: f32 = 100.0;
     const AMBIENT_PA: f32 = 101_325.0;
 
+    /// A muscle that neither slips nor creeps.
+    fn plain() -> Config {
+        Config { hysteresis: Hysteresis::NONE, ..Config::default() }
+    }
+
+    /// One behind valves so narrow that no pulse can be spared.
+    fn narrow() -> Config {
+        let mut config = plain();
+        config.valve.conductance_m3_s_pa = 1.0e-12;
+        config
+    }
+
     fn muscle() -> AnyChamber {
-        AnyChamber::new(&Config::default().chamber)
+        AnyChamber::new(&plain().chamber)
     }
 
     fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
@@ -350,7 +480,7 @@ mod tests {
     }
 
     fn started(config: &Config, feedback: &Feedback) -> ContractionLoop {
-        let gains = Gains::new(&config.controller, PERIOD_S);
+        let gains = Gains::new(config, PERIOD_S);
         ContractionLoop::new(config, &gains, &muscle(), feedback, LOAD_N, 1.0)
     }
 
@@ -361,8 +491,8 @@ mod tests {
 
     /// A reference at rest at 0.25 m, and its next values for these targets.
     fn references(targets_m: impl Iterator<Item = f32>) -> Vec<Reference> {
-        let config = Config::default();
-        let gains = Gains::new(&config.controller, PERIOD_S);
+        let config = plain();
+        let gains = Gains::new(&config, PERIOD_S);
         let mut reference = Reference::at(&muscle(), 0.25);
         let port = port(&feedback(3.0e5, 0.25));
         targets_m
@@ -439,7 +569,7 @@ mod tests {
     /// its limit, the rest. On the stop the load is unknown.
     #[test]
     fn a_start_takes_the_measured_force_for_the_one_wanted() {
-        let mut config = Config::default();
+        let mut config = plain();
         config.controller.load_limit_n = 30.0;
         for (force_n, friction_n, disturbance_n) in [
             (100.0, 0.0, 0.0),
@@ -453,16 +583,19 @@ mod tests {
             let now = feedback(pressure_pa(force_n), LENGTH_M);
             let active = started(&config, &now);
             assert!((active.friction_n - friction_n).abs() < 0.05, "{force_n} N: {active:?}");
-            assert!((active.disturbance_n - disturbance_n).abs() < 0.05, "{force_n} N: {active:?}");
+            assert!(
+                (active.observer.disturbance_n - disturbance_n).abs() < 0.05,
+                "{force_n} N: {active:?}"
+            );
             assert_eq!(active.pressure_pa, now.pressure_pa);
         }
-        let gains = Gains::new(&config.controller, PERIOD_S);
+        let gains = Gains::new(&config, PERIOD_S);
         let now = feedback(pressure_pa(140.0), LENGTH_M);
         let warm = ContractionLoop::new(&config, &gains, &muscle(), &now, LOAD_N, 0.5);
         assert!((warm.friction_n - 0.5 * 15.45).abs() < 0.05, "softened: {warm:?}");
         for (length_m, learns) in [(0.3, false), (0.2998, false), (0.2996, true)] {
             let active = started(&config, &feedback(AMBIENT_PA + 2.0e5, length_m));
-            assert_eq!(active.disturbance_n > 0.0, learns, "at {length_m} m");
+            assert_eq!(active.observer.disturbance_n > 0.0, learns, "at {length_m} m");
         }
     }
 
@@ -483,7 +616,7 @@ mod tests {
     /// muscle is where it should be and pulls its load and friction.
     #[test]
     fn the_gas_of_the_reference_is_what_is_moved() {
-        let config = Config::default();
+        let config = narrow();
         for (goal_m, friction_n) in [(0.25, 15.45), (0.28, -15.45)] {
             let mut now = feedback(pressure_pa(LOAD_N), LENGTH_M);
             let mut active = started(&config, &now);
@@ -501,7 +634,7 @@ mod tests {
             assert!(active.holding(), "{active:?}");
             assert!((now.length_m - goal_m).abs() < 5e-4, "{} m", now.length_m);
             let force_n = muscle().force_n(now.pressure_pa - AMBIENT_PA, now.length_m);
-            assert!((force_n - LOAD_N - friction_n).abs() < 0.5, "{force_n} N");
+            assert!((force_n - LOAD_N - friction_n).abs() < 1.5, "{force_n} N");
         }
     }
 
@@ -509,8 +642,9 @@ mod tests {
     /// taken where it will be 10 ms later and counted as seven tenths, less what the last pulse still moves.
     #[test]
     fn missing_gas_is_closed_by_its_share() {
-        let mut config = Config::default();
+        let mut config = narrow();
         config.controller.load_gain_n_m_s = 0.0;
+        config.controller.load_limit_n = 0.0;
         config.controller.length_gain = 0.7;
         let balance = feedback(pressure_pa(LOAD_N), LENGTH_M);
         let gain = 0.01 / 0.014_f32;
@@ -532,70 +666,102 @@ mod tests {
         }
     }
 
-    /// Load learnt in one period from an error of length, the reference being as fast as that \[N\].
-    fn learnt_n(config: &Config, error_m: f32, saturated: bool, speed_m_s: f32) -> f32 {
-        let mut active = started(config, &feedback(pressure_pa(LOAD_N), LENGTH_M));
-        let now = feedback(pressure_pa(LOAD_N), LENGTH_M + error_m);
-        active.reference.speed_m_s = speed_m_s;
-        let before_n = active.disturbance_n;
-        let port = ChamberPort { saturated, ..port(&now) };
-        active.period(config, &muscle(), &now, &port, &wanted(LENGTH_M));
-        active.disturbance_n - before_n
-    }
-
-    /// 40 kN/(m s) over 10 ms: 0.4 N for a millimetre. Beyond the dead zone of 0.45 mm a muscle at rest
-    /// sticks, and counts 0.9 mm more; more than 1.5 mm is not learnt from.
+    /// 40 kN/(m s) over 10 ms: 0.4 N for a millimetre, of which no more than 0.6 mm count.
     #[test]
-    fn the_load_is_learnt_from_the_error_of_length() {
-        let config = Config::default();
+    fn an_error_of_length_is_integrated_within_its_limits() {
+        let config = plain();
+        let learnt_n = |config: &Config, error_m: f32, saturated: bool| {
+            let mut active = started(config, &feedback(pressure_pa(LOAD_N), LENGTH_M));
+            let now = feedback(pressure_pa(LOAD_N), LENGTH_M + error_m);
+            let port = ChamberPort { saturated, ..port(&now) };
+            active.period(config, &muscle(), &now, &port, &wanted(LENGTH_M));
+            active.effort_n
+        };
         for sign in [-1.0, 1.0] {
-            for (error_m, expected_n) in
-                [(0.3e-3, 0.12), (0.44e-3, 0.176), (0.5e-3, 0.56), (1.0e-3, 0.6), (9.0e-3, 0.6)]
-            {
-                let disturbance_n = sign * learnt_n(&config, sign * error_m, false, 0.0);
-                assert!(
-                    (disturbance_n - expected_n).abs() < 5e-3,
-                    "{error_m} m: {disturbance_n} N"
-                );
-                assert_eq!(learnt_n(&config, sign * error_m, true, 0.0), 0.0, "saturated");
-            }
-            // A reference that needs less than 0.1 s for the dead zone is under way: nothing sticks.
-            for (speed_m_s, expected_n) in [(-0.1, 0.4), (-4.6e-3, 0.4), (-4.4e-3, 0.6)] {
-                let disturbance_n = sign * learnt_n(&config, sign * 1.0e-3, false, speed_m_s);
-                assert!(
-                    (disturbance_n - expected_n).abs() < 5e-3,
-                    "{speed_m_s} m/s: {disturbance_n} N"
-                );
+            for (error_m, expected_n) in [(0.3e-3, 0.12), (0.5e-3, 0.2), (9.0e-3, 0.24)] {
+                let effort_n = sign * learnt_n(&config, sign * error_m, false);
+                assert!((effort_n - expected_n).abs() < 5e-3, "{error_m} m: {effort_n} N");
+                assert_eq!(learnt_n(&config, sign * error_m, true), 0.0, "saturated");
             }
             let mut little = config;
-            little.controller.load_limit_n = 0.3;
-            let disturbance_n = sign * learnt_n(&little, sign * 9.0e-3, false, 0.0);
-            assert!((disturbance_n - 0.3).abs() < 5e-3, "{disturbance_n} N");
+            little.controller.load_limit_n = 0.1;
+            let effort_n = sign * learnt_n(&little, sign * 9.0e-3, false);
+            assert!((effort_n - 0.1).abs() < 1e-3, "{effort_n} N");
         }
+    }
+
+    /// Slip and creep along the reference are lifted, and fade at rest.
+    #[test]
+    fn slip_and_creep_are_held() {
+        let config = Config::default();
+        let force_n = |active: &ContractionLoop| {
+            let gauge_pa = active.pressure_pa - AMBIENT_PA;
+            muscle().force_n(gauge_pa, active.reference.length_m)
+        };
+        let goal = wanted(0.25);
+        let run = |config: &Config| {
+            let mut now = feedback(pressure_pa(LOAD_N), LENGTH_M);
+            let mut active = started(config, &now);
+            for _ in 0..20 {
+                active.period(config, &muscle(), &now, &port(&now), &goal);
+                now = feedback(active.pressure_pa, active.reference.length_m);
+            }
+            active
+        };
+        let creeps = run(&config);
+        // 6.5 N of slip, 20 mm of 2.47 kN/m that have begun to fade, and of 1.5 kN/m.
+        let held_n = creeps.held.force_n();
+        assert!((55.0..75.0).contains(&held_n), "{held_n} N");
+        assert_eq!(run(&plain()).held, Held::default());
+        let learnt_n = creeps.observer.disturbance_n + creeps.effort_n;
+        let expected_n = LOAD_N + creeps.friction_n + held_n + learnt_n;
+        assert!((force_n(&creeps) - expected_n).abs() < 0.5, "{} N", force_n(&creeps));
+        let mut rests = creeps;
+        for _ in 0..45 {
+            rests.creep(&config, &feedback(creeps.pressure_pa, 0.25), 0.0, 1.0);
+        }
+        let left = rests.held.fast_n / creeps.held.fast_n;
+        assert!((left - (-1.0_f32).exp()).abs() < 1e-3, "{left}");
+    }
+
+    /// A pulse that has ended lets a small mass wait, once; one that nearly fills its period fills it.
+    #[test]
+    fn pulses_are_spared() {
+        let now = feedback(pressure_pa(LOAD_N), LENGTH_M);
+        let mut active = started(&plain(), &now);
+        let port = port(&now);
+        let mut give = |wanted_kg: f32| 1.0e6 * active.spare(&port, wanted_kg, 3.0e-5, 1.0e-3, 0.0);
+        // Of 30 mg that an open period moves; the gas for 0.0043 of the rest length are 4.3 mg.
+        let given: [f32; 5] = [2.0e-6, 2.0e-6, -2.0e-6, 4.5e-6, 4.5e-6].map(&mut give);
+        let expected = [2.0, 0.0, -2.0, 4.5, 4.5];
+        assert!(given.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{given:?}");
+        let given: [f32; 4] = [28.0e-6, 29.0e-6, -28.5e-6, 31.0e-6].map(&mut give);
+        let expected = [28.0, 30.0, -30.0, 31.0];
+        assert!(given.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{given:?}");
     }
 
     /// A muscle cannot push: what is learnt leaves a load that pulls, or none.
     #[test]
     fn no_load_is_learnt_that_a_slack_muscle_would_have_to_push() {
-        let config = Config::default();
-        let least_n = |load_n: f32| limited_disturbance_n(&config, &muscle(), load_n, -1.0e3);
+        let config = plain();
+        let least_n = |load_n: f32| disturbances_n(&config, &muscle(), load_n)[0];
         assert_eq!([0.0, 20.0, 100.0, 1.0e3].map(least_n), [0.0, -20.0, -100.0, -300.0]);
-        assert_eq!(limited_disturbance_n(&config, &muscle(), 20.0, 1.0e3), 300.0);
+        assert_eq!(disturbances_n(&config, &muscle(), 20.0)[1], 300.0);
         let cylinder = AnyChamber::new(&ChamberConfig::Cylinder(Cylinder::default()));
-        assert_eq!(limited_disturbance_n(&config, &cylinder, -50.0, -1.0e3), -300.0, "it can");
+        assert_eq!(disturbances_n(&config, &cylinder, -50.0), [-300.0, 300.0], "it can");
         // From the middle of its way, at ambient pressure, with 5 N to hold.
-        let gains = Gains::new(&config.controller, PERIOD_S);
+        let gains = Gains::new(&config, PERIOD_S);
         let slack = feedback(AMBIENT_PA, 0.24);
         assert!(muscle().force_n(0.0, 0.24) < -30.0);
         let active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);
-        assert_eq!(active.disturbance_n, -5.0);
+        assert_eq!(active.observer.disturbance_n, -5.0);
     }
 
     /// Friction against the motion, softened; viscous friction with the speed; the mass with the
     /// acceleration: a muscle that starts to contract has to pull more for each.
     #[test]
     fn the_pressure_is_that_of_load_friction_speed_and_acceleration() {
-        let mut config = Config::default();
+        let mut config = plain();
         config.friction.viscous_n_s_m = 100.0;
         config.moving_mass_kg = 2.0;
         for (goal_m, way) in [(0.22, 1.0), (0.29, -1.0)] {
@@ -634,13 +800,13 @@ mod tests {
         })
     }
 
-    /// Within the dead zone of 0.45 mm, moving by no more than that in a period, and with nothing left
+    /// Within the dead zone of 0.18 mm, moving by no more than that in a period, and with nothing left
     /// to follow.
     #[test]
     fn it_rests_only_where_it_is_to_be() {
-        let config = Config::default();
+        let config = plain();
         for (share, at_rest) in [(0.98, true), (1.02, false)] {
-            let zone_m = share * 0.45e-3;
+            let zone_m = share * 0.18e-3;
             for side_m in [-zone_m, zone_m] {
                 let sticks = rests(&config, |_| (LENGTH_M + side_m, LENGTH_M));
                 assert_eq!(sticks, at_rest, "sticks {side_m} m off");
@@ -656,13 +822,13 @@ mod tests {
         assert!(!rests(&slow, on_its_way), "the goal is far");
     }
 
-    /// It rests until twice the dead zone of 0.45 mm away from its goal, from wherever it came.
+    /// It rests until one and a half dead zones of 0.18 mm away from its goal, from wherever it came.
     #[test]
     fn a_muscle_at_rest_is_as_far_off_as_it_is_from_its_goal() {
-        let config = Config::default();
-        for came_from_m in [-3.0e-4, 3.0e-4] {
+        let config = plain();
+        for came_from_m in [-1.5e-4, 1.5e-4] {
             for (off_m, rests) in
-                [(-0.91e-3, false), (-0.89e-3, true), (0.89e-3, true), (0.91e-3, false)]
+                [(-0.28e-3, false), (-0.26e-3, true), (0.26e-3, true), (0.28e-3, false)]
             {
                 let mut active = resting(&config, came_from_m, LOAD_N);
                 let now = feedback(pressure_pa(LOAD_N), LENGTH_M + off_m);
@@ -676,7 +842,7 @@ mod tests {
     /// Of what the learnt load does not explain 15.45 N are friction, as at a start.
     #[test]
     fn a_muscle_that_has_rested_goes_on_from_what_is_measured() {
-        let config = Config::default();
+        let config = narrow();
         for (rested_n, now_n, disturbance_n) in [
             (100.0, 60.0, -24.55),
             (100.0, 105.0, 0.0),
@@ -689,7 +855,7 @@ mod tests {
             let now = feedback(pressure_pa(now_n), LENGTH_M);
             let asked = active.period(&config, &muscle(), &now, &port(&now), &wanted(0.25));
             assert!(
-                (active.disturbance_n - disturbance_n).abs() < 0.05,
+                (active.observer.disturbance_n - disturbance_n).abs() < 0.05,
                 "{rested_n}, {now_n} N: {active:?}"
             );
             let change_m3 = active.reference.volume_m3 - muscle().volume_m3(LENGTH_M);
@@ -701,10 +867,10 @@ mod tests {
     fn what_needs_more_pressure_than_there_may_be_is_limited() {
         let now = feedback(pressure_pa(LOAD_N), LENGTH_M);
         for (off_pa, limited) in [(-2000.0, true), (2000.0, false)] {
-            let mut active = started(&Config::default(), &now);
+            let mut active = started(&plain(), &now);
             let most_pa = now.pressure_pa + off_pa;
             let goal = Contracting { most_pa, ..wanted(LENGTH_M) };
-            active.period(&Config::default(), &muscle(), &now, &port(&now), &goal);
+            active.period(&plain(), &muscle(), &now, &port(&now), &goal);
             assert_eq!(active.limited(), limited, "{off_pa} Pa");
             assert!((active.pressure_pa - now.pressure_pa.min(most_pa)).abs() < 50.0);
         }

@@ -24,9 +24,10 @@
 //! Work is done once per PWM period, at its start; the friction at the estimated wall temperature in
 //! the middle of the period before, because an exponential is dear without an FPU.
 
-mod chamber_port;
+pub(crate) mod chamber_port;
 mod contraction;
 mod cycle;
+mod load_observer;
 mod pressure;
 mod set_point;
 pub mod valve_drive;
@@ -99,7 +100,7 @@ impl Controller {
         let drive = FlowDrive::new(config);
         Self {
             target: Target::VENT,
-            gains: Gains::new(&config.controller, drive.period_s()),
+            gains: Gains::new(config, drive.period_s()),
             drive,
             per_k: 1.0 / config.gas.heat_capacity_ratio,
             active: ActiveLoop::Open,
@@ -325,27 +326,7 @@ impl Controller {
     }
 
     fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> ChamberPort {
-        let period_s = self.drive.period_s();
-        let volume_m3 = chamber.volume_m3(feedback.length_m);
-        let leaked_kg = if config.leak.leaks() {
-            let Config { leak, gas, ambient, .. } = config;
-            period_s * leak.mass_flow_kg_s(gas, feedback.muscle(), ambient.pressure_pa)
-        } else {
-            0.0
-        };
-        ChamberPort {
-            period_s,
-            pwm_hz: self.drive.pwm_hz(),
-            pressure_pa: feedback.pressure_pa,
-            volume_m3,
-            in_flight_kg: self.drive.in_flight_kg(),
-            leaked_kg,
-            saturated: self.drive.saturated(),
-            inflow_k: config.supply.temperature_k,
-            gas_k: feedback.estimate.gas_k,
-            per_k: self.per_k,
-            gas_constant_j_kg_k: config.gas.gas_constant_j_kg_k,
-        }
+        ChamberPort::new(config, chamber, feedback, &self.drive, self.per_k)
     }
 }
 
@@ -600,9 +581,9 @@ mod tests {
         assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
         assert_eq!(controller.mode(), Mode::ContractionHeld);
         let nudged = |by_m: f32| feedback(balance_pa(&config), LENGTH_M + by_m);
-        periods(&mut controller, &config, 3, nudged(8.0e-4));
-        assert_eq!(controller.mode(), Mode::ContractionHeld, "within twice the dead zone");
-        periods(&mut controller, &config, 1, nudged(1.0e-3));
+        periods(&mut controller, &config, 3, nudged(2.6e-4));
+        assert_eq!(controller.mode(), Mode::ContractionHeld, "within one and a half dead zones");
+        periods(&mut controller, &config, 1, nudged(2.8e-4));
         assert_eq!(controller.mode(), Mode::Contraction, "beyond it");
         periods(&mut controller, &config, 8, held);
         assert_eq!(controller.mode(), Mode::ContractionHeld);

@@ -1,9 +1,20 @@
 //! Pressure: the gas mass that brings the next period's end to the set point, from eq. (6) with the
 //! estimated temperature and the measured speed.
+//!
+//! Gas that has been filled in is warm, and what is left of a vented gas is cold. Left alone, its pressure goes on to
+//! that at the wall's temperature, at one gas mass and volume:
+//!
+//! ```text
+//! P_end = m R T_wall/V = P T_wall/T        so that m* = P_ref V/(R T_wall) ends at the set point
+//! ```
+//!
+//! The loop aims that much beyond the set point, but by no more than a share of its last step, and lets the
+//! pressure relax to as much on the other side before it gives gas again.
 
 use super::chamber_port::{ChamberPort, Feedback};
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
+use crate::sample::Estimate;
 
 /// State of the pressure loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,18 +23,40 @@ pub struct PressureLoop {
     reference_pa: f32,
     /// Flow that the loop has learnt to add: heat to the wall, a leak that is not configured, a wrong conductance \[kg/s\].
     bias_kg_s: f32,
+    /// Set point of the period before \[Pa\].
+    set_point_pa: f32,
+    /// How far the pressure may be off the set point while the gas relaxes \[Pa\].
+    band_pa: f32,
+    /// The set point has been reached since its last step.
+    reached: bool,
     holding: bool,
 }
 
 impl PressureLoop {
     /// A loop that starts from the measured pressure: nothing jumps.
     pub fn new(feedback: &Feedback) -> Self {
-        Self { reference_pa: feedback.pressure_pa, bias_kg_s: 0.0, holding: false }
+        Self {
+            reference_pa: feedback.pressure_pa,
+            bias_kg_s: 0.0,
+            set_point_pa: feedback.pressure_pa,
+            band_pa: 0.0,
+            reached: false,
+            holding: false,
+        }
     }
 
     /// Whether the pressure is where it should be and the valves rest.
     pub fn holding(&self) -> bool {
         self.holding
+    }
+
+    /// A step of the set point allows a share of itself while the gas relaxes.
+    fn take_step(&mut self, set_point_pa: f32) {
+        if set_point_pa != self.set_point_pa {
+            self.band_pa = RELAXES * absolute(set_point_pa - self.set_point_pa);
+            self.set_point_pa = set_point_pa;
+            self.reached = false;
+        }
     }
 
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
@@ -41,16 +74,30 @@ impl PressureLoop {
         let most_pa = tuning.pressure_rate_pa_s * period_s;
         let set_point_pa =
             limit(set_point_pa, config.ambient.pressure_pa, config.pressure_limit_pa);
+        self.take_step(set_point_pa);
         let change_pa = limit(set_point_pa - self.reference_pa, -most_pa, most_pa);
         let moving = absolute(change_pa) > 0.0;
         self.reference_pa += change_pa;
-        let error_pa = self.reference_pa - feedback.pressure_pa;
+        let off_pa = absolute(self.reference_pa - feedback.pressure_pa);
+        let beyond_pa = limit(falls_pa(feedback), -self.band_pa, self.band_pa);
+        // On its way it runs past its goal a little: most of the room is left for that.
+        let aims_pa = if self.reached { beyond_pa } else { 0.25 * beyond_pa };
+        let error_pa = self.reference_pa + aims_pa - feedback.pressure_pa;
         // Hysteresis: rest within half of the dead zone, act again outside of it.
         let zone_pa = tuning.pressure_dead_zone_pa;
-        let within_pa = if self.holding { zone_pa } else { 0.5 * zone_pa };
-        self.holding = !moving && absolute(error_pa) <= within_pa && port.in_flight_kg == 0.0;
+        let allowed_pa = limit(absolute(beyond_pa), zone_pa, f32::MAX);
+        // A load that moves, or a leak, takes it out of what single pulses keep.
+        self.reached &= !moving && off_pa <= LOST * allowed_pa;
+        let within =
+            if self.reached { off_pa <= allowed_pa } else { absolute(error_pa) <= 0.5 * zone_pa };
+        self.holding = within && !moving && port.in_flight_kg == 0.0;
         if self.holding {
+            self.reached = true;
             return None;
+        }
+        if self.reached {
+            // What has been reached is kept by single pulses.
+            return Some(port.mass_kg(error_pa, volume_change_m3) - port.in_flight_kg);
         }
         let gain = limit(period_s / tuning.pressure_loop_s, 0.0, 1.0);
         // Anti-windup: nothing is learnt while the valve is fully open, nor from an error that
@@ -73,6 +120,17 @@ impl PressureLoop {
     }
 }
 
+/// Fall of the pressure \[Pa\] until the gas is as warm as the wall.
+fn falls_pa(feedback: &Feedback) -> f32 {
+    let Estimate { gas_k, wall_k, .. } = feedback.estimate;
+    feedback.pressure_pa * (gas_k - wall_k) / gas_k
+}
+
+/// Share of a step of the set point that the pressure may be off while the gas relaxes \[-\]: within the 2 % that
+/// usually count as settled.
+const RELAXES: f32 = 0.015;
+/// Beyond so many times what is allowed, the set point has to be reached again.
+const LOST: f32 = 2.0;
 /// Share of the pressure within which the bias learns \[-\].
 const LEARNING_BAND: f32 = 0.05;
 /// Largest bias: the gas that this share of the pressure is, per second \[1/s\].
@@ -90,7 +148,8 @@ mod tests {
     const GAIN: f32 = 0.01 / 0.014;
 
     fn feedback(pressure_pa: f32) -> Feedback {
-        Feedback { pressure_pa, length_m: 0.27, estimate: Estimate::default() }
+        let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
+        Feedback { pressure_pa, length_m: 0.27, estimate }
     }
 
     fn port(pressure_pa: f32) -> ChamberPort {
@@ -193,7 +252,7 @@ mod tests {
         }
     }
 
-    /// It rests once it is within half of its dead zone of 15 mbar, and acts again beyond the whole.
+    /// It first rests once it is within half of its dead zone of 15 mbar, and gives a pulse beyond the whole.
     #[test]
     fn a_set_point_that_moves_is_followed_within_the_dead_zone_too() {
         let mut active = PressureLoop::new(&feedback(3.0e5));
@@ -203,10 +262,46 @@ mod tests {
         assert!(!active.holding());
         assert_eq!(moved_pa(&mut active, &port(3.0e5), 3.005e5), None);
         for (pressure_pa, holds) in
-            [(2.9905e5, true), (2.9895e5, false), (2.997e5, false), (2.998e5, true)]
+            [(2.9905e5, true), (2.9895e5, false), (2.997e5, true), (2.998e5, true)]
         {
             moved_pa(&mut active, &port(pressure_pa), 3.005e5);
             assert_eq!(active.holding(), holds, "at {pressure_pa} Pa");
+        }
+    }
+
+    /// Gas that has reached the set point is warm, or cold: 10 K of 298 are 3.2 % of the pressure, which
+    /// would fall to the wall's temperature, and 1.5 % of a step of 2 bar are allowed for it, to either side.
+    #[test]
+    fn gas_that_relaxes_is_let_pass_the_set_point() {
+        for side in [-1.0_f32, 1.0] {
+            let goal_pa = 4.0e5;
+            let start_pa = goal_pa - side * 2.0e5;
+            let mut now = feedback(start_pa);
+            now.estimate.gas_k = 298.0 + side * 10.0;
+            let mut active = PressureLoop::new(&now);
+            let mut at = |off_pa: f32, relaxes: bool| {
+                now.estimate.gas_k = if relaxes { 298.0 + side * 10.0 } else { 298.0 };
+                now.pressure_pa = goal_pa + side * off_pa;
+                let port = port(now.pressure_pa);
+                let asked = active.period(&Config::default(), &now, &port, 0.0, goal_pa);
+                asked.map(|kg| side * kg / KG_PER_PA)
+            };
+            // At 1 bar a period, it is on its way for two; then 0.75 kPa beyond are the goal.
+            assert!(at(-2.0e5, true).is_some() && at(-1.0e5, true).is_some());
+            assert!(at(-100.0, true).is_some(), "not yet there");
+            for off_pa in [750.0, 2900.0, 0.0, -2900.0] {
+                assert_eq!(at(off_pa, true), None, "{off_pa} Pa");
+            }
+            // One pulse to the other side.
+            let moved_pa = at(-3100.0, true).unwrap();
+            assert!((moved_pa - 6100.0).abs() < 20.0, "{moved_pa} Pa");
+            assert_eq!(at(2900.0, true), None);
+            // Once the gas is as warm as the wall, only the dead zone is left.
+            assert_eq!(at(-1400.0, false), None);
+            assert!((at(-1600.0, false).unwrap() - 1600.0).abs() < 20.0);
+            // What is far off is reached again.
+            let moved_pa = at(-8.0e3, true).unwrap();
+            assert!((6.0e3..9.0e3).contains(&moved_pa), "{moved_pa} Pa");
         }
     }
 }

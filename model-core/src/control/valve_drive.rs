@@ -143,12 +143,8 @@ impl FlowDrive {
     /// The pulse for a mass; the mass that it moves, and the one of a whole period.
     fn pulse(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> (Command, f32, f32) {
         let filling = mass_kg > 0.0;
-        let (upstream, downstream, other) = if filling {
-            (config.supply.into(), muscle, CarryOver::Outlet)
-        } else {
-            (muscle, config.ambient.into(), CarryOver::Inlet)
-        };
-        let full_kg_s = config.valve.mass_flow_kg_s(&config.gas, upstream, downstream.pressure_pa);
+        let other = if filling { CarryOver::Outlet } else { CarryOver::Inlet };
+        let full_kg_s = open_kg_s(config, mass_kg, muscle);
         let full_kg = full_kg_s * self.period_s;
         let wanted_kg = if filling { mass_kg } else { -mass_kg };
         let opening_s = if wanted_kg < full_kg {
@@ -184,6 +180,16 @@ impl FlowDrive {
         };
         (command, sign * full_kg_s * opening_s, full_kg)
     }
+}
+
+/// Mass flow of the open valve that moves a mass in this direction \[kg/s\].
+pub(crate) fn open_kg_s(config: &Config, mass_kg: f32, muscle: Reservoir) -> f32 {
+    let (upstream, downstream) = if mass_kg > 0.0 {
+        (config.supply.into(), muscle)
+    } else {
+        (muscle, config.ambient.into())
+    };
+    config.valve.mass_flow_kg_s(&config.gas, upstream, downstream.pressure_pa)
 }
 
 /// Pulse \[s\] that opens a valve for `opening_s` of a period.

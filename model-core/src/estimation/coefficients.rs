@@ -1,12 +1,16 @@
 //! Coefficients of the estimator: derived from a configuration once, and never changed by a step.
 
-use super::covariance::Covariance;
+use super::covariance::{Covariance, Errors};
 use super::energy::Averaging;
-use crate::config::{Config, EstimatorConfig};
-use crate::math::{limit, sqrt};
+use super::profile::Coefficient;
+use super::zones::{PerZone, ZONES, scaled, total};
+use crate::config::{Config, EstimatorConfig, Zones};
+use crate::math::{exp, limit, ln, sqrt};
+use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::Heat;
+use crate::physics::hysteresis::Law;
 use crate::physics::leak::Leak;
 use crate::step_counts::StepCounts;
 
@@ -20,10 +24,8 @@ pub const LOWEST_PA: f32 = 5.0e3;
 const NOISE_DEVIATIONS: f32 = 4.0;
 /// Averaging time of the mean square of the swing \[s\].
 const SWING_S: f32 = 8.0;
-/// `place_error_k` of a foil in the middle, with which the stated deviation was tuned \[K\].
-const MIDDLE_PLACE_K: f32 = 0.87;
-/// Largest factor for a foil off it: nearly all of the covariance, however little of it the agreement leaves \[-\].
-const MOST_PLACE: f32 = 6.6;
+/// Housings faster than this are none \[s\].
+const LEAST_HOUSING_S: f32 = 1.0e-3;
 
 /// Coefficients of the estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -36,28 +38,55 @@ pub struct Coefficients {
     pub supply_k: f32,
     pub heat: Heat,
     pub friction: Friction,
+    pub hysteresis: Law,
     pub leak: Leak,
     /// A field of its own: a comparison of numbers in every step is dear without an FPU.
-    pub leaks: bool,
+    /// Still gas: whether buoyancy matters, the fourth powers of conduction, and of buoyancy over P^2 and difference.
+    pub conduction4: f32,
+    pub buoyancy4: f32,
+    /// Coefficient of stirred gas in each zone, per flow in and out \[W/(m2 K) per kg/s\].
+    pub jet: PerZone,
+    pub column: PerZone,
+    /// Share of a movement's mean flow in the one that still stirs \[-\].
+    pub stirring_share: f32,
+    /// Volume that the jet exchanges at each face, per volume that comes in \[-\].
+    pub recirculation: [f32; 3],
+    pub diffusivity_m2_s: f32,
+    /// Length of the gas at rest \[m\].
+    pub length_m: f32,
+    /// Wall that follows a stroke, the layer behind it, and the conductance between them.
     pub wall_j_k: f32,
+    pub outer_j_k: f32,
+    pub layers_w_k: f32,
     pub step_s: f32,
     pub interval_s: f32,
-    /// Share of a step's inflow in the inflow that stirs the gas.
-    pub stirring_share: f32,
     pub per_k_minus_1: f32,
     pub per_cp: f32,
     pub per_cp_supply: f32,
     pub per_cv: f32,
+    /// R T of the supply \[J/kg\].
+    pub supply_r_j_kg: f32,
     /// Lag of the element, as configured \[s\].
     pub lag_s: f32,
-    /// One over that \[1/s\].
-    pub per_lag_s: f32,
     /// Lag of the housing around the element \[s\].
     pub housing_s: f32,
-    /// Factor of the covariance in the stated deviation, above 1 where the foil is off the middle \[-\].
+    /// Middle of the foil, and half of what it spans, in shares of the length \[-\].
     pub place: f32,
+    pub half_span: f32,
+    pub profile: Coefficient,
+    pub foil_settled: f32,
+    /// Flow that stirs as the configured gains say \[kg/s\], and its cube root; 0: any does.
+    pub forced_kg_s: f32,
+    pub forced_root: f32,
+    /// A step's share, and a zone's, of one movement of the zones \[-\].
+    pub per_move: f32,
     /// Share of an interval in the mean square of the swing.
     pub swing_window: f32,
+    /// Share of an innovation in each of two averages in series: half a second.
+    pub smoothing: f32,
+    /// Share of what has been learnt that an interval forgets, and what is kept of each error.
+    pub forget: f32,
+    pub keep: Errors<f32>,
     /// Movement of the element at which a reading that stands still is a frozen one \[K\].
     pub frozen_k: f32,
     /// Largest error of a pressure that is still its noise \[Pa\].
@@ -67,10 +96,6 @@ pub struct Coefficients {
     /// Deviation of the temperature that the noise of one pressure leaves, times pressure over
     /// temperature \[Pa\].
     pub pressure_sd_pa: f32,
-    /// Variance of one interval's reading by the difference of the gas around the foil from the mean \[K2\].
-    pub bias_k2: f32,
-    /// Variance of readings that are averaged over a second \[K2\].
-    pub lasting_k2: f32,
 }
 
 impl Coefficients {
@@ -78,13 +103,15 @@ impl Coefficients {
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
         let tuning = &config.estimator;
+        let zones = &config.zones;
         let counts = StepCounts::new(config.step_s);
-        let interval_s = f32::from(counts.interval_steps) * config.step_s;
+        let interval_s = f32::from(counts.update_steps) * config.step_s;
+        let move_s = f32::from(counts.move_steps) * config.step_s;
         let sensors = &config.sensors;
-        let lag_s = sensors.gas.time_constant_s;
-        let pressure_sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
-        let gas_noise_k2 = sensors.gas.noise_k * sensors.gas.noise_k;
-        let bias_k = tuning.reading_bias_k(lag_s);
+        let (noise_pa, pressure_sd_pa) = noises(config);
+        let length_m = AnyChamber::new(&config.chamber).rest_length_m();
+        let (jet, recirculation) = jets(zones, length_m);
+        let profile = Coefficient::new(zones.bore_m, zones.foil_radius, &config.gas);
         Self {
             counts,
             averaging: Averaging::new(&counts, config.pwm_period_steps),
@@ -94,44 +121,127 @@ impl Coefficients {
             supply_k: config.supply.temperature_k,
             heat: config.heat,
             friction: config.friction,
+            hysteresis: Law::new(&config.hysteresis, move_s),
             leak: config.leak,
-            leaks: config.leak.leaks(),
+            conduction4: fourth(config.heat.inner_w_m2_k),
+            buoyancy4: buoyancy4(zones),
+            jet: scaled(&jet, config.heat.inner_per_flow * ZONES as f32 / total(&jet)),
+            column: scaled(&[1.75, 1.25, 0.75, 0.25], zones.per_outflow),
+            stirring_share: move_s / (zones.stirring_decay_s + move_s),
+            recirculation,
+            diffusivity_m2_s: zones.diffusivity_m2_s,
+            length_m,
             wall_j_k: config.wall.heat_capacity_j_k,
+            outer_j_k: zones.outer_wall_j_k,
+            layers_w_k: zones.layers_w_k,
             step_s: config.step_s,
             interval_s,
-            stirring_share: 1.0 / f32::from(counts.stirring_steps),
             per_k_minus_1: 1.0 / (k - 1.0),
             per_cp: 1.0 / config.gas.cp_j_kg_k(),
             per_cp_supply: 1.0 / (config.gas.cp_j_kg_k() * config.supply.temperature_k),
             per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
-            lag_s,
-            per_lag_s: 1.0 / lag_s,
-            housing_s: sensors.gas.housing_time_constant_s,
-            place: limit(tuning.place_error_k / MIDDLE_PLACE_K, 1.0, MOST_PLACE),
+            supply_r_j_kg: config.gas.gas_constant_j_kg_k * config.supply.temperature_k,
+            lag_s: sensors.gas.time_constant_s,
+            housing_s: limit(sensors.gas.housing_time_constant_s, LEAST_HOUSING_S, f32::MAX),
+            place: zones.foil_position,
+            half_span: 0.5 * zones.foil_span,
+            profile,
+            foil_settled: profile.foil_settled(),
+            forced_kg_s: zones.forced_flow_kg_s,
+            per_move: 1.0 / (ZONES as f32 * f32::from(counts.move_steps)),
+            forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
+            smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
+            forget: interval_s / tuning.memory_s,
+            keep: kept(tuning, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),
-            // Well below any pressure, so that an energy within the noise is none below 0.
-            noise_pa: limit(NOISE_DEVIATIONS * pressure_sd_pa, 0.0, 0.5 * LOWEST_PA),
+            noise_pa,
             length_noise_m: sensors.length.resolution_m(),
-            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
-            pressure_sd_pa: (k - 1.0) / k * pressure_sd_pa,
-            // Averaging leaves little of the noise. The bias is the same in every reading of a second.
-            bias_k2: bias_k * bias_k / interval_s,
-            lasting_k2: gas_noise_k2 + bias_k * bias_k,
+            pressure_sd_pa,
+        }
+    }
+
+    /// Variances of the parameters, as configured; of everything else none.
+    pub fn parameters(&self) -> Errors<f32> {
+        let sd = &self.tuning;
+        let square = |sd: f32| sd * sd;
+        Errors {
+            scale: square(sd.heat_scale_sd),
+            stirring: square(sd.stirring_sd),
+            lag: square(sd.lag_sd),
+            housing_lag: square(sd.housing_sd),
+            place: square(sd.place_sd),
+            ..Errors::default()
         }
     }
 
     /// Covariance before the first reading.
     pub fn initial_covariance(&self) -> Covariance {
+        /// Share of it in which the zones differ.
+        const DIFFERENT: f32 = 0.1;
         let sd = &self.tuning;
-        let variance_k2 = sd.initial_sd_k * sd.initial_sd_k;
-        Covariance {
-            gas_gas: variance_k2 / (self.ambient.temperature_k * self.ambient.temperature_k),
-            wall_wall: variance_k2,
-            sensor_sensor: variance_k2,
-            scale_scale: sd.heat_scale_sd * sd.heat_scale_sd,
-            lag_lag: sd.lag_sd * sd.lag_sd,
-            ..Covariance::default()
-        }
+        let initial_k2 = sd.initial_sd_k * sd.initial_sd_k;
+        let gas = initial_k2 / (self.ambient.temperature_k * self.ambient.temperature_k);
+        let mut covariance = Covariance::of(&Errors {
+            zones: [DIFFERENT * gas; ZONES],
+            wall: initial_k2,
+            housing: initial_k2,
+            element: initial_k2,
+            foil: sd.foil_sd_k * sd.foil_sd_k,
+            ..self.parameters()
+        });
+        covariance.add_common((1.0 - DIFFERENT) * gas);
+        covariance
     }
+}
+
+/// A jet's share in each zone, and the exchange across each border; a jet decays along the muscle.
+fn jets(zones: &Zones, length_m: f32) -> ([f32; ZONES], [f32; ZONES - 1]) {
+    let reached = |way: f32| exp(-way * length_m / zones.jet_reach_m);
+    let recirculation = [0.25, 0.5, 0.75].map(|way| zones.recirculation * reached(way));
+    // Counted from the middle of the first zone, so that the sum is 1 at least however short the reach.
+    ([0.0, 0.25, 0.5, 0.75].map(reached), recirculation)
+}
+
+/// Fourth power of buoyancy's coefficient, over pressure squared and temperature difference.
+fn buoyancy4(zones: &Zones) -> f32 {
+    /// Pressure and difference at which `buoyancy_w_m2_k` holds.
+    const BUOYANCY_PA: f32 = 2.0e5;
+    const BUOYANCY_K: f32 = 20.0;
+    let buoyancy2 = zones.buoyancy_w_m2_k * zones.buoyancy_w_m2_k / BUOYANCY_PA;
+    buoyancy2 * buoyancy2 / BUOYANCY_K
+}
+
+/// Share of each error that an interval keeps: what has been learnt fades, and the foil's place.
+fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
+    let kept = |memory_s: f32| 1.0 - limit(interval_s / memory_s, 0.0, 1.0);
+    let learnt = kept(tuning.memory_s);
+    Errors {
+        zones: [1.0; ZONES],
+        wall: 1.0,
+        housing: 1.0,
+        element: 1.0,
+        foil: kept(tuning.foil_memory_s),
+        scale: learnt,
+        stirring: learnt,
+        lag: learnt,
+        housing_lag: learnt,
+        place: learnt,
+    }
+}
+
+/// Largest error of a pressure that is still its noise, and what it leaves of the temperature, times
+/// pressure over temperature, as a deviation \[Pa\].
+fn noises(config: &Config) -> (f32, f32) {
+    let sensors = &config.sensors;
+    let k = config.gas.heat_capacity_ratio;
+    let sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
+    // Well below any pressure, so that an energy within the noise is none below 0.
+    let noise_pa = limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA);
+    // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
+    (noise_pa, (k - 1.0) / k * sd_pa)
+}
+
+fn fourth(value: f32) -> f32 {
+    value * value * value * value
 }

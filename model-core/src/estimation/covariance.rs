@@ -1,175 +1,332 @@
-//! Covariance of the estimator's five errors, and how it moves: named entries instead of a matrix, so
-//! that nothing is multiplied by a zero.
+//! Covariance of the estimator's errors, and how it moves, a row at a time.
 
+use super::zones::{PerZone, ZONES, times, total};
 use crate::math::limit;
 
-/// Largest variance of u: a tenth of the gas temperature.
-pub const LARGEST_GAS: f32 = 0.01;
+/// Number of errors: four zones, wall, housing, element, gas at the foil, and five parameters.
+pub const ERRORS: usize = 13;
+/// Errors that an interval moves; the parameters behind them only fade.
+const MOVED: usize = 7;
+/// One row of the covariance, in the order of [`Errors`].
+pub type Row = [f32; ERRORS];
 
-/// Covariance of the five errors: upper triangle, named by row and column.
+/// Relative errors of the zones' masses, and errors of everything else.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Covariance {
-    pub gas_gas: f32,
-    pub gas_wall: f32,
-    pub gas_sensor: f32,
-    pub gas_scale: f32,
-    pub gas_lag: f32,
-    pub wall_wall: f32,
-    pub wall_sensor: f32,
-    pub wall_scale: f32,
-    pub wall_lag: f32,
-    pub sensor_sensor: f32,
-    pub sensor_scale: f32,
-    pub sensor_lag: f32,
-    pub scale_scale: f32,
-    pub scale_lag: f32,
-    pub lag_lag: f32,
+pub struct Errors<T> {
+    /// ln m of each zone.
+    pub zones: [T; ZONES],
+    /// Inner wall \[K\].
+    pub wall: T,
+    /// Housing \[K\].
+    pub housing: T,
+    /// Element \[K\].
+    pub element: T,
+    /// What the foil sees beside its zone \[K\].
+    pub foil: T,
+    /// ln of the heat transfer, of stirring, of the lag, of the housing's lag.
+    pub scale: T,
+    pub stirring: T,
+    pub lag: T,
+    pub housing_lag: T,
+    /// Place of the foil, share of the length.
+    pub place: T,
 }
 
-/// Linearised error dynamics over one interval: the entries that differ from the identity.
+impl<T: Copy> From<[T; ERRORS]> for Errors<T> {
+    fn from(row: [T; ERRORS]) -> Self {
+        let [a, b, c, d, wall, housing, element, foil, scale, stirring, lag, housing_lag, place] =
+            row;
+        let zones = [a, b, c, d];
+        Self { zones, wall, housing, element, foil, scale, stirring, lag, housing_lag, place }
+    }
+}
+
+impl<T: Copy> From<Errors<T>> for [T; ERRORS] {
+    fn from(errors: Errors<T>) -> Self {
+        let Errors {
+            zones: [a, b, c, d],
+            wall,
+            housing,
+            element,
+            foil,
+            scale,
+            stirring,
+            lag,
+            housing_lag,
+            place,
+        } = errors;
+        [a, b, c, d, wall, housing, element, foil, scale, stirring, lag, housing_lag, place]
+    }
+}
+
+/// A zone's, or the wall's, row of the transition: what is not zero.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct GasRow {
+    pub zones: PerZone,
+    pub wall: f32,
+    pub scale: f32,
+    pub stirring: f32,
+}
+
+/// The housing's row.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct HousingRow {
+    pub zones: PerZone,
+    pub housing: f32,
+    pub foil: f32,
+    pub housing_lag: f32,
+    pub place: f32,
+}
+
+/// The element's row: the housing's after the interval, and what is its own.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ElementRow {
+    /// Share of the housing, half of before and half of after.
+    pub half: f32,
+    pub lag: f32,
+}
+
+/// Linearised error dynamics over one interval.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Transition {
-    pub gas_gas: f32,
-    pub gas_wall: f32,
-    pub gas_scale: f32,
-    pub wall_gas: f32,
-    pub wall_wall: f32,
-    pub wall_scale: f32,
-    pub sensor_gas: f32,
-    pub sensor_sensor: f32,
-    pub sensor_lag: f32,
+    pub zones: [GasRow; ZONES],
+    pub wall: GasRow,
+    pub housing: HousingRow,
+    pub element: ElementRow,
 }
 
-impl Transition {
-    fn gas_row(&self, gas: f32, wall: f32, scale: f32) -> f32 {
-        self.gas_gas * gas + self.gas_wall * wall + self.gas_scale * scale
-    }
-
-    fn wall_row(&self, gas: f32, wall: f32, scale: f32) -> f32 {
-        self.wall_gas * gas + self.wall_wall * wall + self.wall_scale * scale
-    }
-
-    fn sensor_row(&self, gas: f32, sensor: f32, lag: f32) -> f32 {
-        self.sensor_gas * gas + self.sensor_sensor * sensor + self.sensor_lag * lag
+fn add(out: &mut Row, row: &Row, by: f32) {
+    for (out, x) in out.iter_mut().zip(row) {
+        *out += by * x;
     }
 }
 
-/// M = F P: the rows that F changes, without the entries that P' = M F^T does not ask for.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Product {
-    pub gas_gas: f32,
-    pub gas_wall: f32,
-    pub gas_sensor: f32,
-    pub gas_scale: f32,
-    pub gas_lag: f32,
-    pub wall_gas: f32,
-    pub wall_wall: f32,
-    pub wall_sensor: f32,
-    pub wall_scale: f32,
-    pub wall_lag: f32,
-    pub sensor_gas: f32,
-    pub sensor_sensor: f32,
-    pub sensor_scale: f32,
-    pub sensor_lag: f32,
+/// The zones' rows, each by its factor.
+fn of_zones([a, b, c, d]: [&Row; ZONES], by: &PerZone) -> Row {
+    let [by_a, by_b, by_c, by_d] = *by;
+    let mut out = a.map(|x| by_a * x);
+    add(&mut out, b, by_b);
+    add(&mut out, c, by_c);
+    add(&mut out, d, by_d);
+    out
 }
+
+impl GasRow {
+    #[inline(never)] // For the image's size.
+    fn of(&self, p: &[Row; ERRORS]) -> Row {
+        let [a, b, c, d, wall, _, _, _, scale, stirring, _, _, _] = p;
+        let mut out = of_zones([a, b, c, d], &self.zones);
+        add(&mut out, wall, self.wall);
+        add(&mut out, scale, self.scale);
+        add(&mut out, stirring, self.stirring);
+        out
+    }
+
+    fn dot(&self, m: &Errors<f32>) -> f32 {
+        total(&times(&self.zones, &m.zones))
+            + self.wall * m.wall
+            + self.scale * m.scale
+            + self.stirring * m.stirring
+    }
+}
+
+impl HousingRow {
+    fn of(&self, p: &[Row; ERRORS]) -> Row {
+        let [a, b, c, d, _, housing, _, foil, _, _, _, housing_lag, place] = p;
+        let mut out = of_zones([a, b, c, d], &self.zones);
+        add(&mut out, housing, self.housing);
+        add(&mut out, foil, self.foil);
+        add(&mut out, housing_lag, self.housing_lag);
+        add(&mut out, place, self.place);
+        out
+    }
+
+    fn dot(&self, m: &Errors<f32>) -> f32 {
+        total(&times(&self.zones, &m.zones))
+            + self.housing * m.housing
+            + self.foil * m.foil
+            + self.housing_lag * m.housing_lag
+            + self.place * m.place
+    }
+}
+
+/// F P, the rows that F changes.
+pub type Product = [Row; MOVED];
+
+/// The covariance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Covariance(pub [Row; ERRORS]);
 
 impl Covariance {
-    /// M = F P with F = I + `f`, over the entries of F that are not zero.
-    pub fn rows(&self, f: &Transition) -> Product {
-        let p = self;
-        Product {
-            gas_gas: p.gas_gas + f.gas_row(p.gas_gas, p.gas_wall, p.gas_scale),
-            gas_wall: p.gas_wall + f.gas_row(p.gas_wall, p.wall_wall, p.wall_scale),
-            gas_sensor: p.gas_sensor + f.gas_row(p.gas_sensor, p.wall_sensor, p.sensor_scale),
-            gas_scale: p.gas_scale + f.gas_row(p.gas_scale, p.wall_scale, p.scale_scale),
-            gas_lag: p.gas_lag + f.gas_row(p.gas_lag, p.wall_lag, p.scale_lag),
-            wall_gas: p.gas_wall + f.wall_row(p.gas_gas, p.gas_wall, p.gas_scale),
-            wall_wall: p.wall_wall + f.wall_row(p.gas_wall, p.wall_wall, p.wall_scale),
-            wall_sensor: p.wall_sensor + f.wall_row(p.gas_sensor, p.wall_sensor, p.sensor_scale),
-            wall_scale: p.wall_scale + f.wall_row(p.gas_scale, p.wall_scale, p.scale_scale),
-            wall_lag: p.wall_lag + f.wall_row(p.gas_lag, p.wall_lag, p.scale_lag),
-            sensor_gas: p.gas_sensor + f.sensor_row(p.gas_gas, p.gas_sensor, p.gas_lag),
-            sensor_sensor: p.sensor_sensor
-                + f.sensor_row(p.gas_sensor, p.sensor_sensor, p.sensor_lag),
-            sensor_scale: p.sensor_scale + f.sensor_row(p.gas_scale, p.sensor_scale, p.scale_lag),
-            sensor_lag: p.sensor_lag + f.sensor_row(p.gas_lag, p.sensor_lag, p.lag_lag),
-        }
-    }
-
-    /// P' = M F^T, upper triangle.
-    pub fn columns(&mut self, m: &Product, f: &Transition) {
-        self.gas_gas = m.gas_gas + f.gas_row(m.gas_gas, m.gas_wall, m.gas_scale);
-        self.gas_wall = m.gas_wall + f.wall_row(m.gas_gas, m.gas_wall, m.gas_scale);
-        self.gas_sensor = m.gas_sensor + f.sensor_row(m.gas_gas, m.gas_sensor, m.gas_lag);
-        self.gas_scale = m.gas_scale;
-        self.gas_lag = m.gas_lag;
-        self.wall_wall = m.wall_wall + f.wall_row(m.wall_gas, m.wall_wall, m.wall_scale);
-        self.wall_sensor = m.wall_sensor + f.sensor_row(m.wall_gas, m.wall_sensor, m.wall_lag);
-        self.wall_scale = m.wall_scale;
-        self.wall_lag = m.wall_lag;
-        self.sensor_sensor =
-            m.sensor_sensor + f.sensor_row(m.sensor_gas, m.sensor_sensor, m.sensor_lag);
-        self.sensor_scale = m.sensor_scale;
-        self.sensor_lag = m.sensor_lag;
-    }
-
-    /// P' = (I - K H) P for a reading of the sensor; `rest` = R/(P_ss + R), so that the sensor's
-    /// own entries shrink by a product and never by a difference.
-    pub fn reduce(&mut self, gas: f32, wall: f32, scale: f32, lag: f32, rest: f32) {
-        let p = *self;
-        self.gas_gas -= gas * p.gas_sensor;
-        self.gas_wall -= gas * p.wall_sensor;
-        self.gas_scale -= gas * p.sensor_scale;
-        self.gas_lag -= gas * p.sensor_lag;
-        self.wall_wall -= wall * p.wall_sensor;
-        self.wall_scale -= wall * p.sensor_scale;
-        self.wall_lag -= wall * p.sensor_lag;
-        self.scale_scale -= scale * p.sensor_scale;
-        self.scale_lag -= scale * p.sensor_lag;
-        self.lag_lag -= lag * p.sensor_lag;
-        self.gas_sensor *= rest;
-        self.wall_sensor *= rest;
-        self.sensor_sensor *= rest;
-        self.sensor_scale *= rest;
-        self.sensor_lag *= rest;
-    }
-
-    /// Scale and lag keep that share of their errors.
-    pub fn forget(&mut self, keep: f32) {
-        self.gas_scale *= keep;
-        self.gas_lag *= keep;
-        self.wall_scale *= keep;
-        self.wall_lag *= keep;
-        self.sensor_scale *= keep;
-        self.sensor_lag *= keep;
-        self.scale_scale *= keep * keep;
-        self.scale_lag *= keep * keep;
-        self.lag_lag *= keep * keep;
-    }
-
-    /// Variances stay positive and bounded, and no correlation exceeds 1. A correlation that does, or
-    /// is not a number, is forgotten: whatever went wrong, the filter finds back.
-    pub fn limit(&mut self) {
-        self.gas_gas = limit(self.gas_gas, 1.0e-9, LARGEST_GAS);
-        self.wall_wall = limit(self.wall_wall, 1.0e-5, 1.0e3);
-        self.sensor_sensor = limit(self.sensor_sensor, 1.0e-7, 1.0e3);
-        self.scale_scale = limit(self.scale_scale, 1.0e-7, 1.0);
-        self.lag_lag = limit(self.lag_lag, 1.0e-8, 1.0);
-        for (covariance, a, b) in [
-            (&mut self.gas_wall, self.gas_gas, self.wall_wall),
-            (&mut self.gas_sensor, self.gas_gas, self.sensor_sensor),
-            (&mut self.gas_scale, self.gas_gas, self.scale_scale),
-            (&mut self.gas_lag, self.gas_gas, self.lag_lag),
-            (&mut self.wall_sensor, self.wall_wall, self.sensor_sensor),
-            (&mut self.wall_scale, self.wall_wall, self.scale_scale),
-            (&mut self.wall_lag, self.wall_wall, self.lag_lag),
-            (&mut self.sensor_scale, self.sensor_sensor, self.scale_scale),
-            (&mut self.sensor_lag, self.sensor_sensor, self.lag_lag),
-            (&mut self.scale_lag, self.scale_scale, self.lag_lag),
-        ] {
-            if !(*covariance * *covariance <= a * b) {
-                *covariance = 0.0;
+    /// Independent errors of these variances.
+    pub fn of(variances: &Errors<f32>) -> Self {
+        let mut rows = [[0.0; ERRORS]; ERRORS];
+        let variances: Row = (*variances).into();
+        for (i, (row, variance)) in rows.iter_mut().zip(variances).enumerate() {
+            if let Some(entry) = row.get_mut(i) {
+                *entry = variance;
             }
         }
+        Self(rows)
+    }
+
+    /// All zones err alike by this variance, beside what they do alone.
+    pub fn add_common(&mut self, variance: f32) {
+        for row in self.0.iter_mut().take(ZONES) {
+            for entry in row.iter_mut().take(ZONES) {
+                *entry += variance;
+            }
+        }
+    }
+
+    /// Adds to the variances.
+    pub fn add_variances(&mut self, variances: &Errors<f32>) {
+        let variances: Row = (*variances).into();
+        for (i, (row, variance)) in self.0.iter_mut().zip(variances).enumerate() {
+            if let Some(entry) = row.get_mut(i) {
+                *entry += variance;
+            }
+        }
+    }
+
+    /// One row of F P.
+    pub fn row(&self, f: &Transition, which: usize, product: &mut Product) {
+        let p = &self.0;
+        let [a, b, c, d, wall, housing, element] = product;
+        let [za, zb, zc, zd] = &f.zones;
+        match which {
+            0 => *a = za.of(p),
+            1 => *b = zb.of(p),
+            2 => *c = zc.of(p),
+            3 => *d = zd.of(p),
+            4 => *wall = f.wall.of(p),
+            5 => *housing = f.housing.of(p),
+            _ => {
+                let [_, _, _, _, _, before, own, _, _, _, lag, _, _] = p;
+                let half = f.element.half;
+                *element = own.map(|x| (1.0 - 2.0 * half) * x);
+                add(element, before, half);
+                add(element, housing, half);
+                add(element, lag, f.element.lag);
+            }
+        }
+    }
+
+    /// One row of F P F^T from that of F P, from the diagonal on. Parameters keep `keep` of their errors.
+    pub fn column(&mut self, f: &Transition, which: usize, product: &Product, keep: &Errors<f32>) {
+        let Some((row, m)) = self.0.get_mut(which).zip(product.get(which)) else { return };
+        let m = Errors::from(*m);
+        let housing = f.housing.dot(&m);
+        let half = f.element.half;
+        let element =
+            (1.0 - 2.0 * half) * m.element + half * (m.housing + housing) + f.element.lag * m.lag;
+        let mut zones = m.zones;
+        for (entry, zone) in zones.iter_mut().zip(&f.zones).skip(which) {
+            *entry = zone.dot(&m);
+        }
+        let wall = if which <= ZONES { f.wall.dot(&m) } else { m.wall };
+        *row = Errors {
+            zones,
+            wall,
+            housing,
+            element,
+            foil: keep.foil * m.foil,
+            scale: keep.scale * m.scale,
+            stirring: keep.stirring * m.stirring,
+            lag: keep.lag * m.lag,
+            housing_lag: keep.housing_lag * m.housing_lag,
+            place: keep.place * m.place,
+        }
+        .into();
+    }
+
+    /// The parameters' own rows, from the diagonal on: they keep `keep` of their errors.
+    pub fn fade(&mut self, keep: &Errors<f32>) {
+        let keep: Row = (*keep).into();
+        for (i, row) in self.0.iter_mut().enumerate().skip(MOVED) {
+            let (Some(row), Some(keep)) = (row.get_mut(i..), keep.get(i..)) else { return };
+            let [kept, ..] = keep else { return };
+            for (entry, other) in row.iter_mut().zip(keep) {
+                *entry *= kept * other;
+            }
+        }
+    }
+
+    /// The element's row.
+    fn element(&self) -> &Row {
+        let [_, _, _, _, _, _, element, ..] = &self.0;
+        element
+    }
+
+    /// Gains of a reading of the element with that variance \[K2\], and the share of the element's variance that is
+    /// left.
+    pub fn gains(&self, reading_k2: f32) -> (Errors<f32>, f32) {
+        let element = self.element();
+        let per_s = 1.0 / (self.element_k2() + reading_k2);
+        let gains: Row = element.map(|covariance| covariance * per_s);
+        (gains.into(), reading_k2 * per_s)
+    }
+
+    /// P' = (I - K H) P, from the diagonal on.
+    pub fn reduce(&mut self, gains: &Errors<f32>, left: f32) {
+        let element = *self.element();
+        let gains: Row = (*gains).into();
+        for (i, (row, gain)) in self.0.iter_mut().zip(gains).enumerate() {
+            let (Some(row), Some(element)) = (row.get_mut(i..), element.get(i..)) else { return };
+            if i + 1 == MOVED {
+                // By a product and never by a difference.
+                row.iter_mut().for_each(|entry| *entry *= left);
+            } else {
+                for (entry, covariance) in row.iter_mut().zip(element) {
+                    *entry -= gain * covariance;
+                }
+            }
+        }
+    }
+
+    /// What is above the diagonal, below it.
+    pub fn mirror(&mut self) {
+        for i in 0..ERRORS {
+            let Some((head, tail)) = self.0.split_at_mut_checked(i + 1) else { return };
+            let Some(row) = head.last().and_then(|row| row.get(i + 1..)) else { return };
+            for (other, value) in tail.iter_mut().zip(row) {
+                if let Some(entry) = other.get_mut(i) {
+                    *entry = *value;
+                }
+            }
+        }
+    }
+
+    /// Whether variances are above these, which they are then set to, and below those that anything can have.
+    pub fn limit(&mut self, least: &Errors<f32>) -> bool {
+        const MOST: f32 = 1.0e4;
+        let least: Row = (*least).into();
+        let mut sound = true;
+        for (i, (row, least)) in self.0.iter_mut().zip(least).enumerate() {
+            if let Some(entry) = row.get_mut(i) {
+                sound &= *entry < MOST;
+                *entry = limit(*entry, least, MOST);
+            }
+        }
+        sound
+    }
+
+    /// Variance of the relative error of the mean gas temperature, for zones of these shares of the mass.
+    pub fn gas(&self, shares: &PerZone) -> f32 {
+        let [a, b, c, d, ..] = &self.0;
+        let row = |[a, b, c, d, ..]: &Row| total(&times(&[*a, *b, *c, *d], shares));
+        total(&times(&[row(a), row(b), row(c), row(d)], shares))
+    }
+
+    /// Variance of the inner wall \[K2\].
+    pub fn wall_k2(&self) -> f32 {
+        let [_, _, _, _, [_, _, _, _, wall_k2, ..], ..] = self.0;
+        wall_k2
+    }
+
+    /// Variance of the element \[K2\].
+    pub fn element_k2(&self) -> f32 {
+        let [_, _, _, _, _, _, element_k2, ..] = *self.element();
+        element_k2
     }
 }

@@ -1,49 +1,129 @@
 //! The gas sensor's element in its housing, and whether its readings can be believed.
 
+use super::profile::Profile;
+use super::zones::{Exchange, PerZone, ZONES, minus, scaled, times, total};
 use super::{Coefficients, HOTTEST_K};
-use crate::math::{absolute, exp, limit};
+use crate::math::{absolute, limit, small_exp};
 use crate::sensing::GasReading;
 
 /// Below this difference, beside twice the stated deviation, the gas need not move its element \[K\].
 const UNMOVED_K: f32 = 0.3;
+/// Innovations that stay beyond so many deviations, averaged over half a second, show that the state is wrong and
+/// not the reading.
+const CONTRADICTION: f32 = 5.0;
+/// How far the estimated lags and the foil's place may be from what is configured: by a factor, and a share of
+/// the length.
+const LAGS: f32 = 12.0;
+const PLACES: f32 = 0.4;
 
-/// The element: T_s' = (T_h - T_s)/tau, T_h' = (T - T_h)/tau_h.
+/// The element: T_s' = (T_h - T_s)/tau, T_h' = (T_f - T_h)/tau_h.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Element {
     pub housing_k: f32,
     pub sensor_k: f32,
-    /// Estimated lag tau \[s\].
+    /// What the foil sees beside its zone's temperature \[K\].
+    pub foil_k: f32,
+    /// Profile of the gas around it, how much warmer it is there than in the mean of the section \[K\], and the gain on an
+    /// error of that mean.
+    pub profile: Profile,
+    above_k: f32,
+    gain: f32,
+    /// Estimated lags of element and housing \[s\].
     pub lag_s: f32,
+    pub housing_lag_s: f32,
+    /// Place of the foil beside the configured one, share of the length \[-\].
+    pub place: f32,
+    /// Weights of the zones in what the foil sees, and in its change with the place \[-\].
+    weights: PerZone,
+    slope: PerZone,
     /// Last reading \[K\].
     pub reading_k: f32,
     /// Distance that the element must have moved in the intervals since the reading last changed \[K\].
     unmoved_k: f32,
     frozen: bool,
-    /// Intervals for which a contradiction of readings and model is still reported.
+    /// Updates for which a contradiction of readings and model is still reported.
     contradicted_intervals: u16,
     /// The sensor is the wrong one of the two: its readings correct nothing.
     distrusted: bool,
+    /// Innovations, averaged twice \[K\].
+    smooth_k: f32,
+    smoother_k: f32,
+}
+
+/// What housing and element did in an interval.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Response {
+    /// Shares of their differences that are left \[-\].
+    pub housing_left: f32,
+    pub element_left: f32,
+    /// Changes \[K\].
+    pub housing_k: f32,
+    pub element_k: f32,
+    /// Mean of the element, times the steps \[K\].
+    pub mean_k: f32,
+    /// Mean zones around the foil, times the steps \[K\].
+    pub zones_k: PerZone,
+}
+
+impl Response {
+    /// None yet.
+    pub const NONE: Self = Self {
+        housing_left: 1.0,
+        element_left: 1.0,
+        housing_k: 0.0,
+        element_k: 0.0,
+        mean_k: 0.0,
+        zones_k: [0.0; ZONES],
+    };
+}
+
+/// Weights of linear interpolation between the middles of the zones at that place.
+fn interpolated(place: f32) -> PerZone {
+    let at = ZONES as f32 * limit(place, 0.125, 0.875) - 0.5;
+    [0.0, 1.0, 2.0, 3.0].map(|zone| limit(1.0 - absolute(at - zone), 0.0, 1.0))
 }
 
 impl Element {
     /// An element at this temperature \[K\], of which no reading is known yet.
-    pub fn new(temperature_k: f32, lag_s: f32) -> Self {
-        Self {
+    pub fn new(temperature_k: f32, c: &Coefficients) -> Self {
+        let mut element = Self {
             housing_k: temperature_k,
             sensor_k: temperature_k,
-            lag_s,
+            foil_k: 0.0,
+            profile: Profile::default(),
+            above_k: 0.0,
+            gain: 1.0,
+            lag_s: c.lag_s,
+            housing_lag_s: c.housing_s,
+            place: 0.0,
+            weights: [0.0; ZONES],
+            slope: [0.0; ZONES],
             reading_k: temperature_k,
             unmoved_k: 0.0,
             frozen: false,
             contradicted_intervals: 0,
             distrusted: false,
-        }
+            smooth_k: 0.0,
+            smoother_k: 0.0,
+        };
+        element.set_weights(c);
+        element
     }
 
     /// Sets housing and element to one temperature \[K\].
     pub fn set_temperature(&mut self, temperature_k: f32) {
         self.housing_k = temperature_k;
         self.sensor_k = temperature_k;
+        self.foil_k = 0.0;
+        self.profile = Profile::default();
+    }
+
+    /// What has been learnt is as configured again.
+    pub fn forget(&mut self, c: &Coefficients) {
+        (self.lag_s, self.housing_lag_s, self.place, self.foil_k) =
+            (c.lag_s, c.housing_s, 0.0, 0.0);
+        (self.smooth_k, self.smoother_k) = (0.0, 0.0);
+        self.set_weights(c);
     }
 
     /// Starts to watch for a frozen reading from here.
@@ -51,23 +131,57 @@ impl Element {
         self.unmoved_k = 0.0;
     }
 
-    /// Moves the housing towards the gas around it \[K\].
-    pub fn follow(&mut self, coefficients: &Coefficients, foil_k: f32) {
-        let Coefficients { interval_s, housing_s, .. } = *coefficients;
-        // Means over the interval on both sides: implicit Euler then delays by just the lag.
-        self.housing_k += interval_s / (housing_s + interval_s) * (foil_k - self.housing_k);
+    fn set_weights(&mut self, c: &Coefficients) {
+        const APART: f32 = 0.125;
+        let place = c.place + self.place;
+        let [before, at, after] =
+            [-1.0, 0.0, 1.0].map(|way| interpolated(place + way * c.half_span));
+        let ends = super::zones::plus(&before, &after);
+        // Simpson's rule over the foil.
+        self.weights = super::zones::plus(&scaled(&ends, 1.0 / 6.0), &scaled(&at, 4.0 / 6.0));
+        let slope = minus(&interpolated(place + APART), &interpolated(place - APART));
+        self.slope = scaled(&slope, 0.5 / APART);
     }
 
-    /// Share of the difference between housing and element that an interval closes \[-\].
-    pub fn lag_share(&self, interval_s: f32) -> f32 {
-        interval_s / (self.lag_s + 0.5 * interval_s)
+    /// Change of what the foil sees with its place \[K\].
+    pub fn slope_k(&self, zones_k: &PerZone) -> f32 {
+        total(&times(&self.slope, zones_k))
     }
 
-    /// Moves the element towards its housing; the change \[K\].
-    pub fn warm(&mut self, lag_share: f32) -> f32 {
-        let change_k = lag_share * (self.housing_k - self.sensor_k);
-        self.sensor_k += change_k;
-        change_k
+    /// Moves the profile around the foil, in zones that are that much warmer than their wall \[K\].
+    pub fn conduct(&mut self, c: &Coefficients, exchange: &Exchange, excess_k: &PerZone) {
+        self.profile.advance(&exchange.conduction, total(&times(&self.weights, excess_k)));
+        // Stirring flattens it.
+        let stirred_j_k = total(&times(&self.weights, &exchange.stirred_j_k));
+        let share = exchange.still_share(stirred_j_k);
+        self.above_k = share * self.profile.foil_k(&c.profile);
+        self.gain = 1.0 + share * c.foil_settled;
+    }
+
+    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], .
+    pub fn follow(
+        &mut self,
+        zones_k: &PerZone,
+        (steps, step_s): (f32, f32),
+        response: &mut Response,
+    ) {
+        let duration_s = steps * step_s;
+        let seen_k = times(&self.weights, zones_k);
+        let foil_k = total(&seen_k) + self.above_k + self.foil_k;
+        // Means on both sides: implicit Euler then delays by just the lag.
+        let housing_share = duration_s / (self.housing_lag_s + duration_s);
+        let housing_k = housing_share * (foil_k - self.housing_k);
+        self.housing_k += housing_k;
+        let element_share = duration_s / (self.lag_s + 0.5 * duration_s);
+        let element_k = limit(element_share, 0.0, 1.0) * (self.housing_k - self.sensor_k);
+        self.sensor_k += element_k;
+        response.housing_left *= 1.0 - housing_share;
+        response.element_left *= 1.0 - limit(element_share, 0.0, 1.0);
+        response.housing_k += housing_k;
+        response.element_k += element_k;
+        response.mean_k += steps * (self.sensor_k - 0.5 * element_k);
+        response.zones_k =
+            super::zones::plus(&response.zones_k, &scaled(&seen_k, self.gain * steps));
     }
 
     /// The interval's reading, unless it is a frozen one.
@@ -92,10 +206,19 @@ impl Element {
         reading
     }
 
+    /// Takes an innovation \[K\] of that variance \[K2\]. Whether readings and model contradict each other, and it is the
+    /// model that is wrong.
+    pub fn compare(&mut self, c: &Coefficients, innovation_k: f32, variance_k2: f32) -> bool {
+        self.smooth_k += c.smoothing * (innovation_k - self.smooth_k);
+        self.smoother_k += c.smoothing * (self.smooth_k - self.smoother_k);
+        self.smoother_k * self.smoother_k > CONTRADICTION * CONTRADICTION * variance_k2
+            && self.contradict(c)
+    }
+
     /// Readings and model cannot both be right. Gas in a muscle returns to its surroundings within seconds, and so
     /// does the element: the one that is further from them is wrong. Whether that is the model.
-    pub fn contradict(&mut self, coefficients: &Coefficients) -> bool {
-        self.contradicted_intervals = coefficients.counts.ten_seconds_intervals;
+    fn contradict(&mut self, coefficients: &Coefficients) -> bool {
+        self.contradicted_intervals = coefficients.counts.ten_seconds_intervals / 2;
         let ambient_k = coefficients.ambient.temperature_k;
         self.distrusted =
             absolute(self.reading_k - ambient_k) > absolute(self.sensor_k - ambient_k);
@@ -115,13 +238,23 @@ impl Element {
         self.frozen || self.contradicted_intervals > 0
     }
 
-    /// Scales the lag by the exponential of a correction of its logarithm, within a factor of five of the
-    /// configured one.
-    pub fn correct_lag(&mut self, coefficients: &Coefficients, correction: f32) {
-        self.lag_s = limit(
-            self.lag_s * exp(limit(correction, -0.1, 0.1)),
-            0.2 * coefficients.lag_s,
-            5.0 * coefficients.lag_s,
-        );
+    /// Corrects the lags by factors, given as logarithms, and the place.
+    pub fn correct(&mut self, c: &Coefficients, lag: f32, housing_lag: f32, place: f32) {
+        let by = |lag_s: f32, logarithm: f32, configured_s: f32| {
+            limit(lag_s * small_exp(logarithm), configured_s / LAGS, configured_s * LAGS)
+        };
+        self.lag_s = by(self.lag_s, lag, c.lag_s);
+        self.housing_lag_s = by(self.housing_lag_s, housing_lag, c.housing_s);
+        self.place = limit(self.place + place, -PLACES, PLACES);
+        self.set_weights(c);
+    }
+
+    /// What has been learnt fades by that share in an interval, and what the foil sees by another.
+    pub fn fade(&mut self, c: &Coefficients) {
+        let share = c.forget;
+        self.lag_s += share * (c.lag_s - self.lag_s);
+        self.housing_lag_s += share * (c.housing_s - self.housing_lag_s);
+        self.place -= share * self.place;
+        self.foil_k *= c.keep.foil;
     }
 }

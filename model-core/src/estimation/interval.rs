@@ -1,40 +1,99 @@
-//! The end of an interval: slow states move, and the covariance's work is left for the steps that follow.
+//! The end of an interval: sums become a linearised error dynamics, and its work is left for the steps that follow.
 
-use super::covariance::{Product, Transition};
-use super::deviation::Inputs;
-use super::{Balance, COLDEST_K, Coefficients, Estimator, HOTTEST_K, Measurement};
-use crate::math::{CompensatedSum, exp, limit};
+use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
+use super::element::Response;
+use super::zones::{
+    Faces, Flow, Moved, PerZone, Place, ZONES, Zones, minus, plus, scaled, times, total,
+};
+use super::{Balance, Coefficients, Estimator, Measurement};
+use crate::math::{CompensatedSum, absolute, limit, small_exp, sqrt};
 use crate::physics::chamber::Chamber;
 
-/// Innovations that stay beyond so many deviations of the reading, averaged over half a second, show
-/// that the state is wrong and not the reading.
-const CONTRADICTION: f32 = 5.0;
-/// Parts of the work that an interval leaves, and the step of the next one in which it begins: the first is
-/// the controller's.
-const PARTS: u16 = 5;
+/// Rows that an interval moves.
+const ROWS: u8 = 7;
+/// Step of an interval in which the work of the one before begins: the first is the controller's.
 const FIRST_PART: u16 = 2;
-/// Gas near the port, share of the gas that an inflow has to replace before it is as cold as
-/// [`EstimatorConfig::port_cooling`](crate::config::EstimatorConfig) gives \[-\].
-const PORT_SHARE: f32 = 0.5;
-/// Share of the outflow, relative to that, by which the gas behind it has taken its place \[-\].
-const PORT_REPLACED: f32 = 0.4;
-/// Time in which the rest mixes with the gas near the port \[s\].
-const PORT_MIXING_S: f32 = 2.0;
-/// Excess of the gas around the foil over the mean, for each kelvin by which that near the port is
-/// colder \[-\].
-const FOIL_WARMER: f32 = 0.08;
+/// Steps after a movement of the zones for which the heat transfer that follows from it may wait.
+const LATE_STEPS: u16 = 2;
+/// Work that has no more steps to spare than this does not wait any longer.
+const SPARE_STEPS: u16 = 4;
 /// Variance that a leak adds per second, in squares of its rate: configured a tenth wrong, for five seconds \[s\].
 const LEAK_UNCERTAINTY_S: f32 = 0.1;
+/// Innovations beyond so many of their deviations correct nothing.
+const UNLIKELY: f32 = 5.0;
+/// Range of the factors on heat transfer and stirring.
+const FACTORS: [f32; 2] = [1.0 / 12.0, 12.0];
 
 /// Sums over one interval.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Interval {
     pub steps: u16,
-    pub gas_k: f32,
-    pub inflow_kg: f32,
-    pub outflow_kg: f32,
+    /// Enthalpy that leaked \[J\].
+    pub leaked_j: f32,
+    /// A step of it had no pressure.
+    pub void: bool,
+    /// Since the zones moved last.
+    pub flow: Flow,
+    /// Until then.
+    pub moved: Movements,
+}
+
+/// Sums over the movements of the zones in an interval.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Movements {
+    count: u8,
+    steps: u16,
+    flowing_steps: u16,
+    /// Masses at the start \[kg\].
+    mass_kg: PerZone,
+    inflow_kg: f32,
+    outflow_kg: f32,
+    energy_j: f32,
+    heat_j: PerZone,
+    stirred_j: PerZone,
+    conductance_j_k: PerZone,
+    gas_k: PerZone,
+    faces: Faces,
+    response: Response,
+}
+
+impl Default for Movements {
+    fn default() -> Self {
+        Self {
+            count: 0,
+            steps: 0,
+            flowing_steps: 0,
+            mass_kg: [0.0; ZONES],
+            inflow_kg: 0.0,
+            outflow_kg: 0.0,
+            energy_j: 0.0,
+            heat_j: [0.0; ZONES],
+            stirred_j: [0.0; ZONES],
+            conductance_j_k: [0.0; ZONES],
+            gas_k: [0.0; ZONES],
+            faces: Faces::default(),
+            response: Response::NONE,
+        }
+    }
+}
+
+impl Default for Interval {
+    fn default() -> Self {
+        Self {
+            steps: 0,
+            leaked_j: 0.0,
+            void: false,
+            flow: Flow::default(),
+            moved: Movements::default(),
+        }
+    }
+}
+
+/// Sums over one balance.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Window {
+    pub steps: u16,
     pub heat_j: f32,
-    pub flowing_steps: u16,
     /// Work of the gas, and its measured internal energy at the start \[J\].
     pub work_j: f32,
     pub start_j: f32,
@@ -44,290 +103,516 @@ pub(super) struct Interval {
     pub void: bool,
 }
 
-/// Work that the end of an interval leaves for the next steps, one part each. A part carries the result of
-/// the part before it, so that none can run on another covariance's.
+/// Work that the end of an interval leaves for the next steps, one part each.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) enum Work {
     #[default]
     Done,
-    /// M = F P.
-    Rows(Transition),
-    /// P' = M F^T.
-    Columns(Transition, Product),
+    Transition,
+    /// A row of M = F P.
+    Row(u8),
+    /// A row of P' = M F^T.
+    Column(u8),
     Drift,
     Correction,
+    Reduction,
     Deviation,
 }
 
-/// Inputs of the work that is left.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+impl Work {
+    /// Parts that are left.
+    fn parts(self) -> u16 {
+        const ROWS: u16 = super::interval::ROWS as u16;
+        match self {
+            Self::Done => 0,
+            Self::Deviation => 1,
+            Self::Reduction => 2,
+            Self::Correction => 3,
+            Self::Drift => 4,
+            Self::Column(row) => 4 + ROWS - u16::from(row),
+            Self::Row(row) => 4 + 2 * ROWS - u16::from(row),
+            Self::Transition => 5 + 2 * ROWS,
+        }
+    }
+}
+
+/// Inputs of the work that is left, and what its parts hand on.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pending {
     pub work: Work,
-    /// Mean gas temperature of the interval \[K\].
-    pub gas_k: f32,
+    pub moved: Movements,
+    /// Masses at the end of the interval, before anything corrects them \[kg\].
+    pub mass_kg: PerZone,
+    pub transition: Transition,
+    pub product: Product,
     pub innovation_k: Option<f32>,
-    /// Gas flowed.
-    pub moved: bool,
     /// Variance of the mean of the interval's readings of the gas sensor \[K2\].
     pub reading_k2: f32,
     /// Share of the gas that leaked in the interval \[-\].
     pub leaked: f32,
+    pub gains: Errors<f32>,
+    pub left: f32,
 }
 
-/// Exchange of heat over one interval, linearised.
-struct Exchange {
-    /// Share of the difference between wall and ambient that the wall loses \[-\].
-    outer_share: f32,
-    friction_j: f32,
-    /// Heat from the gas to the wall \[J/K\].
-    inner_j_k: f32,
-    /// Relative change of the gas per relative difference of its temperature, while gas flows \[-\].
-    gas: f32,
+impl Pending {
+    pub(super) fn none() -> Self {
+        Self {
+            work: Work::Done,
+            moved: Movements::default(),
+            mass_kg: [1.0; ZONES],
+            transition: Transition::default(),
+            product: [[0.0; super::covariance::ERRORS]; ROWS as usize],
+            innovation_k: None,
+            reading_k2: 0.0,
+            leaked: 0.0,
+            gains: Errors::default(),
+            left: 1.0,
+        }
+    }
+}
+
+impl GasRow {
+    fn plus(&self, other: &Self) -> Self {
+        Self {
+            zones: plus(&self.zones, &other.zones),
+            wall: self.wall + other.wall,
+            scale: self.scale + other.scale,
+            stirring: self.stirring + other.stirring,
+        }
+    }
+
+    fn minus(&self, other: &Self) -> Self {
+        Self {
+            zones: minus(&self.zones, &other.zones),
+            wall: self.wall - other.wall,
+            scale: self.scale - other.scale,
+            stirring: self.stirring - other.stirring,
+        }
+    }
+
+    fn times(&self, by: f32) -> Self {
+        Self {
+            zones: scaled(&self.zones, by),
+            wall: self.wall * by,
+            scale: self.scale * by,
+            stirring: self.stirring * by,
+        }
+    }
+
+    fn on(mut self, zone: usize, by: f32) -> Self {
+        if let Some(entry) = self.zones.get_mut(zone) {
+            *entry += by;
+        }
+        self
+    }
+}
+
+impl Movements {
+    fn add(&mut self, flow: &Flow, moved: &Moved, conductance_j_k: &PerZone) {
+        self.count += 1;
+        self.steps += flow.steps;
+        self.flowing_steps += flow.flowing_steps;
+        self.inflow_kg += flow.inflow_kg;
+        self.outflow_kg += flow.outflow_kg;
+        self.energy_j += moved.energy_j;
+        self.heat_j = plus(&self.heat_j, &moved.heat_j);
+        self.stirred_j = plus(&self.stirred_j, &moved.stirred_j);
+        self.conductance_j_k =
+            plus(&self.conductance_j_k, &scaled(conductance_j_k, flow.steps.into()));
+        self.gas_k = plus(&self.gas_k, &scaled(&moved.gas_k, flow.steps.into()));
+        let add = |sum: &mut [f32; 3], more: &[f32; 3]| {
+            sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
+        };
+        add(&mut self.faces.up, &moved.faces.up);
+        add(&mut self.faces.down, &moved.faces.down);
+    }
+
+    /// Rows of the heat that each zone gives to the wall, and of their sum.
+    fn heat_rows(&self, gas_k: &PerZone) -> ([GasRow; ZONES], GasRow) {
+        let mut rows = [GasRow::default(); ZONES];
+        let mut sum = GasRow::default();
+        let heat = self.heat_j.iter().zip(&self.stirred_j);
+        let zones = self.conductance_j_k.iter().zip(gas_k).zip(heat).enumerate();
+        for (row, (i, ((conductance, gas_k), (heat, stirred)))) in rows.iter_mut().zip(zones) {
+            let own = GasRow {
+                zones: [0.0; ZONES],
+                wall: -conductance,
+                scale: *heat,
+                stirring: *stirred,
+            };
+            *row = own.on(i, -conductance * gas_k);
+            sum = sum.plus(row);
+        }
+        (rows, sum)
+    }
 }
 
 impl Estimator {
     /// The work of an interval, one part a step, kept clear of the steps in which the controller has its own
     /// to do, as long as there are others left.
     pub(super) fn advance_covariance(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
-        let left = self.coefficients.counts.interval_steps.saturating_sub(self.interval.steps);
+        let left = self.coefficients.counts.update_steps.saturating_sub(self.interval.steps);
+        let moves = left == 0 || self.interval.flow.steps == self.coefficients.counts.move_steps;
+        // The movement's own step is long enough without it.
+        let exchanges = self.exchange_due
+            && (moves || !measurement.busy || self.interval.flow.steps > LATE_STEPS);
+        if exchanges {
+            self.set_exchange();
+        }
+        if moves {
+            self.move_zones(chamber, measurement);
+        }
         if left == 0 {
-            self.end_interval(chamber, measurement);
-        } else if self.interval.steps >= FIRST_PART && (!measurement.busy || left <= PARTS) {
-            self.work();
+            self.end_interval(measurement);
+        } else if self.interval.steps >= FIRST_PART {
+            let parts = self.coefficients.counts.parts_per_step;
+            // Not a quotient: the optimiser cannot see that `parts` is never 0.
+            let spared = left.saturating_sub(SPARE_STEPS);
+            let hurried = spared.saturating_mul(parts) <= self.pending.work.parts();
+            if hurried || !(measurement.busy || moves || exchanges) {
+                for _ in 0..parts {
+                    self.work();
+                }
+            }
         }
     }
 
     /// The next part of the work that is left.
     fn work(&mut self) {
-        match core::mem::take(&mut self.pending.work) {
-            Work::Done => {}
-            Work::Rows(transition) => {
-                let product = self.covariance.rows(&transition);
-                self.pending.work = Work::Columns(transition, product);
+        let Pending { work, .. } = self.pending;
+        self.pending.work = match work {
+            Work::Done => return,
+            Work::Transition => {
+                self.pending.transition = self.transition();
+                Work::Row(0)
             }
-            Work::Columns(transition, product) => {
-                self.covariance.columns(&product, &transition);
-                self.pending.work = Work::Drift;
+            Work::Row(row) => {
+                let Pending { transition, product, .. } = &mut self.pending;
+                self.covariance.row(transition, row.into(), product);
+                if row + 1 < ROWS { Work::Row(row + 1) } else { Work::Column(0) }
+            }
+            Work::Column(row) => {
+                let Pending { transition, product, .. } = &self.pending;
+                self.covariance.column(transition, row.into(), product, &self.coefficients.keep);
+                if row + 1 < ROWS { Work::Column(row + 1) } else { Work::Drift }
             }
             Work::Drift => {
                 self.add_drift();
-                self.pending.work = Work::Correction;
+                Work::Correction
             }
             Work::Correction => {
-                self.pending.work = Work::Deviation;
-                self.take_innovation();
+                if self.take_innovation() {
+                    Work::Reduction
+                } else {
+                    Work::Deviation
+                }
             }
-            Work::Deviation => self.update_deviation(),
-        }
+            Work::Reduction => {
+                self.covariance.reduce(&self.pending.gains, self.pending.left);
+                self.covariance.mirror();
+                Work::Deviation
+            }
+            Work::Deviation => {
+                self.update_deviation();
+                Work::Done
+            }
+        };
     }
 
-    fn take_innovation(&mut self) {
-        let innovation_k = self.pending.innovation_k.take();
-        if let (Some(innovation_k), false) = (innovation_k, self.element.distrusted()) {
-            self.correct(innovation_k);
+    /// Moves zones, walls, housing and element by what flowed since they moved last.
+    fn move_zones(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
+        let flow = core::mem::take(&mut self.interval.flow);
+        if self.interval.void || flow.steps == 0 {
+            return;
         }
-        self.agreement.add(innovation_k, self.element.lag_s, self.pending.moved);
-        let expected_k2 = self.coefficients.lasting_k2 + self.covariance.sensor_sensor;
-        if self.agreement.smooth_k2() > CONTRADICTION * CONTRADICTION * expected_k2
-            && self.element.contradict(&self.coefficients)
-        {
-            self.give_up();
-        }
-    }
-
-    fn end_interval(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
+        let c = &self.coefficients;
         let length_m = measurement.length.value;
+        let steps = f32::from(flow.steps);
+        let place = Place {
+            energy_j: self.energy.energy_j(),
+            pressure_pa: self.pressure_pa,
+            length_m,
+            rest_length_m: chamber.rest_length_m(),
+            volume_m3: self.volume_m3,
+            surface_m2: chamber.surface_m2(length_m),
+            speed_m_s: (length_m - self.length_m) / (steps * c.step_s),
+            friction_j: self.rub(self.length_m - length_m),
+            mass_kg: self.mass_kg.value(),
+        };
+        let c = &self.coefficients;
+        self.length_m = length_m;
+        if self.interval.moved.count == 0 {
+            self.interval.moved.mass_kg = self.zones.mass_kg;
+        }
+        let moved = self.zones.advance(c, &flow, &self.exchange, &place);
+        let sums = &mut self.interval.moved;
+        sums.add(&flow, &moved, &self.exchange.settled_j_k());
+        if c.profile.exists {
+            let excess_k = minus(&moved.gas_k, &self.zones.wall_k);
+            self.element.conduct(c, &self.exchange, &excess_k);
+        }
+        self.element.follow(&moved.gas_k, (steps, c.step_s), &mut sums.response);
+        self.place = place;
+        self.exchange_due = true;
+        self.set_leak(self.pressure_pa);
+    }
+
+    /// Moves slip and creep by a contraction; returns the heat that the wall gets of them and of friction \[J\].
+    fn rub(&mut self, way_m: f32) -> f32 {
+        let Coefficients { hysteresis, friction, ambient, .. } = &self.coefficients;
+        let softening = friction.softening(self.zones.mean_wall_k());
+        let gauge_pa = self.pressure_pa - ambient.pressure_pa;
+        let held = hysteresis.after(&self.held, way_m, gauge_pa, softening);
+        let heat_j = hysteresis.heat_j(&self.held, &held, way_m)
+            + softening * friction.force_n * friction.at_pressure(gauge_pa) * absolute(way_m);
+        self.held = held;
+        friction.heat_fraction * heat_j
+    }
+
+    fn end_interval(&mut self, measurement: &Measurement) {
         let interval = core::mem::take(&mut self.interval);
         if interval.void {
             self.pending.work = Work::Drift;
             return;
         }
-        let Coefficients { counts, interval_s, lag_s, wall_j_k, .. } = self.coefficients;
-        let gas_k = interval.gas_k / f32::from(counts.interval_steps);
-        let speed_m_s = (length_m - self.length_m) / interval_s;
-        self.length_m = length_m;
-        let surface_m2 = chamber.surface_m2(length_m);
-
-        self.element.follow(&self.coefficients, gas_k - FOIL_WARMER * self.port_k);
-        let lag_share = self.element.lag_share(interval_s);
-        let per_mass = 1.0 / self.mass_kg.value();
-        self.mix_port(&interval, gas_k, per_mass);
-        self.balance(&interval, gas_k, per_mass);
-        let exchange = self.exchange(&interval, surface_m2, speed_m_s, per_mass);
-        self.pending.gas_k = gas_k;
-        self.pending.moved = interval.flowing_steps > 0;
-        self.pending.work =
-            Work::Rows(self.transition(&interval, &exchange, gas_k, per_mass, lag_share));
-
-        let forget = interval_s / self.coefficients.tuning.memory_s;
-        self.scale += forget * (1.0 - self.scale);
-        self.element.lag_s += forget * (lag_s - self.element.lag_s);
-        let warming_k = (interval.heat_j + exchange.friction_j) * (1.0 / wall_j_k)
-            - exchange.outer_share * (self.wall_k - self.coefficients.ambient.temperature_k);
-        self.wall_k = limit(self.wall_k + warming_k, COLDEST_K, HOTTEST_K);
-        self.set_conductance(surface_m2);
-        self.set_leak(self.pressure_pa);
-        self.read_element(measurement, lag_share);
+        let c = self.coefficients;
+        if c.leak.leaks() {
+            // No number where next to no gas is left.
+            self.pending.leaked = limit(interval.leaked_j * self.per_enthalpy(), 0.0, 1.0);
+        }
+        let swing_k = self.gas_k - self.zones.mean_wall_k();
+        self.swing_k2 += c.swing_window * (swing_k * swing_k - self.swing_k2);
+        self.pending.moved = interval.moved;
+        self.pending.mass_kg = self.zones.mass_kg;
+        self.pending.work = Work::Transition;
+        self.scale += c.forget * (1.0 - self.scale);
+        self.stirring += c.forget * (1.0 - self.stirring);
+        self.read_element(measurement, &interval.moved.response, interval.steps);
+        self.element.fade(&self.coefficients);
     }
 
-    /// Moves the element by an interval, and compares it with its reading.
-    fn read_element(&mut self, measurement: &Measurement, lag_share: f32) {
-        let c = &self.coefficients;
-        let change_k = self.element.warm(lag_share);
-        let reading = self.element.judge(c, measurement.gas, lag_share, self.deviation.gas_sd_k);
-        // The mean of the readings belongs to the middle of the interval. Ten milliseconds seem little
+    /// Compares the element with its reading.
+    fn read_element(&mut self, measurement: &Measurement, response: &Response, steps: u16) {
+        let share = 1.0 - response.element_left;
+        let reading = self.element.judge(&self.coefficients, measurement.gas, share, self.gas_sd_k);
+        // The mean of the readings belongs to the mean of the element. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag. A digital part's readings carry their own age.
         let age_steps = measurement.gas.and_then(|gas| gas.age_steps);
-        let age = age_steps.map_or(0.5, |age_steps| age_steps / f32::from(c.counts.interval_steps));
-        let middle_k = self.element.sensor_k - age * change_k;
+        let steps = f32::from(steps);
+        let expected_k = match age_steps {
+            Some(age_steps) => self.element.sensor_k - age_steps / steps * response.element_k,
+            None => response.mean_k / steps,
+        };
         if let Some(gas) = reading {
+            let own_k = self.coefficients.tuning.reading_sd_k;
             self.element.reading_k = gas.value_k;
-            self.pending.reading_k2 = gas.noise_k2 + c.bias_k2;
+            self.pending.reading_k2 = gas.noise_k2 + own_k * own_k;
         }
-        self.pending.innovation_k = reading.map(|gas| gas.value_k - middle_k);
+        self.pending.innovation_k = reading.map(|gas| gas.value_k - expected_k);
     }
 
-    /// Records the balance of an interval, whatever heat transfer and leak were between none and the configured ones.
-    fn balance(&mut self, interval: &Interval, gas_k: f32, per_mass: f32) {
-        let adiabatic_j = self.measured_j - interval.start_j + interval.work_j;
-        let per_cp = self.coefficients.per_cp;
-        let share = |enthalpy_j: f32| enthalpy_j * per_cp * per_mass / gas_k;
-        let mut most_j = adiabatic_j + limit(interval.heat_j, 0.0, f32::MAX);
-        if self.coefficients.leaks {
-            most_j += interval.leaked_j;
-            // No number where next to no gas is left.
-            self.pending.leaked = limit(share(interval.leaked_j), 0.0, 1.0);
+    /// Records the balance of a window, whatever heat transfer and leak were between none and the configured ones.
+    pub(super) fn end_window(&mut self) {
+        if self.window.steps < self.coefficients.counts.interval_steps {
+            return;
         }
+        let window = core::mem::take(&mut self.window);
+        if window.void {
+            return;
+        }
+        let adiabatic_j = self.measured_j - window.start_j + window.work_j;
+        let per_j = self.per_enthalpy();
+        let share = |enthalpy_j: f32| enthalpy_j * per_j;
+        let most_j = adiabatic_j + limit(window.heat_j, 0.0, f32::MAX) + window.leaked_j;
         self.balance = Some(Balance {
-            least_gained: share(adiabatic_j + limit(interval.heat_j, f32::MIN, 0.0)),
+            least_gained: share(adiabatic_j + limit(window.heat_j, f32::MIN, 0.0)),
             most_gained: share(most_j),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
+            held_n: self.held.force_n(),
         });
     }
 
-    fn exchange(
-        &self,
-        interval: &Interval,
-        surface_m2: f32,
-        speed_m_s: f32,
-        per_mass: f32,
-    ) -> Exchange {
-        let c = &self.coefficients;
-        let duration_s = c.interval_s;
-        let per_wall = 1.0 / c.wall_j_k;
-        let outer_w_k = c.heat.outer_w_k(surface_m2, speed_m_s);
-        let inner_w_k = c.heat.inner_w_k(surface_m2, interval.inflow_kg / duration_s);
-        let inner_j_k = self.scale * inner_w_k * duration_s;
-        let flowing = f32::from(interval.flowing_steps) / f32::from(c.counts.interval_steps);
-        Exchange {
-            // A wall does not overshoot its surroundings.
-            outer_share: limit(outer_w_k * duration_s * per_wall, 0.0, 1.0),
-            friction_j: c.friction.wall_heat_w(self.wall_k, speed_m_s) * duration_s,
-            inner_j_k,
-            // Limited where there is next to no gas: its temperature is the wall's.
-            gas: limit(inner_j_k * per_mass * c.per_cp * flowing, 0.0, 0.5),
-        }
+    /// Share of the gas that an enthalpy stands for \[1/J\].
+    fn per_enthalpy(&self) -> f32 {
+        self.coefficients.per_cp / (self.mass_kg.value() * self.gas_k)
     }
 
-    /// The linearised error dynamics of an interval: the table at the head of this module.
-    fn transition(
-        &self,
-        interval: &Interval,
-        exchange: &Exchange,
-        gas_k: f32,
-        per_mass: f32,
-        lag_share: f32,
-    ) -> Transition {
-        let per_wall = 1.0 / self.coefficients.wall_j_k;
-        let Exchange { outer_share, inner_j_k, gas, .. } = *exchange;
-        Transition {
-            gas_gas: -limit(gas + interval.inflow_kg * per_mass, 0.0, 0.9),
-            gas_wall: gas / gas_k,
-            gas_scale: -gas * (gas_k - self.wall_k) / gas_k,
-            wall_gas: inner_j_k * per_wall * gas_k,
-            wall_wall: -limit(inner_j_k * per_wall + outer_share, 0.0, 1.0),
-            wall_scale: interval.heat_j * per_wall,
-            sensor_gas: lag_share * gas_k,
-            sensor_sensor: -lag_share,
-            sensor_lag: -lag_share * (self.element.housing_k - self.element.sensor_k),
-        }
+    /// The linearised error dynamics of an interval: see the head of the module.
+    fn transition(&self) -> Transition {
+        let Pending { moved, mass_kg, .. } = &self.pending;
+        let steps = f32::from(moved.steps);
+        let gas_k = scaled(&moved.gas_k, 1.0 / steps);
+        let (heat, all) = moved.heat_rows(&gas_k);
+        let [port_k, ..] = gas_k;
+        let [port_kg, ..] = moved.mass_kg;
+        let closed = 1.0 - f32::from(moved.flowing_steps) / steps;
+        let c = &self.coefficients;
+        let through_k = if moved.inflow_kg > moved.outflow_kg { c.supply_k } else { port_k };
+        let out_kg = limit(moved.outflow_kg - moved.inflow_kg, 0.0, 0.5 * port_kg);
+        let port = all.times((1.0 - closed) * c.per_cp / through_k).on(0, -out_kg);
+        let per_j =
+            ZONES as f32 * f32::from(moved.count) / (c.gas.heat_capacity_ratio * moved.energy_j);
+        let [_, second, third, last] = heat;
+        let third = last.plus(&third);
+        let second = third.plus(&second);
+        let face =
+            |face: usize, beyond: &GasRow, (up, down): (f32, f32), behind: f32, ahead: f32| {
+                let damped = 1.0 / (1.0 + up + down);
+                let upwind_kg = if up > down { behind } else { ahead };
+                let shut = closed * (ZONES - face) as f32 * (1.0 / ZONES as f32);
+                let enthalpy = beyond.plus(&all.times(-shut));
+                let flux = enthalpy.times(per_j * upwind_kg * damped);
+                flux.on(face - 1, up * damped * behind).on(face, -down * damped * ahead)
+            };
+        let [m0, m1, m2, m3] = moved.mass_kg;
+        let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = moved.faces;
+        let first = face(1, &second, (p1, q1), m0, m1);
+        let middle = face(2, &third, (p2, q2), m1, m2);
+        let farthest = face(3, &last, (p3, q3), m2, m3);
+        let [n0, n1, n2, n3] = mass_kg.map(|kg| 1.0 / kg);
+        let zone = |into: &GasRow, out: &GasRow, i: usize, before: f32, per_kg: f32| {
+            into.minus(out).on(i, before).times(per_kg)
+        };
+        let zones = [
+            zone(&port, &first, 0, m0, n0),
+            zone(&first, &middle, 1, m1, n1),
+            zone(&middle, &farthest, 2, m2, n2),
+            farthest.on(3, m3).times(n3),
+        ];
+        let mut wall = all.times(1.0 / c.wall_j_k);
+        let lost = if c.layers_w_k > 0.0 { c.layers_w_k * c.interval_s / c.wall_j_k } else { 0.0 };
+        wall.wall += limit(1.0 - lost, 0.0, 1.0);
+        let (housing, element) = self.element_rows(&moved.response, &gas_k, steps);
+        Transition { zones, wall, housing, element }
     }
 
-    /// Moves the temperature of the gas near the port by an interval's flow.
-    fn mix_port(&mut self, interval: &Interval, gas_k: f32, per_mass: f32) {
-        let c = &self.coefficients;
-        let replaced = |flow_kg: f32, share: f32| limit(flow_kg * per_mass * share, 0.0, 1.0);
-        let inflow_k = c.tuning.port_cooling * (c.supply_k - gas_k) - self.port_k;
-        self.port_k += replaced(interval.inflow_kg, 1.0 / PORT_SHARE) * inflow_k;
-        let left = replaced(interval.outflow_kg, PORT_REPLACED / PORT_SHARE);
-        let mixed = limit(c.interval_s * (1.0 / PORT_MIXING_S), 0.0, 1.0);
-        self.port_k -= limit(left + mixed, 0.0, 1.0) * self.port_k;
+    fn element_rows(
+        &self,
+        response: &Response,
+        gas_k: &PerZone,
+        steps: f32,
+    ) -> (HousingRow, ElementRow) {
+        let share = 1.0 - response.housing_left;
+        let housing = HousingRow {
+            zones: scaled(&response.zones_k, -share / steps),
+            housing: response.housing_left,
+            foil: share,
+            housing_lag: -response.housing_k * response.housing_left,
+            place: share * self.element.slope_k(gas_k),
+        };
+        let half = 0.5 * (1.0 - response.element_left);
+        (housing, ElementRow { half, lag: -response.element_k })
     }
 
     fn add_drift(&mut self) {
         let c = &self.coefficients;
-        let drift = &c.tuning;
+        let tuning = &c.tuning;
         let duration_s = c.interval_s;
-        let relative = drift.gas_drift_k / self.pending.gas_k;
-        let p = &mut self.covariance;
-        p.gas_gas += relative * relative * duration_s;
-        if c.leaks {
-            let leaked = self.pending.leaked;
-            p.gas_gas += LEAK_UNCERTAINTY_S * leaked * leaked / duration_s;
+        let square = |x: f32| x * x;
+        self.covariance.fade(&c.keep);
+        self.covariance.mirror();
+        let per_gas = 1.0 / self.gas_k;
+        let alone = (square(tuning.zone_drift) * self.swing_k2) * per_gas * per_gas;
+        let mut common = square(tuning.gas_drift_k * per_gas) * duration_s;
+        if c.leak.leaks() {
+            common += LEAK_UNCERTAINTY_S * square(self.pending.leaked) / duration_s;
         }
-        p.wall_wall += drift.wall_drift_k * drift.wall_drift_k * duration_s;
-        // Rounding must not starve the sensor's own variance.
-        p.sensor_sensor += 1.0e-6;
+        self.covariance.add_common(common);
         // First-order Gauss-Markov: an error that is not seen again returns to the configured value.
-        let forget = duration_s / drift.memory_s;
-        p.forget(1.0 - forget);
-        p.scale_scale += 2.0 * forget * drift.heat_scale_sd * drift.heat_scale_sd;
-        p.lag_lag += 2.0 * forget * drift.lag_sd * drift.lag_sd;
-        p.limit();
+        let returned = 2.0 * c.forget;
+        let foil_k2 = square(tuning.foil_sd_k) + square(tuning.foil_swing) * self.swing_k2;
+        let parameters = c.parameters();
+        self.covariance.add_variances(&Errors {
+            zones: [alone * duration_s; ZONES],
+            wall: square(tuning.wall_drift_k) * duration_s,
+            // Rounding must not starve them.
+            housing: 1.0e-6,
+            element: 1.0e-7,
+            foil: (1.0 - square(c.keep.foil)) * foil_k2,
+            scale: returned * parameters.scale,
+            stirring: returned * parameters.stirring,
+            lag: returned * parameters.lag,
+            housing_lag: returned * parameters.housing_lag,
+            place: returned * parameters.place,
+        });
+        let sound = self.covariance.limit(&Errors {
+            zones: [1.0e-9; ZONES],
+            wall: 1.0e-5,
+            housing: 1.0e-6,
+            element: 1.0e-7,
+            ..Errors::default()
+        });
+        if !sound {
+            self.covariance = c.initial_covariance();
+        }
     }
 
-    /// Kalman update with the innovation of one interval's readings of the gas sensor.
-    fn correct(&mut self, innovation: f32) {
-        let p = self.covariance;
+    /// Takes the interval's innovation; whether it has corrected anything.
+    fn take_innovation(&mut self) -> bool {
+        let Some(innovation_k) = self.pending.innovation_k.take() else { return false };
         let reading_k2 = self.pending.reading_k2;
-        let per_s = 1.0 / (p.sensor_sensor + reading_k2);
-        let [gas, wall, sensor, scale, lag] = [
-            p.gas_sensor * per_s,
-            p.wall_sensor * per_s,
-            p.sensor_sensor * per_s,
-            p.sensor_scale * per_s,
-            p.sensor_lag * per_s,
-        ];
-        self.covariance.reduce(gas, wall, scale, lag, reading_k2 * per_s);
-
-        // u = dT/T = -dm/m
-        let relative = limit(gas * innovation, -0.05, 0.05);
-        self.mass_kg = CompensatedSum::new(self.mass_kg.value() / (1.0 + relative));
-        self.update_temperature();
-        self.wall_k = limit(self.wall_k + wall * innovation, COLDEST_K, HOTTEST_K);
-        self.element.sensor_k += sensor * innovation;
-        if self.element.stands_still() {
-            return;
+        let variance_k2 = self.covariance.element_k2() + reading_k2;
+        if self.element.compare(&self.coefficients, innovation_k, variance_k2) {
+            self.give_up();
+            return false;
         }
-        self.scale = limit(self.scale * exp(limit(scale * innovation, -0.1, 0.1)), 0.2, 5.0);
-        self.element.correct_lag(&self.coefficients, lag * innovation);
+        let unlikely = innovation_k * innovation_k > UNLIKELY * UNLIKELY * variance_k2;
+        if self.element.distrusted() || unlikely {
+            return false;
+        }
+        (self.pending.gains, self.pending.left) = self.covariance.gains(reading_k2);
+        self.correct(innovation_k);
+        true
+    }
+
+    /// Kalman update of the state.
+    fn correct(&mut self, innovation_k: f32) {
+        let gains = self.pending.gains;
+        let factors = gains.zones.map(|gain| 1.0 + limit(gain * innovation_k, -0.05, 0.05));
+        // Since the zones moved last, gas may have come or gone: they give a factor on what there is now.
+        let before_kg = total(&self.zones.mass_kg);
+        self.zones.mass_kg = times(&self.zones.mass_kg, &factors);
+        let factor = total(&self.zones.mass_kg) / before_kg;
+        self.mass_kg = CompensatedSum::new(self.mass_kg.value() * factor);
+        self.zones.set_mass(before_kg * factor);
+        let wrong_k = self.gas_k;
+        self.update_temperature();
+        let excess_k = self.gas_k - wrong_k - gains.wall * innovation_k;
+        self.zones.profile_k = super::profile::corrected(&self.zones.profile_k, excess_k);
+        self.element.profile.correct(excess_k);
+        let wall_k = [gains.wall * innovation_k; ZONES];
+        let Zones { wall_k: inner_k, outer_k, .. } = &self.zones;
+        let (inner_k, outer_k) = (plus(inner_k, &wall_k), plus(outer_k, &wall_k));
+        self.zones.set_walls(&inner_k, &outer_k);
+        let element = &mut self.element;
+        element.housing_k += gains.housing * innovation_k;
+        element.sensor_k += gains.element * innovation_k;
+        element.foil_k += gains.foil * innovation_k;
+        // The interval that has begun is to be compared with its reading as if it had begun corrected.
+        let moved = &mut self.interval.moved;
+        moved.response.mean_k += gains.element * innovation_k * f32::from(moved.steps);
+        if !element.stands_still() {
+            let by = |factor: f32, gain: f32| {
+                let [least, most] = FACTORS;
+                limit(factor * small_exp(gain * innovation_k), least, most)
+            };
+            self.scale = by(self.scale, gains.scale);
+            self.stirring = by(self.stirring, gains.stirring);
+            let [lag, housing_lag, place] = [gains.lag, gains.housing_lag, gains.place];
+            let [lag, housing_lag, place] =
+                [lag, housing_lag, place].map(|gain| gain * innovation_k);
+            self.element.correct(&self.coefficients, lag, housing_lag, place);
+        }
+        self.exchange_due = true;
     }
 
     fn update_deviation(&mut self) {
-        self.deviation.update(
-            &self.coefficients,
-            &Inputs {
-                gas_k: self.gas_k,
-                wall_k: self.wall_k,
-                pressure_pa: self.pressure_pa,
-                noise_left: self.energy.noise_left(),
-                disagreement: self.agreement.share(self.element.lag_s),
-                lag_s: self.element.lag_s,
-                scale: self.scale,
-                gas_gas: self.covariance.gas_gas,
-            },
-        );
+        let noise = self.coefficients.pressure_sd_pa / self.pressure_pa;
+        let shares = scaled(&self.zones.mass_kg, 1.0 / total(&self.zones.mass_kg));
+        let variance = self.covariance.gas(&shares) + self.energy.noise_left() * noise * noise;
+        self.gas_sd_k = self.gas_k * limit(sqrt(variance), 1.0e-6, 1.0);
+        self.wall_sd_k = sqrt(self.covariance.wall_k2());
     }
 }

@@ -5,5 +5,6 @@ pub mod chamber;
 pub mod friction;
 pub mod gas;
 pub mod heat;
+pub mod hysteresis;
 pub mod leak;
 pub mod valve;

@@ -272,7 +272,7 @@ impl PlausibilityMonitor {
             Faults::NONE
         } else {
             self.count(balance, inlet_parts, outlet_parts);
-            self.force(chamber, balance.pressure_pa, length_m);
+            self.force(chamber, balance, length_m);
             self.findings()
         };
         core::mem::replace(&mut self.found, found)
@@ -303,7 +303,7 @@ impl PlausibilityMonitor {
     }
 
     /// Counts windows in which pressure and length stand for a force that cannot be.
-    fn force(&mut self, chamber: &impl Chamber, pressure_pa: f32, length_m: f32) {
+    fn force(&mut self, chamber: &impl Chamber, balance: &Balance, length_m: f32) {
         let Some((load_n, friction_n)) = self.limits.load_n.filter(|_| chamber.moves()) else {
             return;
         };
@@ -316,8 +316,9 @@ impl PlausibilityMonitor {
             self.impossible_windows = self.impossible_windows.saturating_sub(1);
             return;
         }
-        let gauge_pa = pressure_pa - self.limits.ambient_pa;
-        let force_n = limit(chamber.force_n(gauge_pa, length_m), chamber.least_force_n(), f32::MAX);
+        let gauge_pa = balance.pressure_pa - self.limits.ambient_pa;
+        let pull_n = chamber.force_n(gauge_pa, length_m) - balance.held_n;
+        let force_n = limit(pull_n, chamber.least_force_n(), f32::MAX);
         let tolerance_n = friction_n + LAW * absolute(chamber.force_n(gauge_pa, rest_m));
         // Against the load's own direction: some push.
         let (force_n, load_n) = if load_n < 0.0 { (-force_n, -load_n) } else { (force_n, load_n) };
@@ -380,7 +381,13 @@ mod tests {
     }
 
     fn gas(gained: f32, pressure_pa: f32) -> Balance {
-        Balance { least_gained: gained, most_gained: gained, pressure_pa, mass_kg: MASS_KG }
+        Balance {
+            least_gained: gained,
+            most_gained: gained,
+            pressure_pa,
+            mass_kg: MASS_KG,
+            held_n: 0.0,
+        }
     }
 
     /// A monitor and the chamber that it looks at.

@@ -22,7 +22,7 @@ static SCENARIOS: LazyLock<Vec<Loaded>> = LazyLock::new(|| {
     [
         "",
         "[identify]\nparameters = [\"valve.conductance_m3_s_pa\"]\n",
-        "[identify]\nparameters = [\"heat.inner_w_m2_k\"]\ncolumns = [\"sensor_gas_k\"]\n",
+        "[identify]\nparameters = [\"heat.scale\"]\ncolumns = [\"sensor_gas_k\"]\n",
         "[plant]\nkind = \"vessel\"\nmodel = \"lumped\"\n[drive]\nkind = \"discharge\"\n",
         "[plant]\nkind = \"vessel\"\nmodel = \"lumped\"\n[drive]\nkind = \"closed\"\n",
     ]

@@ -44,7 +44,7 @@ extern "C" fn _start() -> ! {
             {
                 core = other;
             }
-            core.set(set_point);
+            let _ = core.set(set_point);
             core.clear_faults();
             let telemetry = core.step(&sample);
             // SAFETY: as above.

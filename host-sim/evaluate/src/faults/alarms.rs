@@ -65,8 +65,7 @@ pub fn configured_wrong(hours: f64) -> Vec<Healthy> {
         let mut loaded = muscle::random(&mut draw, PlantModel::Lumped, task, RUN_S);
         let s = &mut loaded.believed;
         let heat = draw.factor(WRONG);
-        s.heat.inner_w_m2_k *= heat;
-        s.heat.inner_per_flow *= heat;
+        s.heat.scale *= heat;
         let lag = draw.factor(WRONG);
         s.sensor.gas.time_constant_s *= lag;
         let conductance = draw.factor(WRONG);

@@ -162,7 +162,6 @@ pub fn random_within(
         s.tube.volume_m3 *= volume;
         s.tube.conductance_m3_s_pa *= volume * valves;
         s.supply.droop_pa_s_kg /= volume * valves;
-        s.heat.inner_per_flow /= volume * valves;
     }
     if task == Task::Filling {
         loaded.plant.supply.pressure_pa = 6.0e5;

@@ -11,7 +11,8 @@
 //! (`trend.rs`), pulse by pulse; an error of the housing; derivatives by differences instead of
 //! formulae. It has neither the plant's true values nor anything else that the core lacks. Where
 //! the plant does not follow the model, it is wrong too, possibly more than the core, because it
-//! assumes the model over the whole run.
+//! assumes the model over the whole run. Its model has one zone and a constant coefficient of still
+//! gas: in air by the laws it errs by kelvins, and is a yardstick with `heat.model = "constant"` alone.
 
 mod trend;
 
@@ -21,7 +22,7 @@ use model_core::sample::OVERSAMPLING;
 use model_core::sensing::adc::Adc;
 use model_core::{AdcCode, Config, Duty, Faults, Telemetry};
 use thermyo_identify::core_model::{
-    HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL,
+    HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL, hold_back,
 };
 
 /// Steps per interval, as in the core.
@@ -152,12 +153,16 @@ fn initial_covariance(config: &Config) -> Matrix {
     Matrix::from_diagonal(&deviation.component_mul(&deviation))
 }
 
-/// Variance of the mean reading of the gas sensor over so many steps, as in the core: noise, and a
-/// bias that counts as equal in all readings of a second \[K2\].
+/// Error of what the foil sees that lasts for a second, as the smoother, which has one zone, allows for it \[K\].
+const FOIL_SD_K: f64 = 0.87;
+
+/// Variance of the mean reading of the gas sensor over so many steps: noise, and a bias that counts as equal in all
+/// readings of a second \[K2\].
 fn reading_variance(config: &Config, steps: usize) -> f64 {
     let noise_k2 = f64::from(config.sensors.gas.noise_k).powi(2);
-    let lag_s = config.sensors.gas.time_constant_s;
-    let bias_k2 = f64::from(config.estimator.reading_bias_k(lag_s)).powi(2);
+    // The lag leaves that share of it.
+    let left = 1.0 / (1.0 + f64::from(config.sensors.gas.time_constant_s));
+    let bias_k2 = (FOIL_SD_K * left).powi(2);
     noise_k2 / (f64::from(OVERSAMPLING) * steps as f64)
         + bias_k2 / (steps as f64 * f64::from(config.step_s))
 }
@@ -186,15 +191,18 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure.adc(), pressure);
     let length_m = smoothed(|t| t.length_m, |t| t.sample.length, length);
     let steps = flowing.iter().zip(pressure_pa.into_iter().zip(length_m));
-    steps
+    let mut known: Vec<Known> = steps
         .map(|(&(charging, discharging), (pressure_pa, length_m))| Known {
             pressure_pa,
             length_m,
             volume_m3: f64::from(chamber.volume_m3(length_m as f32)),
             charging,
             discharging,
+            hysteresis_j: 0.0,
         })
-        .collect()
+        .collect();
+    hold_back(config, &mut known);
+    known
 }
 
 /// Gas may have passed the inlet, and the outlet, since the step before.

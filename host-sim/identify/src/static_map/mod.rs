@@ -17,6 +17,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_scenario::preset::MusclePreset;
 use thermyo_scenario::{Muscle, PlantKind, Scenario};
 use thermyo_setup::{Loaded, highest_pa};
 
@@ -241,7 +242,7 @@ pub fn identify(
 
     let mut scenario = loaded.clone();
     for configured in [&mut scenario.plant, &mut scenario.believed] {
-        configured.muscle = found.clone();
+        configured.muscle = Muscle { preset: MusclePreset::None, ..found.clone() };
         if let Some(friction_n) = friction_n {
             configured.friction.force_n = friction_n;
         }

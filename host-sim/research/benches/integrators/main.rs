@@ -26,7 +26,7 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 use thermyo_plant::Actuation;
 use thermyo_runs::signals::rms_difference;
-use thermyo_scenario::{PlantModel, Scenario};
+use thermyo_scenario::{HeatModel, PlantModel, Scenario};
 
 /// Phases of a motion: duration \[s\], openings of inlet and outlet.
 type Drive = [(f64, f64, f64)];
@@ -56,6 +56,7 @@ fn main() {
     let [lumped, full] = [PlantModel::Lumped, PlantModel::Full].map(|model| {
         let mut scenario = default.with_model(model).plant;
         scenario.friction.softening_per_k = 0.0;
+        scenario.heat.model = HeatModel::Constant;
         scenario
     });
     let drive = [CYCLE; CYCLES].concat();

@@ -9,8 +9,9 @@ pub use page::page;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::input::InputError;
-use thermyo_files::number::{of_column, short};
+use thermyo_files::number::{difference_text, short};
 use thermyo_files::table::Table;
+use thermyo_files::units::UnitSystem;
 use thermyo_record::trace::COMPARABLE;
 
 /// Relative difference up to which two records last equally long \[-\].
@@ -135,14 +136,14 @@ impl Run {
 }
 
 /// Table for a terminal.
-pub fn text(all: &[Compared]) -> String {
+pub fn text(all: &[Compared], units: UnitSystem) -> String {
     let mut text = String::new();
     for compared in all {
         text += &format!("{} less {}:\n", compared.run, compared.with);
         for name in COMPARABLE {
             let Some(difference) = compared.differences.get(name) else { continue };
-            let [rms, mean, max] =
-                [difference.rms, difference.mean, difference.max].map(|v| of_column(v, name));
+            let [rms, mean, max] = [difference.rms, difference.mean, difference.max]
+                .map(|value| difference_text(value, name, units));
             text += &format!("  {name:22} RMS {rms}, mean {mean}, largest {max}\n");
         }
     }
@@ -166,7 +167,11 @@ mod tests {
         assert_eq!(compared.differences.keys().collect::<Vec<_>>(), [&"pressure_pa"]);
         let difference = compared.differences["pressure_pa"];
         assert_eq!(difference, Difference { mean: 3.0, rms: 3.0, max: 3.0 });
-        assert!(text(&[compared]).contains("pressure_pa            RMS 0.00300 kPa"));
+        assert!(
+            text(std::slice::from_ref(&compared), UnitSystem::Practical)
+                .contains("pressure_pa            RMS 0.00300 kPa")
+        );
+        assert!(text(&[compared], UnitSystem::Si).contains("pressure_pa            RMS 3.00 Pa"));
     }
 
     #[test]

@@ -2,7 +2,6 @@
 //! differences.
 
 use super::{Findings, SensorVerdict, Signals, Variant};
-use crate::signals::mean;
 use thermyo_record::summary::Summary;
 use thermyo_report::Colour;
 use thermyo_report::bars::Bars;
@@ -30,15 +29,19 @@ pub fn page(loaded: &Loaded, findings: &Findings, summary: &Summary) -> String {
         0.5 * findings.period_s,
         summary.strokes,
         summary.duration_s,
-        summary.gas_temperature_k.max - summary.gas_temperature_k.min,
-        summary.sensor_gas_k.max - summary.sensor_gas_k.min,
+        swing_k(findings, &findings.signals.gas_k),
+        swing_k(findings, &findings.signals.sensor_gas_k),
     );
     Page::new(
         "Thermodynamics of a pneumatic muscle: the paper's working cycle",
         &lead,
         &thermyo_setup::render(loaded),
     )
-    .tile(Tile::new("Gas temperature, swing", swing(summary), "K"))
+    .tile(Tile::new(
+        "Gas temperature, swing of a stroke",
+        swing_k(findings, &findings.signals.gas_k),
+        "K",
+    ))
     .tile(Tile::new("Bare sensor, RMS error", summary.rmse_k.sensor_gas, "K"))
     .tile(Tile::new("Estimate, RMS error", summary.rmse_k.estimate, "K"))
     .tile(
@@ -52,12 +55,14 @@ pub fn page(loaded: &Loaded, findings: &Findings, summary: &Summary) -> String {
     .section(equations(findings))
     .section(energy(findings))
     .section(estimate(findings, summary))
+    .section(not_in_the_paper())
     .section(checks(findings))
     .render()
 }
 
-fn swing(summary: &Summary) -> f64 {
-    summary.gas_temperature_k.max - summary.gas_temperature_k.min
+/// Largest less smallest value of the last stroke \[K\].
+fn swing_k(findings: &Findings, values: &[f64]) -> f64 {
+    findings.signals.stroke_swing(values, findings.period_s)
 }
 
 fn time_axis() -> Axis {
@@ -73,7 +78,12 @@ fn figure_5(findings: &Findings, summary: &Summary) -> Section {
     let panel = Panel::new(kelvin("Temperature of the sensor"))
         .height(280.0)
         .line("sensor in the muscle (plant)", Colour::Blue, &signals.time_s, &signals.sensor_gas_k)
-        .line("sensor in the model", Colour::Vermillion, &signals.time_s, &signals.model_sensor_k)
+        .line(
+            "sensor in the paper's model",
+            Colour::Vermillion,
+            &findings.model.time_s,
+            &findings.model.sensor_gas_k,
+        )
         .dashed(
             "muscle without air moving under its insulation",
             Colour::Sky,
@@ -94,26 +104,30 @@ fn figure_5(findings: &Findings, summary: &Summary) -> Section {
         )
         .paragraph(&format!(
             "What this shows: the sensor starts at {:.2} K, stays between {:.2} and {:.2} K, and its mean \
-             over the last stroke lies {:.2} K above the start. The model, the energy balance (3) of one \
-             homogeneous gas volume driven by the same mass flows, has the same ripple (correlation {:.3}, \
-             shifted by {:+.2} s), and a mean over the last stroke of {:.2} K against {:.2} K.",
+             over the last stroke lies {:.2} K above the start. The paper's model is one homogeneous gas \
+             volume with the same friction, flow and wall, by the energy balance (3), without air moving \
+             under the insulation: it has the same ripple (correlation {:.3}, shifted by {:+.2} s), and \
+             rises by {:.2} K: the muscle warms {}.",
             summary.sensor_gas_k.first,
             summary.sensor_gas_k.min,
             summary.sensor_gas_k.max,
             findings.gas_sensor.rise_k,
             findings.model_correlation,
             findings.model_shift_s,
-            last_mean(findings, &signals.model_sensor_k),
-            last_mean(findings, &signals.sensor_gas_k),
+            findings.model_rise_k,
+            if findings.gas_sensor.rise_k < findings.model_rise_k {
+                "more slowly, as in the paper"
+            } else {
+                "faster, which the paper's does not"
+            },
         ))
         .paragraph(&format!(
             "Where they differ: the paper names no flow, no muscle data and no sensor lag, so the height of the \
-             curve is set by choice (see the scenario at the end of this page); only its shape is found. The \
-             paper's muscle warms more slowly than its model, and it blames “ambient air flowing under the \
-             thermal insulation when muscle is moving”: the same muscle without that air rises by {:.2} K \
-             instead of {:.2} K (dashed), so the reason is sound. Between this muscle and this model, \
-             though, other things weigh more: cool and warm ends, a wall of two layers, switching valves and \
-             a friction that grows with speed, none of which the model has.",
+             curve is set by choice (see the scenario at the end of this page); only its shape is found. It \
+             blames “ambient air flowing under the thermal insulation when muscle is moving” for the slower \
+             muscle: the same simulated muscle without that air rises by {:.2} K instead of {:.2} K (dashed). \
+             The correlation compares two simulations, not a measurement: the paper prints its curves as a \
+             picture, without numbers.",
             findings.still_air_rise_k, findings.gas_sensor.rise_k
         ))
         .figure(gas_behind(findings))
@@ -124,7 +138,12 @@ fn gas_behind(findings: &Findings) -> Figure {
     let gas = Panel::new(kelvin("Temperature of the gas"))
         .height(200.0)
         .wide("gas (plant, mean)", Colour::Truth, &signals.time_s, &signals.gas_k)
-        .line("gas (model)", Colour::Vermillion, &signals.time_s, &signals.model_k)
+        .line(
+            "gas (the paper's model)",
+            Colour::Vermillion,
+            &findings.model.time_s,
+            &findings.model.gas_k,
+        )
         .dashed("sensor in the muscle", Colour::Blue, &signals.time_s, &signals.sensor_gas_k);
     let detail_s = DETAIL_STROKES * findings.period_s;
     Chart::new(time_axis().range(0.0, detail_s)).panel(gas).figure(
@@ -157,7 +176,8 @@ fn figure_2(summary: &Summary) -> Section {
              released, and it gives its heat to the wall there."
         ))
         .paragraph(
-            "Where they differ: the paper's picture spans most of its scale, this one a few kelvin. Twenty \
+            "Where they differ: the paper's picture spans most of its scale of 20 K, this one a few kelvin: order \
+             and place of the temperatures are reproduced, their span is not. Twenty \
              strokes of friction and compression do not hold the energy for more in a wall of this heat \
              capacity (see the balance below), and a wall that hot would not fit the 2 K of Fig. 5, \
              which the same muscle's sensor shows.",
@@ -184,27 +204,6 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
             "One foil in the middle of the gas (the paper's Fig. 4), one in the braided sleeving \
              (its Fig. 3).",
         );
-    let row = |what: &str, of: &dyn Fn(&SensorVerdict) -> String| {
-        vec![what.to_owned(), of(foil), of(wall)]
-    };
-    let table = Table {
-        caption: "What decides between the two".to_owned(),
-        columns: ["", "in the gas", "in the wall"].map(str::to_owned).to_vec(),
-        rows: vec![
-            row("swing shown, relative to the gas", &|v| format!("{:.1} %", v.gain * 100.0)),
-            row("delay at the stroke's frequency", &|v| format!("{:.2} s", v.delay_s)),
-            row("best correlation with the gas", &|v| format!("{:.2}", v.correlation)),
-            row("share of friction heat in the reading", &|v| {
-                format!("{:.0} %", v.friction_share * 100.0)
-            }),
-            row("rise over the run", &|v| format!("{:.2} K", v.rise_k)),
-            vec![
-                "RMS error as a gas temperature".to_owned(),
-                format!("{:.2} K", summary.rmse_k.sensor_gas),
-                format!("{:.2} K", summary.rmse_k.sensor_wall),
-            ],
-        ],
-    };
     let verdict = if foil.gain > wall.gain && foil.correlation > wall.correlation {
         "the foil in the gas"
     } else {
@@ -217,24 +216,68 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
              It was given up for a foil in the gas.",
         )
         .figure(chart)
-        .table(table)
+        .table(which_sensor(findings, summary))
         .paragraph(&format!(
             "What this shows: the figures choose {verdict}. The foil passes {:.1} % of the gas \
-             temperature's swing, the wall {:.1} %, {:.0} times less; the same muscle run without friction \
-             heat shows that {:.0} % of what the wall sensor shows is friction.",
+             temperature's swing, the wall {:.1} %, {:.0} times less. The same muscle run without friction \
+             heat shows what friction adds: to the wall sensor {:.1} times what the gas does in a stroke, to \
+             the foil {:.1} times. The paper asks for “spatial temperature averaging”: a foil along the whole \
+             muscle passes {:.1} %.",
             foil.gain * 100.0,
             wall.gain * 100.0,
             foil.gain / wall.gain,
-            wall.friction_share * 100.0,
+            wall.friction_to_gas,
+            foil.friction_to_gas,
+            findings.averaging_sensor.gain * 100.0,
         ))
         .paragraph(&format!(
-            "Where they differ: the paper stops at the foil. Here its slow rise is friction heat too \
-             ({:.0} % of its reading), because the wall warms the gas; and even the foil, read bare, is wrong \
+            "Where they differ: the paper stops at the foil. Here its slow rise is friction heat too, \
+             because the wall warms the gas; and even the foil, read bare, is wrong \
              by {:.1} K, no better than the wall sensor: most of the swing is missing in both. Chosen well it \
              is still no thermometer of the gas; the estimator below makes it one.",
-            foil.friction_share * 100.0,
             summary.rmse_k.sensor_gas
         ))
+}
+
+/// Figures that decide between the sensors.
+fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
+    let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);
+    let averaging = &findings.averaging_sensor;
+    let row = |what: &str, of: &dyn Fn(&SensorVerdict) -> String| {
+        vec![what.to_owned(), of(foil), of(averaging), of(wall)]
+    };
+    Table {
+        caption: "Figures that decide between them".to_owned(),
+        columns: [
+            "",
+            "in the gas, in the middle",
+            "in the gas, averaging over the length",
+            "in the wall",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
+        rows: vec![
+            row("swing shown, relative to the gas", &|v| format!("{:.1} %", v.gain * 100.0)),
+            row("delay at the stroke's frequency", &|v| format!("{:.2} s", v.delay_s)),
+            row("best correlation with the gas", &|v| format!("{:.2}", v.correlation)),
+            row("friction heat in the reading, over the gas in it", &|v| {
+                format!("{:.1}", v.friction_to_gas)
+            }),
+            row("rise over the run", &|v| format!("{:.2} K", v.rise_k)),
+            vec![
+                "RMS error as a gas temperature".to_owned(),
+                format!("{:.2} K", summary.rmse_k.sensor_gas),
+                format!("{:.2} K", findings.averaging_rmse_k[0]),
+                format!("{:.2} K", summary.rmse_k.sensor_wall),
+            ],
+            vec![
+                "the estimate that reads it".to_owned(),
+                format!("{:.2} K", summary.rmse_k.estimate),
+                format!("{:.2} K", findings.averaging_rmse_k[1]),
+                "takes none".to_owned(),
+            ],
+        ],
+    }
 }
 
 fn cycle(findings: &Findings) -> Section {
@@ -313,7 +356,8 @@ fn equations(findings: &Findings) -> Section {
         temperature = temperature.line(name, colour, &time, &variant.signals.gas_k[stroke.clone()]);
         rows.push(distance_row(findings, name, variant));
     }
-    Section::new("The paper's equations (6), (8), (9) and the full balance (3)")
+    let section = Section::new("The paper's equations (6), (8), (9) and the full balance (3)");
+    coefficients(findings, section)
         .figure(Chart::new(time_axis()).panel(pressure).panel(temperature).figure(
             "The reduced equations side by side",
             "The last stroke of the plant, of the paper's reduced equations with eq. (12) for the volume, and of the \
@@ -336,6 +380,39 @@ fn equations(findings: &Findings) -> Section {
              discharging a closed cycle drifts. The full balance (3) needs no such coefficients, and it is what the \
              core runs on.",
         )
+}
+
+/// The paper's only parameters, beside what the plant gives.
+fn coefficients(findings: &Findings, section: Section) -> Section {
+    let Some(alphas) = &findings.alphas else {
+        return section.paragraph("The coefficients of eq. (9) do not follow from this run.");
+    };
+    let paper = [
+        ("charging, α_in", "1 to k; its reference [1]: close to k = 1.4"),
+        ("discharging, α_out", "1 to k; its reference [1]: close to 1"),
+        ("change of volume, α", "1 to k; its reference [1]: 1.2"),
+    ];
+    let rows = paper.iter().zip(alphas).map(|((name, paper), found)| {
+        let (value, error) = (found.value, found.standard_error);
+        vec![(*name).to_owned(), (*paper).to_owned(), format!("{value:.3} ± {error:.3}")]
+    });
+    section.table(Table {
+        caption: "Coefficients of eq. (9), fitted to this plant's pressure, stroke by stroke"
+            .to_owned(),
+        columns: ["", "the paper", "fitted to the plant"].map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    })
+}
+
+/// Quantities that the paper's text does not have.
+fn not_in_the_paper() -> Section {
+    Section::new("Not to be had from the paper").paragraph(
+        "Its text prints no length, diameter, thread or number of turns of the muscle (b and n of eq. (10)), no load, \
+         no mass flow, no insulation, no lag of the foil and no coefficients α of eq. (9) beyond their \
+         range; Fig. 2 and 5 are pictures without numbers, but for their scales and what the text says of them. \
+         They are chosen here and stated in the scenario below. What is checked is therefore order, sign \
+         and shape, not height.",
+    )
 }
 
 fn energy(findings: &Findings) -> Section {
@@ -439,10 +516,6 @@ fn checks(findings: &Findings) -> Section {
             })
             .collect(),
     })
-}
-
-fn last_mean(findings: &Findings, values: &[f64]) -> f64 {
-    mean(&values[findings.signals.last_stroke(findings.period_s)])
 }
 
 /// Volume \[ml\] and pressure \[kPa\] over some rows.

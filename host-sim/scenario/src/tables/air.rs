@@ -1,6 +1,7 @@
 //! Supply, valves, tube, nozzle and ambient.
 
 use crate::declare::table;
+use crate::preset::ValvePreset;
 use model_core::{config, physics};
 
 /// Highest pressure at which gas is taken as ideal \[Pa\]. Against reference equations of state air and nitrogen then end
@@ -36,6 +37,7 @@ table! {
 table! {
     "valve", "inlet and outlet valve (ISO 6358)", believed, physical;
     Valve as physics::valve::Valve {
+        preset: choice ValvePreset::None, "a valve by its data sheet; a key in the file stands above its value";
         core conductance_m3_s_pa;
         core critical_ratio;
         core switch_time_s;

@@ -55,6 +55,8 @@ pub struct Scenario {
     pub paper: Paper,
     /// Heat transfer from gas to wall and from wall to ambient.
     pub heat: Heat,
+    /// Gas along the muscle, as the core has it.
+    pub zones: Zones,
     /// The wall: bladder and braid, or the vessel's metal.
     pub wall: Wall,
     /// Friction of braid and bladder.
@@ -100,6 +102,7 @@ pub static TABLES: &[Table] = &[
     ChamberTable::TABLE,
     Paper::TABLE,
     Heat::TABLE,
+    Zones::TABLE,
     Wall::TABLE,
     Friction::TABLE,
     Load::TABLE,

@@ -3,6 +3,8 @@
 use super::air::IDEAL_GAS_PA;
 use crate::declare::{choice, table};
 use crate::geometry::Dimensions;
+use crate::preset::MusclePreset;
+use model_core::physics;
 
 choice! {
     /// Kind of chamber.
@@ -50,7 +52,8 @@ impl Plant {
 table! {
     /// A file gives the first five in one of two ways, and the loader computes the others.
     "muscle", "the McKibben muscle: thread_length_m and turns, or diameter_m and braid_angle_deg, with rest_length_m; the others follow", believed, physical;
-    Muscle {
+    Muscle as physics::hysteresis::Hysteresis {
+        preset: choice MusclePreset::None, "a muscle with public figures; a key in the file stands above its value";
         thread_length_m: real Dimensions::nominal().thread_length_m, "m", 0.01 to 10.0, "thread length b";
         turns: real Dimensions::nominal().turns, "", 0.1 to 1000.0, "thread turns n";
         rest_length_m: real Dimensions::nominal().rest_length_m, "m", 0.005 to 10.0, "length at rest, the longest";
@@ -61,6 +64,13 @@ table! {
         bladder_saturation_n: real 0.0, "N", 0.0 to 1.0e6, "force K1 that the bladder holds back with once it is full";
         bladder_strain: real 0.02, "", 0.001 to 1.0, "contraction e1 over which it fills, share of the rest length";
         slack_m: real 0.0, "m", -0.1 to 0.1, "part d0 of the length that is no braid";
+        core slip_force_n;
+        core slip_stiffness_n_m;
+        core slip_pressure_factor;
+        core creep_fast_n_m;
+        core creep_fast_s;
+        core creep_slow_n_m;
+        core creep_slow_s;
         // The core's value includes the volume of the tube.
         dead_volume_m3: real 5.0e-6, "m3", 0.0 to 0.05, "volume of the end fittings";
     }

@@ -134,7 +134,7 @@ table! {
 table! {
     "identify", "what thermyo identify fits to measurements";
     Identify {
-        parameters: list "keys whose values are fitted, such as heat.inner_w_m2_k";
+        parameters: list "keys whose values are fitted, such as heat.scale";
         columns: list "measured columns to compare with; empty: all that the data has";
         starts: whole u64, 6, 1 to 100, "starts of the search, the scenario's own values first";
         spread: real 2.0, "", 1.0 to 100.0, "factor that the other starts lie within";

@@ -1,6 +1,7 @@
 //! The four sensors and their ranges.
 
 use crate::declare::{choice, table};
+use crate::preset::PressurePreset;
 use model_core::sensing::gas::{GasElement, Max31865, Ntc, Pt1000};
 use model_core::sensing::pressure::{Mpr, PressurePart};
 use model_core::sensing::{adc, gas, length, pressure};
@@ -86,6 +87,8 @@ table! {
         core noise_k;
         position: real 0.5, "", 0.0 to 1.0, "its middle, from port 0 to closed end 1 (full)";
         span: real 0.25, "", 0.0 to 1.0, "part of the length that it averages over (full)";
+        // The paper's foil hangs "in the centre inside of pneumatic muscle".
+        radius: real 0.0, "", 0.0 to 1.0, "from the axis 0 to the wall 1: where the gas is still it has a profile (full, heat.model = \"correlation\")";
         range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved (pt1000)";
         range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved (pt1000)";
         // The lag of a sensor that the gas film around it slows: 0.5 for free convection and for laminar
@@ -109,6 +112,7 @@ table! {
 table! {
     "sensor.pressure", "absolute pressure sensor, 10 to 90 % of the reference over its range", believed, physical;
     PressureSensor as pressure::PressureSensor {
+        preset: choice PressurePreset::None, "a sensor by its data sheet; a key in the file stands above its value";
         kind: choice PressureKind::Ratiometric, "what senses";
         time_constant_s: real 0.0005, "s", 0.0 to 1000.0, "lag";
         core noise_pa;

@@ -37,9 +37,10 @@ export class Live {
 
   /** `axis` is {label, unit, digits, and a least range or a range}. The first chart has the buttons of all. */
   chart(id, axis, layers) {
-    const figure = $(id), heading = document.createElement("div"), plot = document.createElement("div");
+    const figure = $(id), heading = document.createElement("div"), name = document.createElement("span"), plot = document.createElement("div");
     heading.className = "figure-title";
-    heading.textContent = `${axis.label} [${axis.unit}]`;
+    name.textContent = `${axis.label} [${axis.unit}]`;
+    heading.append(name);
     plot.className = "plot";
     plot.tabIndex = 0;
     figure.append(heading, plot);
@@ -49,17 +50,17 @@ export class Live {
     }
     const x = { label: "Time", unit: "s", words: [] };
     const panels = [{ y: axis, layers, references: [] }];
-    this.axes[id] = { axis, heading };
+    this.axes[id] = { axis, name };
     const tools = this.charts.length ? null : $("tools");
     this.charts.push(new Chart(figure, { name: axis.label, live: true, x, window: [-this.span, 0], panels, markers: [] }, tools));
   }
 
   /** Changes the unit of a chart's axis, and by `convert` the values of columns. */
   rescale(id, changes, names, convert) {
-    const { axis, heading } = this.axes[id];
+    const { axis, name } = this.axes[id];
     Object.assign(axis, changes);
-    heading.textContent = `${axis.label} [${axis.unit}]`;
-    for (const name of names) this.columns[name].forEach((value, i, all) => (all[i] = convert(value)));
+    name.textContent = `${axis.label} [${axis.unit}]`;
+    for (const column of names) this.columns[column].forEach((value, i, all) => (all[i] = convert(value)));
   }
 
   /** Adds a row; columns that it lacks have a gap. */

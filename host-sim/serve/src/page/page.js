@@ -197,15 +197,15 @@ function showState() {
   for (const field of document.querySelectorAll(".controls button, .controls input")) field.disabled = !steers;
   document.body.classList.toggle("watch", !steers);
   const able = steers && configured && !busy;
-  for (const id of ["arm", "steer", "tune"]) for (const field of $(id).elements) field.disabled = !able;
+  for (const id of ["arm", "steer", "tune", "stops"]) for (const field of $(id).elements) field.disabled = !able;
   for (const button of document.querySelectorAll("[data-calibrate]")) button.disabled = !able || recording;
-  $("tune").elements[0].disabled ||= Boolean(recording);
+  for (const id of ["tune", "stops"]) $(id).elements[0].disabled ||= Boolean(recording);
   // A calibration's second point needs another pressure: arming and steering stay enabled.
   if (busy && guide.asks) for (const id of ["arm", "steer"]) for (const field of $(id).elements) field.disabled = !steers;
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
-  const [, reach_pa] = reached(), tuned = $("tune-most");
-  if (tuned.value === "" && configured && document.activeElement !== tuned) tuned.value = format("Pa", Math.min(4e5, Math.floor(reach_pa / 1e3) * 1e3));
+  const [, reach_pa] = reached();
+  for (const most of [$("tune-most"), $("stops-most")]) if (most.value === "" && configured && document.activeElement !== most) most.value = format("Pa", Math.min(4e5, Math.floor(reach_pa / 1e3) * 1e3));
   if ($("most").value === "" && configured) $("most").value = format("Pa", armed_pa ?? Math.min(FIRST_PA, configuration.working_limit_pa));
   $("back").hidden = !state.former;
   $("back").textContent = `Back to the configuration before, ${state.former || "without a name"}`;
@@ -258,7 +258,7 @@ function showResults() {
 function showGuide(guide) {
   $("guide-choice").hidden = Boolean(guide);
   $("guided").hidden = !guide;
-  $("guide-title").textContent = guide ? guide.title : "Calibrate, tune";
+  $("guide-title").textContent = guide ? guide.title : "Calibrate, tune, measure";
   if (!guide) return;
   $("guide").open = true;
   const text = $("guide-text");
@@ -451,9 +451,9 @@ on("slide", "change", set);
 on("first", "input", slideToField);
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
 for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
-on("tune", "submit", () => {
-  const most_pa = asked("tune-most", "Pa", reached());
-  if (most_pa !== null) order({ tune: { most_pa } });
+for (const task of ["tune", "stops"]) on(task, "submit", () => {
+  const most_pa = asked(`${task}-most`, "Pa", reached());
+  if (most_pa !== null) order({ [task]: { most_pa } });
 });
 on("reference", "submit", () => {
   const value = asked("reference-value", state.guide.asks);

@@ -6,7 +6,7 @@
 mod session;
 pub mod view;
 
-pub use session::{Configured, MOVE_PA, Session, Status};
+pub use session::{Configured, EVERY, MOVE_PA, Session, Status};
 use view::View;
 
 use crossterm::event::{self, Event, KeyCode, KeyModifiers};
@@ -15,6 +15,7 @@ use std::io::{self, Write};
 use std::time::Duration;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 
@@ -62,18 +63,18 @@ pub enum Shown {
 pub fn run(
     session: &mut Session,
     out: &mut OutputDir,
-    shown: Shown,
+    (shown, units): (Shown, UnitSystem),
     stopped: &dyn Fn() -> bool,
 ) -> Result<Ended, MonitorError> {
     let outcome = if shown == Shown::Terminal {
         enable_raw_mode().map_err(MonitorError::Terminal)?;
         let _keys = Keys;
-        let outcome = watch(session, out, shown, stopped);
+        let outcome = watch(session, out, (shown, units), stopped);
         // The next output starts below the figures.
         let _ = write!(io::stdout(), "\r\n");
         outcome
     } else {
-        watch(session, out, shown, stopped)
+        watch(session, out, (shown, units), stopped)
     };
     session.let_go();
     let finished = session.finish();
@@ -92,10 +93,10 @@ impl Drop for Keys {
 fn watch(
     session: &mut Session,
     out: &mut OutputDir,
-    shown: Shown,
+    (shown, units): (Shown, UnitSystem),
     stopped: &dyn Fn() -> bool,
 ) -> Result<Ended, MonitorError> {
-    let mut view = View::new(shown);
+    let mut view = View::new(shown, units);
     let mut written = 0;
     loop {
         session.poll()?;

@@ -18,8 +18,8 @@ use thermyo_simulation::board::BoardError;
 const RETRY: Duration = Duration::from_millis(500);
 /// A board without telemetry for this long counts as silent.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Telemetry is requested once per this many steps: 100 Hz.
-const DIVIDER: u16 = 10;
+/// Telemetry is requested once per this many steps by default: 100 Hz.
+pub const EVERY: u16 = 10;
 /// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
 const ALIVE: Duration = Duration::from_millis(100);
 /// Requests whose answers are awaited: those of some seconds, fewer than there are sequence
@@ -48,6 +48,8 @@ pub struct Configured {
 
 pub struct Session {
     name: String,
+    /// Steps per row.
+    every: u16,
     port: Option<Box<dyn Port>>,
     link: Link,
     recorder: Recorder,
@@ -68,10 +70,12 @@ pub struct Session {
 }
 
 impl Session {
-    pub fn open(name: &str, recorder: Recorder) -> Result<Self, BoardError> {
+    /// Records a row per `every` steps, at least 1.
+    pub fn open(name: &str, every: u16, recorder: Recorder) -> Result<Self, BoardError> {
         let now = Instant::now();
         Ok(Self {
             name: name.to_owned(),
+            every,
             port: Some(port::open(name)?),
             link: Link::default(),
             recorder,
@@ -204,7 +208,7 @@ impl Session {
             HostCommand::ReadConfig,
             HostCommand::LastReset,
             HostCommand::FirstFailure,
-            HostCommand::TelemetryDivider(DIVIDER),
+            HostCommand::TelemetryDivider(self.every),
             HostCommand::Timing,
         ] {
             self.send(command);

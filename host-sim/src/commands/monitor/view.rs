@@ -6,6 +6,7 @@ use model_core::control::Mode;
 use model_core::{Faults, SetPoint, SetPointError};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
+use thermyo_files::units::UnitSystem;
 use thermyo_protocol::{LastReset, Refusal};
 use thermyo_record::board_trace::kind_and_values;
 
@@ -20,13 +21,14 @@ const LINE: Duration = Duration::from_secs(1);
 /// Prints a session; remembers what was printed last.
 pub(super) struct View {
     shown: Shown,
+    units: UnitSystem,
     notes: Vec<String>,
     figures: Option<Instant>,
 }
 
 impl View {
-    pub(super) fn new(shown: Shown) -> Self {
-        Self { shown, notes: Vec::new(), figures: None }
+    pub(super) fn new(shown: Shown, units: UnitSystem) -> Self {
+        Self { shown, units, notes: Vec::new(), figures: None }
     }
 
     /// Prints new notes, and figures when they are due.
@@ -44,12 +46,12 @@ impl View {
             write!(to, "{KEYS}{end}")?;
         }
         self.figures = Some(Instant::now());
-        let notes = notes(session);
+        let notes = notes(session, self.units);
         for note in notes.iter().filter(|note| !self.notes.contains(note)) {
             write!(to, "{begin}{note}{end}")?;
         }
         self.notes = notes;
-        let Some(figures) = figures(session) else { return to.flush() };
+        let Some(figures) = figures(session, self.units) else { return to.flush() };
         match self.shown {
             Shown::Terminal => {
                 // A wrapped line cannot be overwritten.
@@ -65,7 +67,7 @@ impl View {
 }
 
 /// State that changes rarely: connection, arming, failures.
-pub fn notes(session: &Session) -> Vec<String> {
+pub fn notes(session: &Session, units: UnitSystem) -> Vec<String> {
     let status = match session.status() {
         Status::Connected => "connected",
         Status::Silent => "no telemetry: is the firmware flashed?",
@@ -77,7 +79,7 @@ pub fn notes(session: &Session) -> Vec<String> {
     });
     let arming = session.last_status().map(|status| {
         let armed = match status.armed_pa {
-            Some(pa) => format!("armed up to {:.0} kPa", pa / 1e3),
+            Some(pa) => format!("armed up to {}", units.text(pa.into(), "Pa", 0)),
             None => "not armed".to_owned(),
         };
         let name = match status.config_name.as_str() {
@@ -91,8 +93,8 @@ pub fn notes(session: &Session) -> Vec<String> {
         Some(reason) => Some(format!("last restart: {reason:?}")),
     };
     let first = session.first_failure().map(|first| {
-        let bar = first.pressure_pa / 1.0e5;
-        format!("first failure: {} at {bar:.2} bar, step {}", first.faults, first.step)
+        let pressure = units.text(first.pressure_pa.into(), "Pa", 1);
+        format!("first failure: {} at {pressure}, step {}", first.faults, first.step)
     });
     let refused =
         session.refused().map(|refusal| format!("refused: {refusal}{}", way_out(&refusal)));
@@ -114,7 +116,7 @@ fn way_out(refusal: &Refusal) -> &'static str {
 }
 
 /// The latest telemetry in one line, the most important first: a narrow terminal truncates it.
-pub fn figures(session: &Session) -> Option<String> {
+pub fn figures(session: &Session, units: UnitSystem) -> Option<String> {
     let telemetry = session.latest()?;
     let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
     let mode = mode.map_or("", |(_, name)| name);
@@ -124,6 +126,7 @@ pub fn figures(session: &Session) -> Option<String> {
         faults => faults.to_string(),
     };
     let estimate = &telemetry.estimate;
+    let text = |value: f32, si, decimals| units.text(value.into(), si, decimals);
     let reading_k = session.config().sensing().gas_k(telemetry.sample.gas);
     let remark = if estimate.valid { "" } else { " (not to be relied on)" };
     let timing = session.timing().map_or(String::new(), |timing| {
@@ -138,28 +141,34 @@ pub fn figures(session: &Session) -> Option<String> {
         )
     });
     Some(format!(
-        "{:.1} kPa (set point {}), {:.1} mm, gas {:.2} +- {:.2} K{remark}; {mode}{limited}: {faults}; inlet {:.1} %, \
-         outlet {:.1} %, sensor {reading_k:.2} K, wall {:.2} K; {} rows{timing}",
-        telemetry.pressure_pa / 1e3,
-        set_point(telemetry.set_point),
-        telemetry.length_m * 1e3,
-        estimate.gas_k,
+        "{} (set point {}), {}, gas {} +- {:.2} K{remark}; {mode}{limited}: {faults}; inlet {}, \
+         outlet {}, sensor {}, wall {}; {} rows{timing}",
+        text(telemetry.pressure_pa, "Pa", 1),
+        set_point(telemetry.set_point, units),
+        text(telemetry.length_m, "m", 1),
+        text(estimate.gas_k, "K", 2),
         estimate.gas_sd_k,
-        telemetry.command.inlet.share() * 100.0,
-        telemetry.command.outlet.share() * 100.0,
-        estimate.wall_k,
+        text(telemetry.command.inlet.share(), "", 1),
+        text(telemetry.command.outlet.share(), "", 1),
+        text(reading_k, "K", 2),
+        text(estimate.wall_k, "K", 2),
         session.rows(),
     ))
 }
 
-fn set_point(set_point: SetPoint) -> String {
+fn set_point(set_point: SetPoint, units: UnitSystem) -> String {
     let (_, value, second) = kind_and_values(set_point);
+    let text = |value: f32, si, decimals| units.text(value.into(), si, decimals);
     match set_point {
         SetPoint::Vent => "none: it vents".to_owned(),
-        SetPoint::Pressure { .. } => format!("{:.1} kPa", value / 1e3),
-        SetPoint::Contraction { .. } => format!("{:.1} %", value * 100.0),
-        SetPoint::MassFlow { .. } => format!("{:.3} g/s", value * 1e3),
-        SetPoint::MassFlowCycle { .. } => format!("{:.3} g/s, {second:.1} s", value * 1e3),
-        SetPoint::Duty { .. } => format!("{:.0} %, {:.0} %", value * 100.0, second * 100.0),
+        SetPoint::Pressure { .. } => text(value, "Pa", 1),
+        SetPoint::Contraction { .. } => text(value, "", 1),
+        SetPoint::MassFlow { .. } => text(value, "kg/s", 3),
+        SetPoint::MassFlowCycle { .. } => {
+            format!("{}, {second:.1} s", text(value, "kg/s", 3))
+        }
+        SetPoint::Duty { .. } => {
+            format!("{}, {}", text(value, "", 0), text(second, "", 0))
+        }
     }
 }

@@ -6,6 +6,7 @@ use super::{Figures, Point, Range, Study};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::significant;
+use thermyo_files::units::UnitSystem;
 
 #[derive(Debug)]
 pub struct Outcome<'a> {
@@ -98,7 +99,7 @@ impl<'a> Outcome<'a> {
     fn tracking(&self) -> String {
         let [Some(least), Some(most)] = self.control() else { return String::new() };
         let text = |value| match self.study.controlled() {
-            Some(quantity) => quantity.text(value),
+            Some(quantity) => quantity.text(value, UnitSystem::Practical),
             None => significant(value, 3),
         };
         format!(

@@ -12,10 +12,11 @@
 //! saturating part of a bladder. f is the configured softening at the estimated wall temperature.
 
 use super::Refusal;
-use super::experiment::{Plan, Record, configured, during};
+use super::experiment::{Plan, Record, configured};
 use super::regression::{Measure, least_squares};
 use model_core::config::Config;
 use model_core::physics::chamber::{Chamber, ChamberConfig};
+use model_core::physics::hysteresis::{Held, Law};
 
 /// Intervals over which records are averaged \[s\]: two tenths of a period of the load on its gas
 /// spring, ten LSBs of the ADC on the slow ramp.
@@ -77,6 +78,8 @@ struct Bin {
     pressure_pa: f64,
     length_m: f64,
     wall_k: f64,
+    /// Force of slip and creep as configured \[N\].
+    hysteresis_n: f64,
 }
 
 fn bins(records: &[Record], step_s: f64) -> Vec<Bin> {
@@ -90,8 +93,24 @@ fn bins(records: &[Record], step_s: f64) -> Vec<Bin> {
             pressure_pa: mean(bin, |r| r.pressure_pa),
             length_m: mean(bin, |r| r.length_m),
             wall_k: mean(bin, |r| r.wall_k),
+            hysteresis_n: 0.0,
         })
         .collect()
+}
+
+/// Follows slip and creep along the bins, from rest.
+fn held_back(mut bins: Vec<Bin>, config: &Config) -> Vec<Bin> {
+    let law = Law::new(&config.hysteresis, BIN_S as f32);
+    let mut held = Held::default();
+    let mut before_m = bins.first().map_or(0.0, |bin| bin.length_m);
+    for bin in &mut bins {
+        let way_m = std::mem::replace(&mut before_m, bin.length_m) - bin.length_m;
+        let gauge_pa = bin.pressure_pa as f32 - config.ambient.pressure_pa;
+        let softening = config.friction.softening(bin.wall_k as f32);
+        held = law.after(&held, way_m as f32, gauge_pa, softening);
+        bin.hysteresis_n = f64::from(held.force_n());
+    }
+    bins
 }
 
 /// The bins of even sliding, with the speed of contraction \[m/s\].
@@ -122,6 +141,15 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
     found
 }
 
+/// Load and configured elastic force beside the stiffness that is fitted, slip and creep \[N\].
+fn held_n(chamber: &impl Chamber, load_n: f64, stiffness_n_m: f64, bin: &Bin) -> f64 {
+    let way_m = f64::from(chamber.rest_length_m()) - bin.length_m;
+    let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
+    let held_n = load_n - elastic_n - stiffness_n_m * way_m + bin.hysteresis_n;
+    // The core's force is rounded: without load and preload there is nothing to fit.
+    if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
+}
+
 /// Fits the balance of forces to the ramps.
 ///
 /// # Errors
@@ -134,15 +162,11 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         ChamberConfig::Cylinder(cylinder) => cylinder.spring_stiffness_n_m,
         ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
     };
-    // Load and configured elastic force.
-    let held_n = |bin: &Bin| {
-        let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
-        let held_n = load_n - elastic_n - f64::from(stiffness_n_m) * (rest_m - bin.length_m);
-        // The core's force is rounded: without load and preload there is nothing to fit.
-        if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
-    };
+    let held_n = |bin: &Bin| held_n(&chamber, load_n, f64::from(stiffness_n_m), bin);
     let ambient_pa = f64::from(config.ambient.pressure_pa);
-    let bins = bins(during(records, &plan.ramps_s), f64::from(config.step_s));
+    // Slip and creep remember all before the ramps.
+    let mut bins = held_back(bins(records, f64::from(config.step_s)), config);
+    bins.retain(|bin| plan.ramps_s.contains(&bin.time_s));
     let sliding = sliding(&bins, rest_m);
     let area_m2 = |bin: &Bin| -f64::from(chamber.volume_slope_m2(bin.length_m as f32));
     let pull_n = |bin: &Bin| (bin.pressure_pa - ambient_pa) * area_m2(bin);
@@ -150,7 +174,9 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         let reference_k = f64::from(config.friction.reference_temperature_k);
         let row = |(bin, v): &(Bin, f64)| {
             let soft = (-softening_per_k * (bin.wall_k - reference_k)).exp();
-            ([held_n(bin), rest_m - bin.length_m, soft * v.signum(), soft * v], pull_n(bin))
+            let gauge_pa = (bin.pressure_pa - ambient_pa) as f32;
+            let coulomb = soft * f64::from(config.friction.at_pressure(gauge_pa)) * v.signum();
+            ([held_n(bin), rest_m - bin.length_m, coulomb, soft * v], pull_n(bin))
         };
         sliding.iter().map(row).collect()
     };
@@ -214,6 +240,7 @@ fn softening_per_k(
 mod tests {
     use super::*;
     use model_core::Faults;
+    use model_core::physics::hysteresis::Hysteresis;
 
     /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
     /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is configured with
@@ -257,7 +284,7 @@ mod tests {
 
     #[test]
     fn softening_is_found_where_the_wall_warms_and_else_kept() {
-        let config = Config::default();
+        let config = Config { hysteresis: Hysteresis::NONE, ..Config::default() };
         let plan = Plan::new(&config, 4.0e5).unwrap();
         let warm = fit(&records(&plan, &config, 315.0), &plan, &config).unwrap();
         let softening = warm.softening_per_k.unwrap();

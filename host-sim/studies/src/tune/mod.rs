@@ -118,7 +118,7 @@ pub enum Refusal {
     },
     #[error(
         "the muscle moved by {:.1} mm on a ramp, at least {:.1} mm are needed: is the load too heavy, or \
-         the length sensor stuck?",
+         too light to lengthen the muscle again, or the length sensor stuck?",
         moved_m * 1e3, needed_m * 1e3
     )]
     NotMoved {

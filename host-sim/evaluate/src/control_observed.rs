@@ -1,0 +1,212 @@
+//! Loads, friction and masses that are not as configured, steps of the load, gas that relaxes: what the loops have
+//! to observe.
+
+use super::control::{Job, Point, STROKE, Sine, configured, creepless, rest, sine, stepped_trace};
+use super::{CaseFigures, Figure};
+use thermyo_compute::parallel::{self, Watch};
+use thermyo_scenario::{DriveKind, HeatModel, LoadKind, Scenario};
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::{Board, CoreBoard};
+use thermyo_simulation::run::RunError;
+
+/// Change of the plant, of which the core is not told.
+type PlantChange = fn(&mut Scenario);
+
+/// The plant is not as the core believes.
+pub fn unexpected(mut loaded: Loaded, change: PlantChange) -> Loaded {
+    change(&mut loaded.plant);
+    loaded
+}
+
+/// Friction, with its surplus at standstill, is so many times what is believed.
+const TWICE: PlantChange = |s| {
+    s.friction.force_n *= 2.0;
+    s.friction.stribeck_force_n *= 2.0;
+};
+const NO_FRICTION: PlantChange = |s| {
+    s.friction.force_n = 0.0;
+    s.friction.stribeck_force_n = 0.0;
+};
+const TEN_KG: PlantChange = |s| s.load.mass_kg = 10.0;
+
+/// Error of a sine \[mm\].
+pub fn rms_mm(loaded: &Loaded, sine: &Sine) -> f64 {
+    10.0 * sine.rms_percent * STROKE * loaded.plant.muscle.rest_length_m
+}
+
+fn sines(full: &Loaded) -> Vec<Job<'_>> {
+    // Two frequencies, amplitudes as shares of the stroke: 13.5 and 4.5 mm.
+    let cases: [(&str, PlantChange, f64, f64, f64); 6] = [
+        ("as believed", |_| {}, 0.5, 0.15, 0.1),
+        ("friction twice the believed", TWICE, 0.5, 0.15, 0.2),
+        ("no friction", NO_FRICTION, 0.5, 0.15, 0.2),
+        ("friction twice the believed", TWICE, 2.0, 0.05, 0.5),
+        ("10 kg, believed 2", TEN_KG, 2.0, 0.05, 0.5),
+        ("friction twice the believed, 200 N", TWICE, 2.0, 0.05, 0.5),
+    ];
+    let jobs = cases.into_iter().map(|(name, change, hz, amplitude, most_mm)| -> Job {
+        Box::new(move || {
+            let mut loaded = unexpected(full.clone(), change);
+            if name.ends_with("200 N") {
+                loaded = super::control::load(loaded, 200.0);
+            }
+            let followed = sine(&loaded, hz, amplitude, &mut CoreBoard::default())?;
+            let mut figures = vec![Figure::at_most("rms_mm", rms_mm(&loaded, &followed), most_mm)];
+            if hz < 1.0 {
+                figures.push(Figure::at_most("pulses_per_s", followed.pulses_per_s, 60.0));
+            }
+            Ok(CaseFigures { case: format!("{hz} Hz sine, {name}"), figures })
+        })
+    });
+    jobs.collect()
+}
+
+/// Times of load steps, and the end of the run \[s\].
+const LOADS_S: [f64; 5] = [3.0, 6.0, 9.0, 12.0, 15.0];
+/// 1 % of the stroke.
+const BACK_SHARE: f64 = 0.01;
+
+/// Worst of four load steps: 50 N more, back, 50 N less, back.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct LoadSteps {
+    /// Time until it stays within 1 % of the stroke \[s\].
+    pub back_s: f64,
+    /// Error half a second before the next step \[%\] of the stroke.
+    pub error_percent: f64,
+    /// Pulses per second later than a second after a step.
+    pub late_pulses_per_s: f64,
+}
+
+/// Holds the middle of the stroke while the load steps.
+pub fn load_steps(loaded: &Loaded, board: &mut dyn Board) -> Result<LoadSteps, RunError> {
+    const GOAL: f64 = 0.5 * STROKE;
+    let force_n = loaded.plant.load.force_n;
+    let forces_n = [force_n + 50.0, force_n, force_n - 50.0, force_n];
+    let loads: Vec<(f64, f64)> = LOADS_S.into_iter().zip(forces_n).collect();
+    let profile = vec![(0.0, GOAL), (LOADS_S[4], GOAL)];
+    let points = stepped_trace(loaded, DriveKind::Contraction, profile, &loads, board)?;
+    let mut worst = LoadSteps::default();
+    for window in LOADS_S.windows(2) {
+        let (from_s, end_s) = (window[0], window[1] - 0.01);
+        let within =
+            |from_s: f64| points.iter().filter(move |p| p.time_s >= from_s && p.time_s < end_s);
+        let off = |p: &&Point| (p.value - GOAL).abs() > BACK_SHARE * STROKE;
+        let back_s = within(from_s).filter(off).map(|p| p.time_s - from_s).fold(0.0, f64::max);
+        let error = within(end_s - 0.5).map(|p| (p.value - GOAL).abs()).fold(0.0, f64::max);
+        let late = within(from_s + 1.0).filter(|p| p.pulse).count() as f64;
+        worst.back_s = worst.back_s.max(back_s);
+        worst.error_percent = worst.error_percent.max(100.0 * error / STROKE);
+        worst.late_pulses_per_s = worst.late_pulses_per_s.max(late / (end_s - from_s - 1.0));
+    }
+    Ok(worst)
+}
+
+fn loads(full: &Loaded) -> Vec<Job<'_>> {
+    let cases: [(&str, PlantChange); 4] = [
+        ("as believed", |_| {}),
+        ("friction twice the believed", TWICE),
+        ("no friction", NO_FRICTION),
+        ("10 kg, believed 2", TEN_KG),
+    ];
+    let jobs = cases.into_iter().map(|(name, change)| -> Job {
+        Box::new(move || {
+            let loaded = unexpected(full.clone(), change);
+            let steps = load_steps(&loaded, &mut CoreBoard::default())?;
+            Ok(CaseFigures {
+                case: format!("load steps of 50 N, {name}"),
+                figures: vec![
+                    Figure::at_most("back_s", steps.back_s, 0.5),
+                    Figure::at_most("error_percent", steps.error_percent, 0.5),
+                    Figure::at_most("late_pulses_per_s", steps.late_pulses_per_s, 20.0),
+                ],
+            })
+        })
+    });
+    jobs.collect()
+}
+
+fn resting(full: &Loaded) -> Vec<Job<'_>> {
+    let cases: [(&str, bool, PlantChange); 4] = [
+        ("no creep", true, |_| {}),
+        ("creep", false, |_| {}),
+        ("no friction", false, NO_FRICTION),
+        ("friction twice the believed", false, TWICE),
+    ];
+    let jobs = cases.into_iter().map(|(name, still, change)| -> Job {
+        Box::new(move || {
+            let loaded = if still { creepless(full.clone()) } else { full.clone() };
+            let loaded = unexpected(loaded, change);
+            let held = rest::hold(&loaded, 0, &mut CoreBoard::default())?;
+            let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
+            Ok(CaseFigures {
+                case: format!("at rest, {name}"),
+                figures: vec![
+                    Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.25),
+                    Figure::at_most("valves_driven", held.driven, if still { 0.0 } else { 0.12 }),
+                ],
+            })
+        })
+    });
+    jobs.collect()
+}
+
+/// Pulses later than half a second after a step of the pressure from 2 to 4 bar, and after the one back, in 10 s.
+pub fn late_pulses(loaded: &Loaded, board: &mut dyn Board) -> Result<[usize; 2], RunError> {
+    const STEPS_S: [f64; 3] = [2.0, 12.5, 23.0];
+    let [low, high] = [2.0e5, 4.0e5];
+    let profile = vec![
+        (0.0, low),
+        (STEPS_S[0] - 0.001, low),
+        (STEPS_S[0], high),
+        (STEPS_S[1] - 0.001, high),
+        (STEPS_S[1], low),
+        (STEPS_S[2], low),
+    ];
+    let points = stepped_trace(loaded, DriveKind::Pressure, profile, &[], board)?;
+    let late = |step: usize| {
+        let from_s = STEPS_S[step] + 0.5;
+        points.iter().filter(|p| p.pulse && p.time_s > from_s && p.time_s < from_s + 10.0).count()
+    };
+    Ok([late(0), late(1)])
+}
+
+fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
+    let still: fn(&mut Scenario) = |s| {
+        s.heat.model = HeatModel::Constant;
+        s.heat.inner_w_m2_k = 10.0;
+    };
+    let stirred: fn(&mut Scenario) = |_| {};
+    let jobs =
+        [("stirred gas", stirred), ("still gas", still)].into_iter().map(|(name, change)| -> Job {
+            Box::new(move || {
+                let isometric: fn(&mut Scenario) = |s| {
+                    s.load.kind = LoadKind::Isometric;
+                    s.load.length_m = 0.27;
+                };
+                let mut loaded = full.clone();
+                for change in [change, isometric] {
+                    loaded = configured(unexpected(loaded, change), change);
+                }
+                let [filled, vented] = late_pulses(&loaded, &mut CoreBoard::default())?;
+                Ok(CaseFigures {
+                    case: format!("pressure 2 to 4 bar and back, 270 mm, {name}"),
+                    figures: vec![
+                        Figure::at_most("late_pulses", filled as f64, 5.0),
+                        Figure::at_most("late_pulses_back", vented as f64, 5.0),
+                    ],
+                })
+            })
+        });
+    jobs.collect()
+}
+
+fn jobs(full: &Loaded) -> Vec<Job<'_>> {
+    let observed = [sines(full), loads(full), resting(full), relaxing(full)];
+    super::control::jobs(full).into_iter().chain(observed.into_iter().flatten()).collect()
+}
+
+/// Runs every case of control on `full`, on all cores. When stopped, returns the lines of the finished cases.
+pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
+    let full = &super::control::full(nominal);
+    parallel::map_watched(&jobs(full), watch, |job| job()).into_iter().collect()
+}

@@ -1,0 +1,267 @@
+//! The search for the law behind a record of motion.
+//!
+//! ```text
+//! sum of w_i ((predicted - measured)/s)^2 + sum of ((x - x_0)/spread)^2
+//! ```
+//!
+//! The force is predicted where it was measured, the length otherwise, and w_i is the number of rows
+//! that a row stands for. The second sum only keeps the search from running away where the record
+//! shows nothing of a parameter: it counts as much as a few rows. What slip and the slow creep held at
+//! the start is searched along, as no record has it.
+
+use super::law::{Law, Start};
+use super::record::Record;
+use crate::search::{self, Found, LeastSquares};
+use crate::uncertainty::correlation_rows;
+use nalgebra::{DMatrix, DVector};
+use thermyo_scenario::preset::MusclePreset;
+use thermyo_scenario::{Scenario, at_rest, number, with_numbers};
+
+/// Usual residual of the law: of a length over the stroke, of a force over the largest \[-\].
+const LEFT: f64 = 0.01;
+/// Step of the differences; the search variables are of the order of one.
+const DIFFERENCE: f64 = 1.0e-4;
+/// Relative change of sum and point at which a search has converged.
+const TOLERANCE: f64 = 1.0e-8;
+/// Evaluations per parameter before a search is given up.
+const PATIENCE: usize = 40;
+/// Starts: factors on slip force, slip stiffness, and the stiffness of both creeps.
+const STARTS: [[f64; 3]; 3] = [[1.0, 1.0, 1.0], [3.0, 3.0, 0.4], [0.4, 1.0, 2.0]];
+/// Spread of the logarithm of a positive parameter.
+const LOG_SPREAD: f64 = 1.5;
+/// Limits of the logarithm, from the scenario's value.
+const LOG_LIMIT: f64 = 4.0;
+/// Spreads of the forces at the start \[N\].
+const START_N: [f64; 2] = [5.0, 15.0];
+/// Deviation, in a spread's share, above which the record leaves a parameter open ...
+const OPEN: f64 = 0.7;
+/// ... and of a logarithm.
+const OPEN_LOG: f64 = 0.4;
+
+/// How a parameter is searched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Scale {
+    /// By its logarithm.
+    Log,
+    /// By itself, in this unit; it may not be below the limit.
+    Linear { unit: f64, least: f64 },
+}
+
+/// A parameter of the law.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Parameter {
+    pub key: &'static str,
+    pub unit: &'static str,
+    given: f64,
+    scale: Scale,
+}
+
+/// Keys that a record of motion can determine.
+pub const KEYS: [(&str, &str); 14] = [
+    ("muscle.slip_force_n", "N"),
+    ("muscle.slip_stiffness_n_m", "N/m"),
+    ("muscle.slip_pressure_factor", ""),
+    ("muscle.creep_fast_n_m", "N/m"),
+    ("muscle.creep_fast_s", "s"),
+    ("muscle.creep_slow_n_m", "N/m"),
+    ("muscle.creep_slow_s", "s"),
+    ("muscle.bladder_saturation_n", "N"),
+    ("muscle.bladder_strain", ""),
+    ("muscle.bladder_stiffness_n_m", "N/m"),
+    ("muscle.slack_m", "m"),
+    ("muscle.diameter_m", "m"),
+    ("muscle.braid_angle_deg", "deg"),
+    ("load.force_n", "N"),
+];
+
+impl Parameter {
+    pub fn of(key: &str, scenario: &Scenario) -> Option<Self> {
+        let (key, unit) = KEYS.into_iter().find(|(known, _)| *known == key)?;
+        let given = number(scenario, key)?;
+        let linear = |unit: f64, least: f64| Scale::Linear { unit, least };
+        let scale = match key {
+            "muscle.slip_pressure_factor" => linear(0.5, 0.0),
+            "muscle.bladder_stiffness_n_m" => linear(500.0, 0.0),
+            "muscle.slack_m" => linear(0.01 * scenario.muscle.rest_length_m, f64::NEG_INFINITY),
+            "muscle.braid_angle_deg" => linear(3.0, 5.0),
+            "load.force_n" => linear(20.0, 0.0),
+            _ => Scale::Log,
+        };
+        Some(Self { key, unit, given, scale })
+    }
+
+    /// Its value at a point of the search.
+    fn value(&self, place: f64) -> f64 {
+        match self.scale {
+            Scale::Log => self.given * place.clamp(-LOG_LIMIT, LOG_LIMIT).exp(),
+            Scale::Linear { unit, least } => (self.given + unit * place).max(least),
+        }
+    }
+
+    fn deviation(&self, place: f64, deviation: f64) -> f64 {
+        match self.scale {
+            Scale::Log => self.value(place) * deviation,
+            Scale::Linear { unit, .. } => unit * deviation,
+        }
+    }
+
+    fn spread(&self) -> f64 {
+        if self.scale == Scale::Log { LOG_SPREAD } else { 1.0 }
+    }
+
+    fn is_open(&self, place: f64, deviation: f64) -> bool {
+        match self.scale {
+            Scale::Log => deviation > OPEN_LOG || place.abs() > 0.99 * LOG_LIMIT,
+            Scale::Linear { .. } => deviation > OPEN,
+        }
+    }
+
+    /// Nothing of it is there to be scaled.
+    pub fn is_missing(&self) -> bool {
+        self.scale == Scale::Log && self.given <= 0.0
+    }
+}
+
+/// One value found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Value {
+    pub value: f64,
+    pub deviation: f64,
+    /// The record does not determine it.
+    pub open: bool,
+}
+
+pub struct Problem<'a> {
+    scenario: &'a Scenario,
+    parameters: &'a [Parameter],
+    record: &'a Record,
+    deviation: f64,
+}
+
+impl<'a> Problem<'a> {
+    pub fn new(scenario: &'a Scenario, parameters: &'a [Parameter], record: &'a Record) -> Self {
+        let largest = if record.has_force { record.largest_n() } else { record.stroke_m() };
+        Self { scenario, parameters, record, deviation: LEFT * largest }
+    }
+
+    fn start(&self, place: &DVector<f64>) -> Start {
+        let count = self.parameters.len();
+        Start { slip_n: START_N[0] * place[count], slow_n: START_N[1] * place[count + 1] }
+    }
+
+    /// The scenario at a point of the search.
+    pub fn at(&self, place: &DVector<f64>) -> Scenario {
+        let values =
+            self.parameters.iter().zip(place.iter()).map(|(p, place)| (p.key, p.value(*place)));
+        adopt(self.scenario, values)
+    }
+
+    /// Predictions less measurements.
+    fn residuals(&self, place: &DVector<f64>) -> Vec<f64> {
+        residuals(&self.at(place), self.record, &self.start(place))
+    }
+
+    /// The best of several searches.
+    pub fn search(&self) -> Found {
+        let ends = thermyo_compute::parallel::map(&STARTS, |factors| {
+            let [force, stiffness, creep] = factors.map(f64::ln);
+            let start = self.parameters.iter().map(|parameter| match parameter.key {
+                "muscle.slip_force_n" => force,
+                "muscle.slip_stiffness_n_m" => stiffness,
+                "muscle.creep_fast_n_m" | "muscle.creep_slow_n_m" => creep,
+                _ => 0.0,
+            });
+            let start = start.chain([0.0, 0.0]).collect::<Vec<f64>>();
+            search::minimize(self, DVector::from_vec(start), TOLERANCE, PATIENCE)
+        });
+        ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there are three starts")
+    }
+
+    /// Values at the end of a search, with deviations by the scatter and how long it lasts.
+    pub fn values(&self, place: &DVector<f64>) -> Vec<Value> {
+        let slopes = self.slopes(place, &self.weighted(place));
+        let rows = self.record.rows.len();
+        let residuals = self.residuals(place);
+        let lasting = correlation_rows(&residuals);
+        let weight: f64 = self.record.rows.iter().map(|row| row.weight).sum();
+        let weighted = self.weighted(place).rows(0, rows).norm_squared();
+        // Each row stands for several, which are as many readings only if their errors are their own.
+        let scatter = weighted / weight * lasting * weight / rows as f64;
+        let measured = slopes.rows(0, rows);
+        let prior = slopes.rows(rows, place.len());
+        let information = measured.tr_mul(&measured) / scatter.max(1.0e-12) + prior.tr_mul(&prior);
+        let covariance = information.cholesky().map(|cholesky| cholesky.inverse());
+        let value = |(i, parameter): (usize, &Parameter)| {
+            let deviation = covariance.as_ref().map_or(f64::INFINITY, |c| c[(i, i)].sqrt());
+            Value {
+                value: parameter.value(place[i]),
+                deviation: parameter.deviation(place[i], deviation),
+                open: parameter.is_open(place[i], deviation),
+            }
+        };
+        self.parameters.iter().enumerate().map(value).collect()
+    }
+
+    /// State at the start, by the search.
+    pub fn found_start(&self, place: &DVector<f64>) -> Start {
+        self.start(place)
+    }
+}
+
+/// A scenario with values of the law: dimensions are those at rest.
+pub fn adopt<'a>(
+    scenario: &Scenario,
+    values: impl IntoIterator<Item = (&'a str, f64)>,
+) -> Scenario {
+    let mut adopted = with_numbers(scenario, values);
+    adopted.muscle.preset = MusclePreset::None;
+    let muscle = &adopted.muscle;
+    adopted.muscle =
+        at_rest(muscle, muscle.rest_length_m, muscle.diameter_m, muscle.braid_angle_deg);
+    adopted
+}
+
+/// Predicted less measured forces where those were measured, lengths otherwise.
+pub fn residuals(scenario: &Scenario, record: &Record, start: &Start) -> Vec<f64> {
+    let law = Law::of(scenario);
+    if record.has_force {
+        let forces = law.forces(&record.rows, start);
+        forces.iter().zip(&record.rows).map(|(force, row)| force - row.force_n).collect()
+    } else {
+        // The load may be searched.
+        let loaded: Vec<_> = record
+            .rows
+            .iter()
+            .map(|row| super::record::Row { force_n: scenario.load.force_n, ..*row })
+            .collect();
+        let lengths = law.lengths(&loaded, start);
+        lengths.iter().zip(&record.rows).map(|(length, row)| length - row.length_m).collect()
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let residuals = self.residuals(place);
+        let of_rows = residuals
+            .iter()
+            .zip(&self.record.rows)
+            .map(|(left, row)| row.weight.sqrt() * left / self.deviation);
+        let spreads = self.parameters.iter().map(Parameter::spread).chain([1.0, 1.0]);
+        let of_usual = place.iter().zip(spreads).map(|(place, spread)| place / spread);
+        DVector::from_vec(of_rows.chain(of_usual).collect())
+    }
+
+    fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = (0..place.len())
+            .map(|i| {
+                let [above, below] = [DIFFERENCE, -DIFFERENCE].map(|by| {
+                    let mut shifted = place.clone();
+                    shifted[i] += by;
+                    self.weighted(&shifted)
+                });
+                (above - below) / (2.0 * DIFFERENCE)
+            })
+            .collect();
+        DMatrix::from_columns(&columns)
+    }
+}

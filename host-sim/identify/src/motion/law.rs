@@ -1,0 +1,167 @@
+//! The law of a muscle in motion along a record: lengths from pressures, or forces from lengths.
+
+use super::record::Row;
+use thermyo_plant::chamber::{Chamber, braid};
+use thermyo_plant::hysteresis::{ARMS, Elapsed, Hysteresis};
+use thermyo_scenario::Scenario;
+
+/// Newton's steps, with bisection where they leave the bracket.
+const STEPS: usize = 40;
+/// Correction at which a length is found \[m\].
+const CLOSE_M: f64 = 1.0e-9;
+
+/// State of slip and creep at the start: force of the slip, and of the slow arm \[N\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Start {
+    pub slip_n: f64,
+    pub slow_n: f64,
+}
+
+#[derive(Debug, Clone)]
+pub struct Law {
+    muscle: braid::Muscle,
+    hysteresis: Hysteresis,
+    slip_n_m: f64,
+    ambient_pa: f64,
+    rest_m: f64,
+}
+
+/// State along a record.
+struct Memory {
+    slider: f64,
+    stretches: [f64; ARMS],
+    length: f64,
+}
+
+impl Law {
+    pub fn of(scenario: &Scenario) -> Self {
+        Self {
+            muscle: braid::Muscle::of(&scenario.muscle),
+            hysteresis: Hysteresis::of(scenario),
+            slip_n_m: scenario.muscle.slip_stiffness_n_m,
+            ambient_pa: scenario.ambient.pressure_pa,
+            rest_m: scenario.muscle.rest_length_m,
+        }
+    }
+
+    fn pull(&self, pressure: f64, length: f64) -> f64 {
+        (pressure - self.ambient_pa) * self.muscle.force_area(length) + self.muscle.elastic(length)
+    }
+
+    fn begin(&self, start: &Start, length: f64) -> Memory {
+        let [_, slow] = &self.hysteresis.creep;
+        let over =
+            |force: f64, stiffness: f64| if stiffness > 0.0 { force / stiffness } else { 0.0 };
+        Memory {
+            slider: length + over(start.slip_n, self.slip_n_m),
+            stretches: [0.0, over(start.slow_n, slow.stiffness_n_m)],
+            length,
+        }
+    }
+
+    /// Lengths at which the muscle holds the forces of the rows, no longer than it has been seen, or than its
+    /// rest length: there its load lies on a stop \[m\].
+    pub fn lengths(&self, rows: &[Row], start: &Start) -> Vec<f64> {
+        let longest_m = rows.iter().map(|row| row.length_m).fold(self.rest_m, f64::max);
+        let mut memory: Option<Memory> = None;
+        let mut before_s = 0.0;
+        let mut elapsed = (f64::NAN, Elapsed::NONE);
+        let mut found = Vec::with_capacity(rows.len());
+        for row in rows {
+            let memory = memory.get_or_insert_with(|| {
+                before_s = row.time_s;
+                self.begin(start, row.length_m)
+            });
+            self.pass(&mut elapsed, row.time_s - before_s);
+            before_s = row.time_s;
+            let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
+            let length = self.solve(row, memory, &elapsed.1, (limit, longest_m));
+            self.move_to(memory, &elapsed.1, length, limit);
+            found.push(length);
+        }
+        found
+    }
+
+    /// Forces at the lengths of the rows \[N\].
+    pub fn forces(&self, rows: &[Row], start: &Start) -> Vec<f64> {
+        let mut elapsed = (f64::NAN, Elapsed::NONE);
+        let Some(first) = rows.first() else { return Vec::new() };
+        let mut memory = self.begin(start, first.length_m);
+        let mut before_s = first.time_s;
+        let force = |row: &Row| {
+            self.pass(&mut elapsed, row.time_s - before_s);
+            before_s = row.time_s;
+            let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
+            self.move_to(&mut memory, &elapsed.1, row.length_m, limit);
+            let held = self.hysteresis.slip.force(memory.slider, row.length_m, limit)
+                + self.hysteresis.creep_n(&memory.stretches);
+            self.pull(row.pressure_pa, row.length_m) - held
+        };
+        rows.iter().map(force).collect()
+    }
+
+    /// Works a time out where it is another one.
+    fn pass(&self, elapsed: &mut (f64, Elapsed), duration: f64) {
+        if duration != elapsed.0 {
+            let of = if duration > 0.0 {
+                Elapsed::new(&self.hysteresis, duration)
+            } else {
+                Elapsed::NONE
+            };
+            *elapsed = (duration, of);
+        }
+    }
+
+    fn move_to(&self, memory: &mut Memory, elapsed: &Elapsed, length: f64, limit: f64) {
+        memory.stretches = elapsed.stretches(&memory.stretches, memory.length - length);
+        memory.slider = self.hysteresis.slip.settle(memory.slider, length, limit).0;
+        memory.length = length;
+    }
+
+    /// The length of a row, for the slip's limit and the longest length: the force rises with it.
+    fn solve(
+        &self,
+        row: &Row,
+        memory: &Memory,
+        elapsed: &Elapsed,
+        (limit, longest_m): (f64, f64),
+    ) -> f64 {
+        let Self { hysteresis, muscle, .. } = self;
+        let excess = |length: f64| {
+            let stretches = elapsed.stretches(&memory.stretches, memory.length - length);
+            self.pull(row.pressure_pa, length)
+                - hysteresis.slip.force(memory.slider, length, limit)
+                - hysteresis.creep_n(&stretches)
+                - row.force_n
+        };
+        let creep_n_m = elapsed.slope(hysteresis);
+        let slope = |length: f64| {
+            (row.pressure_pa - self.ambient_pa) * muscle.force_area_slope(length)
+                + muscle.elastic_slope(length)
+                + hysteresis.slip.slope(memory.slider, length, limit)
+                + creep_n_m
+        };
+        let (mut low, mut high) = (muscle.lengths()[0], longest_m);
+        if excess(longest_m) <= 0.0 {
+            return longest_m;
+        }
+        let mut length = memory.length.clamp(low, high);
+        for _ in 0..STEPS {
+            let excess_n = excess(length);
+            if excess_n > 0.0 {
+                high = length
+            } else {
+                low = length
+            }
+            let slope_n_m = slope(length);
+            let newton = length - excess_n / slope_n_m;
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
+            let change = (next - length).abs();
+            length = next;
+            if change < CLOSE_M {
+                break;
+            }
+        }
+        length
+    }
+}

@@ -1,0 +1,280 @@
+//! `thermyo identify` of a record of motion: slip and creep of a muscle from length and pressure over
+//! time, and its force where that was measured.
+//!
+//! Which values are searched is the scenario's `identify.parameters`: slip and creep alone, with the
+//! static law frozen, or parts of that law too.
+
+mod baseline;
+mod fit;
+mod law;
+mod page;
+mod plan;
+mod record;
+#[cfg(test)]
+mod tests;
+
+pub use baseline::{LawLeft, laws};
+pub use fit::KEYS;
+pub use page::{page, plot};
+pub use plan::plan;
+pub use record::Record;
+
+use super::findings::Fitted;
+use fit::{Parameter, Problem, Value, adopt, residuals};
+use law::{Law, Start};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_files::number::significant;
+use thermyo_files::table::Table;
+use thermyo_scenario::{PlantKind, Scenario};
+use thermyo_setup::Loaded;
+
+/// Most rows of a search.
+const MOST_ROWS: usize = 4000;
+/// Residual above which the law does not hold: of the length over the stroke, of the force over the
+/// largest \[-\].
+const MOST_LEFT: f64 = 0.1;
+/// Closer to the longest length than this share of the stroke a load may lie on a stop \[-\].
+const ON_STOP: f64 = 0.01;
+/// A record to compare with finds its own start, from this share of its rows: they do not count \[-\].
+const START_SHARE: f64 = 0.1;
+/// Longest start, in times of the slow creep \[-\].
+const START_TIMES: f64 = 2.0;
+
+/// Residuals of the law on a record.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Left {
+    /// Lengths from pressures (and forces, where they were measured) \[m\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub length_m: Option<f64>,
+    /// Forces from lengths and pressures \[N\].
+    pub force_n: f64,
+    /// Length over the stroke, or force over the largest \[-\].
+    pub share: f64,
+    /// Rows compared.
+    pub rows: usize,
+}
+
+/// `summary.json` of a record of motion.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// The law holds, and the record determines every value.
+    pub holds: bool,
+    /// Keys that the record leaves open: they stay at the scenario's values.
+    pub open: Vec<&'static str>,
+    pub parameters: BTreeMap<&'static str, Fitted>,
+    /// Residuals of the fit.
+    pub rmse: Left,
+    /// Residuals of a record that the fit has not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<Left>,
+    pub remarks: Vec<String>,
+}
+
+#[derive(Debug)]
+pub struct Identified {
+    pub findings: Findings,
+    /// The scenario with the values found.
+    pub scenario: Loaded,
+    record: Record,
+    /// Predicted less measured, by row.
+    residuals: Vec<f64>,
+}
+
+/// Whether a scenario asks for slip or creep.
+pub fn is_asked_for(loaded: &Loaded) -> bool {
+    let Scenario { identify, plant, .. } = &loaded.plant;
+    let of_motion = |key: &String| KEYS[..7].iter().any(|(known, _)| key == known);
+    plant.kind == PlantKind::Muscle && identify.parameters.iter().any(of_motion)
+}
+
+/// The scenario's parameters.
+fn parameters(scenario: &Scenario, config: &Path) -> Result<Vec<Parameter>, InputError> {
+    let refused = |key: &str, value: String, allowed: &str| {
+        let (key, allowed) = (key.to_owned(), allowed.to_owned());
+        InputError::file(config, InputProblem::NotAllowed { key, value, allowed })
+    };
+    let one = |key: &String| {
+        let Some(parameter) = Parameter::of(key, scenario) else {
+            let known = KEYS.map(|(key, _)| key).join(", ");
+            let allowed = format!("keys that a record of motion determines: {known}");
+            return Err(refused("identify.parameters", format!("{key:?}"), &allowed));
+        };
+        if parameter.is_missing() {
+            return Err(refused(key, "0.0".to_owned(), "above 0, to start the search from"));
+        }
+        Ok(parameter)
+    };
+    scenario.identify.parameters.iter().map(one).collect()
+}
+
+/// Identifies from a table; `against` is a second record. `config` names the scenario in messages.
+///
+/// # Errors
+/// As [`Record::of`], and for parameters that a record of motion cannot determine.
+pub fn identify(
+    loaded: &Loaded,
+    config: &Path,
+    table: &Table,
+    against: Option<&Table>,
+) -> Result<Identified, InputError> {
+    let scenario = &loaded.plant;
+    let all = parameters(scenario, config)?;
+    let record = Record::of(table, scenario)?;
+    let against = against.map(|other| Record::of(other, scenario)).transpose()?;
+    Ok(of_record(loaded, all, record, against.as_ref()))
+}
+
+/// End of a search.
+struct Searched {
+    open: Vec<Parameter>,
+    values: Vec<Value>,
+    start: Start,
+}
+
+/// Searches, and leaves out what the record leaves open: it stays at the scenario's value, and the others
+/// are searched again.
+fn search(scenario: &Scenario, searched: &mut Vec<Parameter>, record: &Record) -> Searched {
+    let mut open = Vec::new();
+    loop {
+        let problem = Problem::new(scenario, searched, record);
+        let place = problem.search().place;
+        let values = problem.values(&place);
+        let start = problem.found_start(&place);
+        let Some(worst) = values.iter().position(|value| value.open) else {
+            return Searched { open, values, start };
+        };
+        open.push(searched.remove(worst));
+    }
+}
+
+fn of_record(
+    loaded: &Loaded,
+    mut searched: Vec<Parameter>,
+    record: Record,
+    against: Option<&Record>,
+) -> Identified {
+    let thin = record.thinned(MOST_ROWS);
+    let Searched { open, values, start } = search(&loaded.plant, &mut searched, &thin);
+    let found: Vec<(&'static str, f64)> =
+        searched.iter().zip(&values).map(|(p, value)| (p.key, value.value)).collect();
+    let mut scenario = loaded.clone();
+    for configured in [&mut scenario.plant, &mut scenario.believed] {
+        *configured = adopt(configured, found.iter().copied());
+    }
+    let residuals = residuals(&scenario.plant, &record, &start);
+    let fitted = |(parameter, value): (&Parameter, &Value)| {
+        let Value { value, deviation, .. } = *value;
+        let fitted = Fitted { value, standard_error: Some(deviation), unit: parameter.unit };
+        (parameter.key, fitted)
+    };
+    let mut parameters: BTreeMap<_, _> = searched.iter().zip(&values).map(fitted).collect();
+    for parameter in &open {
+        let value = thermyo_scenario::number(&loaded.plant, parameter.key).unwrap_or_default();
+        let fitted = Fitted { value, standard_error: None, unit: parameter.unit };
+        parameters.insert(parameter.key, fitted);
+    }
+    let mut findings = Findings {
+        holds: false,
+        open: open.iter().map(|parameter| parameter.key).collect(),
+        parameters,
+        rmse: Left::of(&scenario.plant, &record, &start, 0),
+        against: against.map(|other| compared(&scenario.plant, other)),
+        remarks: Vec::new(),
+    };
+    findings.holds = findings.failed().is_none();
+    findings.remarks = findings.failed().into_iter().collect();
+    Identified { findings, scenario, record, residuals }
+}
+
+/// Compares with a record that was not fitted: its first rows find where slip and creep started.
+fn compared(scenario: &Scenario, record: &Record) -> Left {
+    let rows = &record.rows;
+    let first_s = rows.first().map_or(0.0, |row| row.time_s);
+    let longest_s = START_TIMES * scenario.muscle.creep_slow_s;
+    let of_time = rows.partition_point(|row| row.time_s - first_s < longest_s);
+    let begins = of_time.min((START_SHARE * rows.len() as f64) as usize).max(1);
+    let head = Record { rows: rows[..begins].to_vec(), has_force: record.has_force };
+    let head = head.thinned(MOST_ROWS);
+    let problem = Problem::new(scenario, &[], &head);
+    let start = problem.found_start(&problem.search().place);
+    Left::of(scenario, record, &start, begins)
+}
+
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (count, squares) =
+        values.fold((0_usize, 0.0), |(count, sum), value| (count + 1, sum + value * value));
+    (squares / count.max(1) as f64).sqrt()
+}
+
+impl Left {
+    /// From a row on.
+    fn of(scenario: &Scenario, record: &Record, start: &Start, from: usize) -> Self {
+        let law = Law::of(scenario);
+        let load = |row: &record::Row| {
+            if record.has_force { row.force_n } else { scenario.load.force_n }
+        };
+        let rows: Vec<record::Row> =
+            record.rows.iter().map(|row| record::Row { force_n: load(row), ..*row }).collect();
+        let forces = law.forces(&rows, start);
+        // A load that lies on a stop says nothing.
+        let off_stop_m = if record.has_force {
+            f64::INFINITY
+        } else {
+            record.longest_m() - ON_STOP * record.stroke_m()
+        };
+        let compared = forces.iter().zip(&rows).skip(from);
+        let off_stop = compared.filter(|(_, row)| row.length_m < off_stop_m);
+        let force_n = rms(off_stop.map(|(force, row)| force - row.force_n));
+        let moves = record.moves(scenario.muscle.rest_length_m);
+        let length_m = moves.then(|| {
+            let lengths = law.lengths(&rows, start);
+            rms(lengths.iter().zip(&rows).skip(from).map(|(l, row)| l - row.length_m))
+        });
+        let share = match length_m.filter(|_| !record.has_force) {
+            Some(length_m) => length_m / record.stroke_m(),
+            None => force_n / record.largest_n().max(f64::MIN_POSITIVE),
+        };
+        Self { length_m, force_n, share, rows: rows.len() - from }
+    }
+
+    fn text(&self) -> String {
+        let Self { length_m, force_n, share, rows } = self;
+        let length = length_m.map_or_else(String::new, |m| format!("{:.3} mm, ", 1000.0 * m));
+        format!("{length}{force_n:.2} N RMS, {:.2} %, {rows} rows", 100.0 * share)
+    }
+}
+
+impl Findings {
+    /// Reason why the values are not reliable, if there is one.
+    pub fn failed(&self) -> Option<String> {
+        if !self.open.is_empty() {
+            return Some(format!(
+                "the record leaves {} open: {} as the scenario has {}; thermyo identify --plan motion prints \
+                 an experiment that shows each",
+                self.open.join(", "),
+                if self.open.len() == 1 { "it stays" } else { "they stay" },
+                if self.open.len() == 1 { "it" } else { "them" },
+            ));
+        }
+        (self.rmse.share > MOST_LEFT).then(|| {
+            format!(
+                "the law leaves {} %: another rest length, another load, or another kind of muscle",
+                significant(100.0 * self.rmse.share, 2)
+            )
+        })
+    }
+
+    /// Figures as lines for a terminal.
+    pub fn text(&self) -> String {
+        let mut text: String =
+            self.parameters.iter().map(|(path, fitted)| fitted.line(path)).collect();
+        text += &format!("fitted: {}\n", self.rmse.text());
+        if let Some(against) = &self.against {
+            text += &format!("against: {}\n", against.text());
+        }
+        text
+    }
+}

@@ -1,0 +1,123 @@
+//! The experiment that shows slip and creep apart: a profile of pressure.
+
+use std::path::Path;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_scenario::{PlantKind, Scenario};
+use thermyo_setup::{Loaded, highest_pa};
+
+/// Rest before and between the parts, with the muscle vented \[s\].
+const REST_S: f64 = 5.0;
+/// Lowest and highest part of the pressures \[-\].
+const LOW: f64 = 0.25;
+const HIGH: f64 = 0.9;
+/// Shortest time of a change of pressure: no step, which a record could not resolve \[s\].
+const CHANGE_S: f64 = 0.2;
+
+/// One part of the experiment.
+struct Part {
+    why: &'static str,
+    /// Time since the part's start \[s\], share of the pressures \[-\].
+    points: Vec<(f64, f64)>,
+}
+
+/// A staircase of holds, each so long.
+fn stairs(levels: &[f64], hold_s: f64) -> Vec<(f64, f64)> {
+    let mut points = vec![(0.0, 0.0)];
+    let mut time_s = 0.0;
+    for level in levels {
+        points.push((time_s + CHANGE_S, *level));
+        time_s += CHANGE_S + hold_s;
+        points.push((time_s, *level));
+    }
+    points
+}
+
+/// Small reversals about a level, each larger than the one before it.
+fn reversals(level: f64, leg_s: f64) -> Vec<(f64, f64)> {
+    let mut points = vec![(0.0, 0.0), (1.0, level), (3.0, level)];
+    let mut time_s = 3.0;
+    for amplitude in [0.02, 0.04, 0.07, 0.1, 0.15] {
+        for sign in [1.0, -1.0, 1.0, -1.0] {
+            time_s += leg_s;
+            points.push((time_s, level + sign * amplitude));
+        }
+    }
+    points
+}
+
+fn parts() -> [Part; 4] {
+    let mut both = reversals(LOW, 0.4);
+    let until_s = both.last().map_or(0.0, |point| point.0) + 1.0;
+    both.extend(reversals(0.75, 0.4).into_iter().map(|(time_s, level)| (until_s + time_s, level)));
+    [
+        Part {
+            why: "small fast reversals, low and high: slip builds up over its way before creep can follow, \
+                  which gives slip_stiffness_n_m and slip_force_n, and low against high its \
+                  slip_pressure_factor",
+            points: both,
+        },
+        Part {
+            why: "large triangles, fast and slow: the loop that is left when the speed falls is slip, what \
+                  grows with the speed is creep_fast_n_m over creep_fast_s",
+            points: vec![
+                (0.0, 0.0),
+                (1.5, HIGH),
+                (3.0, 0.0),
+                (4.5, HIGH),
+                (6.0, 0.0),
+                (18.0, HIGH),
+                (30.0, 0.0),
+            ],
+        },
+        Part {
+            why: "a staircase of short holds: after each step length goes on by creep_fast, and slip does not",
+            points: stairs(&[0.3, 0.5, 0.7, 0.9, 0.7, 0.5, 0.3, 0.0], 4.0),
+        },
+        Part {
+            why: "two long holds: what still moves after seconds is creep_slow_n_m over creep_slow_s",
+            points: stairs(&[0.8, 0.4], 75.0),
+        },
+    ]
+}
+
+/// A profile `time_s,pressure_pa` for `drive.profile_csv`, and why each part is there.
+///
+/// # Errors
+/// When the scenario is no muscle, or its supply is not above ambient.
+pub fn plan(loaded: &Loaded, config: &Path) -> Result<(String, Vec<String>), InputError> {
+    let scenario = &loaded.plant;
+    let Scenario { plant, ambient, supply, .. } = scenario;
+    let refused = |key: &str, value: String, allowed: &str| {
+        let (key, allowed) = (key.to_owned(), allowed.to_owned());
+        InputError::file(config, Problem::NotAllowed { key, value, allowed })
+    };
+    if plant.kind != PlantKind::Muscle {
+        let allowed = "\"muscle\" for a record of motion";
+        return Err(refused("plant.kind", format!("{:?}", plant.kind.word()), allowed));
+    }
+    let range_pa = highest_pa(scenario) - ambient.pressure_pa;
+    if range_pa <= 0.0 {
+        let allowed = "above ambient.pressure_pa";
+        return Err(refused("supply.pressure_pa", format!("{:?}", supply.pressure_pa), allowed));
+    }
+    let mut text = "time_s,pressure_pa\n0.0,".to_owned() + &format!("{:.0}\n", ambient.pressure_pa);
+    let mut reasons = Vec::new();
+    let mut begins_s = REST_S;
+    for Part { why, points } in parts() {
+        let mut ends_s = begins_s;
+        for (time_s, share) in points {
+            ends_s = begins_s + time_s;
+            let pressure_pa = ambient.pressure_pa + share * range_pa;
+            text += &format!("{ends_s:.2},{pressure_pa:.0}\n");
+        }
+        reasons.push(format!("{begins_s:.0} to {ends_s:.0} s: {why}"));
+        text += &format!("{:.2},{:.0}\n", ends_s + 1.0, ambient.pressure_pa);
+        begins_s = ends_s + 1.0 + REST_S;
+    }
+    reasons.push(
+        "free of load, or under one that does not change; length and pressure at 50 rows a second or more, \
+         without a gap; vented for some minutes before"
+            .to_owned(),
+    );
+    Ok((text, reasons))
+}

@@ -1,0 +1,250 @@
+//! A record of motion: length and pressure over time, and the force where a load cell is there.
+
+use thermyo_files::input::{InputError, Problem};
+use thermyo_files::table::Table;
+use thermyo_scenario::Scenario;
+
+/// Required columns, and the optional one.
+const COLUMNS: [&str; 3] = ["time_s", "length_m", "pressure_pa"];
+const FORCE: &str = "force_n";
+/// A row so many usual distances after the one before it is behind a gap ...
+const GAP_ROWS: f64 = 20.0;
+/// ... unless it is closer than this \[s\].
+const LEAST_GAP_S: f64 = 0.1;
+/// A record with no pressure above this one is in another unit \[Pa\].
+const LEAST_PRESSURE_PA: f64 = 2.0e4;
+/// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
+const NOT_ABSOLUTE: f64 = 0.8;
+/// Lengths of a muscle, share of its rest length \[-\].
+const LENGTHS: [f64; 2] = [0.5, 1.1];
+/// A muscle whose length changes by more than this share of its rest length moves \[-\].
+const MOVES: f64 = 0.01;
+/// Correlation of length and pressure from which on a sign is reversed.
+const REVERSED: f64 = 0.5;
+/// Most negative reading of a load cell, share of the largest force \[-\].
+const BELOW_ZERO: f64 = 0.05;
+/// Fewest rows.
+const FEWEST: usize = 50;
+
+/// One row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    pub time_s: f64,
+    pub length_m: f64,
+    pub pressure_pa: f64,
+    /// Measured force, or the load's where no column has it \[N\].
+    pub force_n: f64,
+    /// Rows of the file that this one stands for.
+    pub weight: f64,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct Record {
+    pub rows: Vec<Row>,
+    /// The force has been measured.
+    pub has_force: bool,
+}
+
+impl Record {
+    /// Reads a table for a scenario's muscle.
+    ///
+    /// # Errors
+    /// For missing columns, impossible values, gaps, wrong units and reversed signs, with their line.
+    pub fn of(table: &Table, scenario: &Scenario) -> Result<Self, InputError> {
+        let [times, lengths, pressures] = COLUMNS.map(|name| table.filled(name));
+        let (times, lengths, pressures) = (times?, lengths?, pressures?);
+        let has_force = table.columns().iter().any(|column| column.name == FORCE);
+        let forces = has_force.then(|| table.filled(FORCE)).transpose()?;
+        if times.len() < FEWEST {
+            let why = format!("{} rows: must be {FEWEST} or more of a motion", times.len());
+            let column = COLUMNS[0].to_owned();
+            return Err(table.header_error(Problem::UnusableColumn { column, why }));
+        }
+        check_times(table, &times)?;
+        check_lengths(table, &lengths, scenario.muscle.rest_length_m)?;
+        check_pressures(table, &pressures, scenario.ambient.pressure_pa)?;
+        match &forces {
+            Some(forces) => check_forces(table, forces)?,
+            None => check_sign(table, &lengths, &pressures, scenario.muscle.rest_length_m)?,
+        }
+        let rows = (0..times.len()).map(|i| Row {
+            time_s: times[i],
+            length_m: lengths[i],
+            pressure_pa: pressures[i],
+            force_n: forces.as_ref().map_or(scenario.load.force_n, |forces| forces[i]),
+            weight: 1.0,
+        });
+        Ok(Self { rows: rows.collect(), has_force })
+    }
+
+    /// Way between the shortest and the longest length \[m\].
+    pub fn stroke_m(&self) -> f64 {
+        span(self.rows.iter().map(|row| row.length_m))
+    }
+
+    /// Longest length \[m\].
+    pub fn longest_m(&self) -> f64 {
+        self.rows.iter().map(|row| row.length_m).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The muscle moves by enough to compare lengths.
+    pub fn moves(&self, rest_m: f64) -> bool {
+        self.stroke_m() > MOVES * rest_m
+    }
+
+    /// Largest force \[N\].
+    pub fn largest_n(&self) -> f64 {
+        self.rows.iter().map(|row| row.force_n).fold(0.0, f64::max)
+    }
+
+    /// At most so many rows, where the motion is: each stands for those since the one before it.
+    pub fn thinned(&self, most: usize) -> Self {
+        let spans = [
+            span(self.rows.iter().map(|row| row.length_m)),
+            span(self.rows.iter().map(|row| row.pressure_pa)),
+            span(self.rows.iter().map(|row| row.force_n)),
+        ];
+        let of = |row: &Row| [row.length_m, row.pressure_pa, row.force_n];
+        let (mut share, mut longest_s) = (0.002, 0.2);
+        loop {
+            let mut rows: Vec<Row> = Vec::new();
+            let mut weight = 0.0;
+            for row in &self.rows {
+                weight += 1.0;
+                let moved = rows.last().is_none_or(|kept| {
+                    row.time_s - kept.time_s >= longest_s
+                        || (0..3).any(|i| (of(row)[i] - of(kept)[i]).abs() > share * spans[i])
+                });
+                if moved {
+                    rows.push(Row { weight, ..*row });
+                    weight = 0.0;
+                }
+            }
+            if rows.len() <= most {
+                return Self { rows, has_force: self.has_force };
+            }
+            share *= 1.5;
+            longest_s *= 1.5;
+        }
+    }
+}
+
+fn span(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
+}
+
+/// Place of the largest value.
+fn largest(values: &[f64]) -> usize {
+    (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0)
+}
+
+/// Times rise, without gaps: slip and creep in between would be unknown.
+fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
+    let mut distances: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    if let Some(row) = distances.iter().position(|distance| *distance <= 0.0) {
+        let allowed = format!("later than the row before it, at {:?} s", times[row]);
+        return Err(table.cell_error(row + 1, COLUMNS[0], &allowed));
+    }
+    let all = distances.clone();
+    distances.sort_by(f64::total_cmp);
+    let usual_s = distances[distances.len() / 2];
+    let longest_s = (GAP_ROWS * usual_s).max(LEAST_GAP_S);
+    match all.iter().position(|distance| *distance > longest_s) {
+        Some(row) => {
+            let allowed = format!(
+                "within {} s of the row before it, as the others are: what slips and creeps in a gap is \
+                 unknown; cut the record there",
+                thermyo_files::number::significant(longest_s, 3)
+            );
+            Err(table.cell_error(row + 1, COLUMNS[0], &allowed))
+        }
+        None => Ok(()),
+    }
+}
+
+fn check_lengths(table: &Table, lengths: &[f64], rest_m: f64) -> Result<(), InputError> {
+    let [low, high] = LENGTHS.map(|share| share * rest_m);
+    let Some(row) = lengths.iter().position(|length| !(low..=high).contains(length)) else {
+        return Ok(());
+    };
+    let unit = if (low..=high).contains(&(0.001 * lengths[row])) {
+        ": is this mm?"
+    } else if (low..=high).contains(&-lengths[row]) {
+        ": is its sign reversed?"
+    } else if lengths[row].abs() < low && lengths[row] >= 0.0 {
+        ": is this a contraction, or a stroke?"
+    } else {
+        ""
+    };
+    let allowed =
+        format!("a length from {low} to {high} m, by muscle.rest_length_m = {rest_m:?}{unit}");
+    Err(table.cell_error(row, COLUMNS[1], &allowed))
+}
+
+fn check_pressures(table: &Table, pressures: &[f64], ambient_pa: f64) -> Result<(), InputError> {
+    let highest = largest(pressures);
+    let pressure = pressures[highest];
+    if pressure < LEAST_PRESSURE_PA {
+        let unit = match pressure {
+            ..2.0 => "MPa",
+            ..50.0 => "bar",
+            _ => "kPa",
+        };
+        let allowed = format!(
+            "absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?"
+        );
+        return Err(table.cell_error(highest, COLUMNS[2], &allowed));
+    }
+    let least_pa = NOT_ABSOLUTE * ambient_pa;
+    match pressures.iter().position(|pressure| *pressure < least_pa) {
+        Some(row) => {
+            let allowed = format!(
+                "absolute, and no less than {least_pa:.0} Pa: is this gauge pressure? Add ambient.pressure_pa"
+            );
+            Err(table.cell_error(row, COLUMNS[2], &allowed))
+        }
+        None => Ok(()),
+    }
+}
+
+fn check_forces(table: &Table, forces: &[f64]) -> Result<(), InputError> {
+    let largest_n = forces[largest(forces)].max(0.0);
+    match forces.iter().position(|force| *force < -BELOW_ZERO * largest_n) {
+        Some(row) => {
+            let allowed = "a pull, positive, with a zero off by 5 % of the largest at most: is its sign reversed?";
+            Err(table.cell_error(row, FORCE, allowed))
+        }
+        None => Ok(()),
+    }
+}
+
+/// A muscle is shorter where its pressure is higher.
+fn check_sign(
+    table: &Table,
+    lengths: &[f64],
+    pressures: &[f64],
+    rest_m: f64,
+) -> Result<(), InputError> {
+    if span(lengths.iter().copied()) < MOVES * rest_m {
+        let why = format!(
+            "it moves by less than {} % of muscle.rest_length_m, and force_n is missing: nothing shows slip and creep",
+            100.0 * MOVES
+        );
+        let column = COLUMNS[1].to_owned();
+        return Err(table.header_error(Problem::UnusableColumn { column, why }));
+    }
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let means = [mean(lengths), mean(pressures)];
+    let product = |a: &[f64], b: &[f64], [a0, b0]: [f64; 2]| -> f64 {
+        a.iter().zip(b).map(|(a, b)| (a - a0) * (b - b0)).sum()
+    };
+    let [l0, p0] = means;
+    let correlation = product(lengths, pressures, means)
+        / (product(lengths, lengths, [l0, l0]) * product(pressures, pressures, [p0, p0])).sqrt();
+    if correlation > REVERSED {
+        let row = largest(pressures);
+        let allowed = "shorter where the pressure is higher: is its sign reversed?";
+        return Err(table.cell_error(row, COLUMNS[1], allowed));
+    }
+    Ok(())
+}

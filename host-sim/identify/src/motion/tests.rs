@@ -1,0 +1,188 @@
+//! Muscles of which slip and creep are known, from their own plan; what a record cannot tell; records
+//! that cannot be used.
+
+use super::*;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use thermyo_files::shipped;
+use thermyo_record::trace::Row as Sample;
+use thermyo_scenario::DriveKind;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
+
+const CONFIG: &str = "scenarios/motion.toml";
+
+fn shipped_scenario() -> Loaded {
+    thermyo_setup::parse(shipped::text("motion.toml"), CONFIG.as_ref()).unwrap()
+}
+
+fn table(text: &str) -> Table {
+    Table::parse(text, "motion.csv".as_ref()).unwrap()
+}
+
+/// Set points of pressure of the plan.
+fn planned(loaded: &Loaded) -> Vec<(f64, f64)> {
+    let (text, _) = plan(loaded, CONFIG.as_ref()).unwrap();
+    let plan = table(&text);
+    let [times, pressures] = ["time_s", "pressure_pa"].map(|name| plan.filled(name).unwrap());
+    times.into_iter().zip(pressures).collect()
+}
+
+/// Record of the plant at 50 rows a second, with noise of 20 um and 300 Pa.
+fn record(loaded: &Loaded, points: Vec<(f64, f64)>) -> String {
+    let driven = loaded.driven(DriveKind::Pressure, points);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+    let mut text = "time_s,length_m,pressure_pa\n".to_owned();
+    let mut step = 0;
+    let mut observer = |row: &Sample| {
+        if step % 20 == 0 {
+            let [a, b]: [f64; 2] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
+            let truth = &row.truth;
+            let (length_m, pressure_pa) =
+                (truth.length_m + 2e-5 * a, truth.pressure_pa + 300.0 * b);
+            text += &format!("{:.3},{length_m:.6},{pressure_pa:.0}\n", truth.time_s);
+        }
+        step += 1;
+        Ok(())
+    };
+    run::run(&driven, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    text
+}
+
+/// Another muscle than the scenario's.
+fn other() -> Loaded {
+    let mut loaded = shipped_scenario();
+    for scenario in [&mut loaded.plant, &mut loaded.believed] {
+        scenario.load.mass_kg = 0.2;
+        let muscle = &mut scenario.muscle;
+        (muscle.bladder_saturation_n, muscle.bladder_strain) = (230.0, 0.026);
+        (muscle.slip_force_n, muscle.slip_stiffness_n_m) = (9.0, 4500.0);
+        (muscle.creep_fast_n_m, muscle.creep_fast_s) = (1800.0, 0.7);
+        (muscle.creep_slow_n_m, muscle.creep_slow_s) = (2100.0, 15.0);
+    }
+    loaded
+}
+
+#[test]
+fn a_muscle_is_found_from_its_own_plan() {
+    let muscle = other();
+    let text = record(&muscle, planned(&muscle));
+    let all: Vec<&str> = text.lines().collect();
+    // A second record of the same muscle: the middle of the first.
+    let second = [&all[..1], &all[3000..8000]].concat().join("\n") + "\n";
+    let found =
+        identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), Some(&table(&second)))
+            .unwrap();
+    let findings = &found.findings;
+    println!("{}", findings.text());
+    assert!(findings.holds && findings.open.is_empty(), "{findings:?}");
+    for (key, truth) in [
+        ("muscle.slip_force_n", 9.0),
+        ("muscle.slip_stiffness_n_m", 4500.0),
+        ("muscle.creep_fast_n_m", 1800.0),
+        ("muscle.creep_fast_s", 0.7),
+        ("muscle.creep_slow_n_m", 2100.0),
+        ("muscle.creep_slow_s", 15.0),
+        ("muscle.bladder_saturation_n", 230.0),
+    ] {
+        let Fitted { value, standard_error, .. } = findings.parameters[key];
+        assert!((value / truth - 1.0).abs() < 0.1, "{key}: {value} for {truth}");
+        let off = (value - truth).abs() / standard_error.unwrap();
+        assert!(off < 6.0, "{key}: {value} for {truth}, {off} standard errors");
+    }
+    let [length_m, against_m] =
+        [&findings.rmse, findings.against.as_ref().unwrap()].map(|left| left.length_m.unwrap());
+    assert!((1.5e-5..1e-4).contains(&length_m), "{length_m} m");
+    assert!((1.5e-5..2e-4).contains(&against_m), "{against_m} m");
+}
+
+/// Five seconds of a fast sine show no creep of half a minute.
+#[test]
+fn what_a_record_does_not_show_stays_open() {
+    let muscle = shipped_scenario();
+    let points = (0..250).map(|i| {
+        let t = 0.02 * f64::from(i);
+        (t, 2.0e5 + 9.0e4 * (9.0 * t).sin())
+    });
+    let text = record(&muscle, points.collect());
+    let found = identify(&muscle, CONFIG.as_ref(), &table(&text), None).unwrap();
+    let Findings { open, holds, parameters, .. } = &found.findings;
+    println!("{}", found.findings.text());
+    assert!(!holds && open.contains(&"muscle.creep_slow_s"), "{open:?}");
+    let slow = &parameters["muscle.creep_slow_s"];
+    assert_eq!((slow.value, slow.standard_error), (26.0, None));
+    assert_eq!(found.scenario.plant.muscle.creep_slow_s, 26.0);
+    assert!(found.findings.failed().unwrap().contains("--plan motion"));
+}
+
+/// A record of 100 rows, each cell by a function of the row.
+fn rows(of: impl Fn(usize) -> String) -> String {
+    let head = "time_s,length_m,pressure_pa,force_n\n".to_owned();
+    (0..100).fold(head, |text, i| text + &of(i) + "\n")
+}
+
+#[test]
+fn a_record_that_cannot_be_used_is_named_with_its_line() {
+    let good = |i: usize| (0.02 * i as f64, 0.25 - 2e-4 * i as f64, 101_325.0 + 4e3 * i as f64);
+    let with = |change: &dyn Fn(usize, (f64, f64, f64)) -> (f64, f64, f64), force_n: f64| {
+        let text = rows(|i| {
+            let (t, l, p) = change(i, good(i));
+            format!("{t:.3},{l:.6},{p:.1},{force_n}")
+        });
+        let scenario = shipped_scenario().plant;
+        Record::of(&table(&text), &scenario).map_err(|error| error.to_string())
+    };
+    assert!(with(&|_, row| row, 5.0).is_ok());
+    for (message, change) in [
+        (
+            "motion.csv:52: column time_s = 4.0: must be within 0.400 s of the row before it",
+            (&|i: usize, (t, l, p): (f64, f64, f64)| (t + if i > 49 { 3.0 } else { 0.0 }, l, p))
+                as &dyn Fn(usize, (f64, f64, f64)) -> (f64, f64, f64),
+        ),
+        ("motion.csv:22: column time_s = 0.0: must be later", &|i, (t, l, p)| {
+            (if i == 20 { 0.0 } else { t }, l, p)
+        }),
+        ("motion.csv:2: column length_m = 250.0: must be a length from 0.125", &|_, (t, l, p)| {
+            (t, 1000.0 * l, p)
+        }),
+        ("motion.csv:2: column length_m = -0.25: must be a length from 0.125", &|_, (t, l, p)| {
+            (t, -l, p)
+        }),
+        (
+            "motion.csv:101: column pressure_pa = 497.3: must be absolute and in Pa",
+            &|_, (t, l, p)| (t, l, 0.001 * p),
+        ),
+        ("motion.csv:2: column pressure_pa = 0.0: must be absolute", &|_, (t, l, p)| {
+            (t, l, p - 101_325.0)
+        }),
+    ] {
+        let error = with(change, 5.0).unwrap_err();
+        assert!(error.starts_with(message), "{error}");
+    }
+    for (word, factor) in [("kPa", 1e-3), ("bar", 1e-5), ("MPa", 1e-6)] {
+        let error = with(&|_, (t, l, p)| (t, l, factor * p), 5.0).unwrap_err();
+        assert!(error.ends_with(&format!("is this {word}?")), "{error}");
+    }
+    let error = with(&|_, (t, l, p)| (t, 1000.0 * l, p), 5.0).unwrap_err();
+    assert!(error.ends_with("is this mm?"), "{error}");
+    let error = with(&|_, (t, l, p)| (t, l, p - 101_325.0), 5.0).unwrap_err();
+    assert!(error.contains("is this gauge pressure?"), "{error}");
+    // Nothing but a sign: a stroke measured from the other end.
+    let text = rows(|i| {
+        let (t, l, p) = good(i);
+        format!("{t:.3},{:.6},{p:.1},", 0.5 - l - 0.02)
+    })
+    .replace(",force_n", "")
+    .replace(",\n", "\n");
+    let error = Record::of(&table(&text), &shipped_scenario().plant).unwrap_err().to_string();
+    let message =
+        "motion.csv:101: column length_m = 0.2498: must be shorter where the pressure is higher";
+    assert!(error.starts_with(message), "{error}");
+    let text = rows(|i| {
+        let (t, l, p) = good(i);
+        format!("{t:.3},{l:.6},{p:.1},{}", if i == 60 { -50.0 } else { 100.0 })
+    });
+    let error = Record::of(&table(&text), &shipped_scenario().plant).unwrap_err().to_string();
+    assert!(error.starts_with("motion.csv:62: column force_n = -50.0: must be a pull"), "{error}");
+}

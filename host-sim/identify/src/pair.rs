@@ -1,0 +1,165 @@
+//! A pair of muscles against each other, shut off: motion and pressures from the commanded force alone.
+//!
+//! ```text
+//! F - F_0 = K x + z,   z' = s x', |z| <= F_s         x = (L_2 - L_1)/2
+//! p_i = p_i0 + g_i x                                 closed gas: g = n p (-dV/dL)/V
+//! ```
+//!
+//! K is the stiffness of both muscles and their gas; over a tenth of a percent of the length all of it is
+//! linear. The slip has the gear's friction in it.
+
+use super::search::{self, LeastSquares};
+use nalgebra::{DMatrix, DVector};
+use thermyo_files::input::InputError;
+use thermyo_files::table::Table;
+
+/// Columns of a record.
+const COLUMNS: [&str; 6] =
+    ["time_s", "force_command_n", "length_1_m", "length_2_m", "pressure_1_pa", "pressure_2_pa"];
+/// Last part of the record, which is not fitted \[s\].
+const HELD_OUT_S: f64 = 9.0;
+/// Step of the differences.
+const DIFFERENCE: f64 = 1.0e-4;
+
+/// Coefficients of determination of the part that was not fitted, and the values found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pair {
+    /// Displacement, first and second pressure \[-\].
+    pub r2: [f64; 3],
+    /// The same of a pair without friction \[-\].
+    pub frictionless_r2: [f64; 3],
+    /// Force of the slip \[N\].
+    pub slip_n: f64,
+    /// Its stiffness \[N/m\].
+    pub slip_n_m: f64,
+    /// Stiffness of the pair \[N/m\].
+    pub stiffness_n_m: f64,
+}
+
+struct Problem<'a> {
+    forces: &'a [f64],
+    ways: &'a [f64],
+    /// Slip's force and stiffness are searched.
+    slips: bool,
+}
+
+/// ln K, offset over 10 N, ln F_s, ln s.
+const START: [f64; 4] = [11.5, 0.0, 3.0, 12.5];
+
+impl Problem<'_> {
+    fn values(&self, place: &DVector<f64>) -> [f64; 4] {
+        let slip = |i: usize| if self.slips { place[i].exp() } else { 0.0 };
+        [place[0].exp(), 10.0 * place[1], slip(2), slip(3)]
+    }
+
+    fn ways(&self, place: &DVector<f64>, forces: &[f64]) -> Vec<f64> {
+        let [stiffness, offset, limit, slip] = self.values(place);
+        let mut slider = 0.0;
+        let way = |force: &f64| {
+            let free = force - offset;
+            // Stuck, or sliding one way or the other.
+            let stuck = (free + slip * slider) / (stiffness + slip);
+            let held = slip * (stuck - slider);
+            if held.abs() <= limit {
+                return stuck;
+            }
+            let sliding = (free - limit.copysign(held)) / stiffness;
+            slider = if slip > 0.0 { sliding - limit.copysign(held) / slip } else { sliding };
+            sliding
+        };
+        forces.iter().map(way).collect()
+    }
+}
+
+impl LeastSquares for Problem<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let ways = self.ways(place, self.forces);
+        let left = ways.iter().zip(self.ways).map(|(way, is)| 1.0e4 * (way - is));
+        // Without slip its two variables stay where they are.
+        let idle = place.iter().zip(START).map(|(place, start)| 1.0e-3 * (place - start));
+        DVector::from_vec(left.chain(idle).collect())
+    }
+
+    fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
+        let column = |i: usize| {
+            let [above, below] = [DIFFERENCE, -DIFFERENCE].map(|by| {
+                let mut shifted = place.clone();
+                shifted[i] += by;
+                self.weighted(&shifted)
+            });
+            (above - below) / (2.0 * DIFFERENCE)
+        };
+        DMatrix::from_columns(&(0..place.len()).map(column).collect::<Vec<_>>())
+    }
+}
+
+/// Fits all but the last part of a record, and compares with that.
+///
+/// # Errors
+/// For missing columns and empty cells.
+pub fn pair(table: &Table) -> Result<Pair, InputError> {
+    let [times, forces, first, second, pressure_1, pressure_2] =
+        COLUMNS.map(|name| table.filled(name));
+    let (times, forces) = (times?, forces?);
+    let ways: Vec<f64> =
+        first?.iter().zip(&second?).map(|(first, second)| 0.5 * (second - first)).collect();
+    let pressures = [pressure_1?, pressure_2?];
+    let end_s = times.last().copied().unwrap_or_default();
+    let cut = times.partition_point(|time| *time < end_s - HELD_OUT_S);
+    let of = |slips: bool| {
+        let problem = Problem { forces: &forces[..cut], ways: &ways[..cut], slips };
+        let place = search::minimize(&problem, DVector::from_row_slice(&START), 1.0e-10, 200).place;
+        let predicted = problem.ways(&place, &forces);
+        let [one, two] = [0, 1].map(|i: usize| {
+            let (offset, slope) = line(&predicted[..cut], &pressures[i][..cut]);
+            let found: Vec<f64> = predicted[cut..].iter().map(|way| offset + slope * way).collect();
+            determined(&found, &pressures[i][cut..])
+        });
+        (problem.values(&place), [determined(&predicted[cut..], &ways[cut..]), one, two])
+    };
+    let ([stiffness_n_m, _, slip_n, slip_n_m], r2) = of(true);
+    Ok(Pair { r2, frictionless_r2: of(false).1, slip_n, slip_n_m, stiffness_n_m })
+}
+
+/// Offset and slope of the line through points.
+fn line(x: &[f64], y: &[f64]) -> (f64, f64) {
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let (x0, y0) = (mean(x), mean(y));
+    let product: f64 = x.iter().zip(y).map(|(x, y)| (x - x0) * (y - y0)).sum();
+    let square: f64 = x.iter().map(|x| (x - x0).powi(2)).sum();
+    let slope = product / square;
+    (y0 - slope * x0, slope)
+}
+
+/// Coefficient of determination.
+fn determined(found: &[f64], measured: &[f64]) -> f64 {
+    let mean = measured.iter().sum::<f64>() / measured.len() as f64;
+    let left: f64 = found.iter().zip(measured).map(|(f, m)| (f - m).powi(2)).sum();
+    let all: f64 = measured.iter().map(|m| (m - mean).powi(2)).sum();
+    1.0 - left / all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pair with the law itself: 40 N of slip, 150 kN/m.
+    #[test]
+    fn a_pair_is_found() {
+        let known = DVector::from_row_slice(&[1.5e5_f64.ln(), 0.5, 40.0_f64.ln(), 4.0e5_f64.ln()]);
+        let forces: Vec<f64> = (0..3000).map(|i| 140.0 * (0.006 * f64::from(i)).sin()).collect();
+        let ways = Problem { forces: &[], ways: &[], slips: true }.ways(&known, &forces);
+        let mut text = COLUMNS.join(",") + "\n";
+        for (i, (force, way)) in forces.iter().zip(&ways).enumerate() {
+            let time_s = 0.01 * i as f64;
+            let (first, second) = (0.2 - way, 0.2 + way);
+            let (p1, p2) = (4.7e5 - 1.1e7 * way, 4.6e5 + 1.2e7 * way);
+            text += &format!("{time_s},{force},{first},{second},{p1},{p2}\n");
+        }
+        let found = pair(&Table::parse(&text, "pair.csv".as_ref()).unwrap()).unwrap();
+        assert!(found.r2.iter().all(|r2| *r2 > 0.9999), "{found:?}");
+        assert!((found.slip_n / 40.0 - 1.0).abs() < 1e-2, "{found:?}");
+        assert!((found.stiffness_n_m / 1.5e5 - 1.0).abs() < 1e-2, "{found:?}");
+        assert!(found.frictionless_r2.iter().all(|r2| (0.5..0.97).contains(r2)), "{found:?}");
+    }
+}

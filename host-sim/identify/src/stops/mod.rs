@@ -1,0 +1,501 @@
+//! Gas temperature and heat transfer from stops: intervals in which both valves are shut.
+//!
+//! ```text
+//! record --find--> stops --thermometer--> T(t) of the gas, lags and place of the sensor
+//!                        --relaxation---> heat transfer gas to wall, still and stirred
+//! ```
+//!
+//! While both valves are shut the mass is constant, so that by eq. (1) at every time
+//!
+//! ```text
+//! T(t) = T_end (P V)(t)/(P V)_end
+//! ```
+//!
+//! T is the mass-weighted mean of the gas, whatever its distribution: the sum of P V_i = m_i R T_i
+//! over its parts. At the end of a long enough wait gas, wall and sensor have one temperature,
+//! T_end, which the sensor reads. Neither valve, flow nor heat transfer has to be known.
+//!
+//! Gas in fittings, tube and hose, V_c, keeps their temperature, near T_end. With the gas there,
+//! m R = P (V - V_c)/T + P V_c/T_end, so that
+//!
+//! ```text
+//! T(t) = T_end P (V - V_c)/((P V)_end - P V_c)
+//! ```
+
+mod find;
+mod identified;
+pub mod page;
+mod relaxation;
+#[cfg(test)]
+mod tests;
+mod thermometer;
+
+pub use find::{Row, Rows, SHORTEST_S};
+pub use identified::{Findings, Identified, analyse_with, are_asked_for, identify, refusals};
+pub use relaxation::Relaxation;
+pub use thermometer::Sensor;
+
+use find::Hold;
+use model_core::Config;
+use model_core::config::Load;
+use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
+use model_core::physics::hysteresis::{Held, Law};
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+use thermometer::Read;
+
+/// Fewest usable stops.
+pub const FEWEST: usize = 3;
+/// Fit of the product P V at the stop: quadratic over this time \[s\].
+const FITTED_S: f64 = 0.2;
+/// Error of the pressure that its sensor's noise does not show, as a fraction of its range: the
+/// total error band of a calibrated industrial transmitter (0.25 % of full scale).
+const PRESSURE_OFF: f64 = 0.0025;
+/// Error of the length at rest \[m\], and of the dead volume as a fraction of the volume: what a
+/// calliper leaves on a soft muscle. Assumptions.
+const LENGTH_OFF_M: f64 = 0.5e-3;
+const DEAD_OFF: f64 = 0.02;
+/// Share of the dead volume whose gas keeps the temperature of fittings and tube: between none and
+/// half of it, and its standard deviation (uniform). Assumption.
+const COOL: f64 = 0.25;
+const COOL_SD: f64 = 0.144;
+/// Error of a calibrated foil \[K\]: a tenth of a kelvin of the reference instrument.
+const SENSOR_OFF_K: f64 = 0.1;
+/// A wall that has warmed has not warmed evenly: how much it differs at the foil from its mean, as a
+/// share of its distance to ambient. Assumption; the paper's Fig. 2 spans as much as it warms.
+const UNEVEN: f64 = 0.2;
+/// A wait is too short if the gas, or what the sensor lags behind it, changes by more than this in
+/// the last quarter of it \[K\].
+const UNSETTLED_K: f64 = 0.5;
+/// A leak is corrected up to this change of the temperature at the stop \[K\].
+const MOST_LEAK_K: f64 = 1.5;
+/// A load that is constant changes the force by twice the friction, and by model errors within
+/// this fraction of the load and this force \[N\].
+const LOAD_SHARE: f64 = 0.15;
+const LOAD_N: f64 = 5.0;
+/// An end that is held moves less than this fraction of the rest length.
+const HELD: f64 = 0.005;
+/// Time after the valves shut during which gas and end still oscillate \[s\].
+const SHAKING_S: f64 = 0.3;
+/// Longest gap of a record within a stop \[s\].
+const LONGEST_GAP_S: f64 = 0.25;
+
+/// Standard deviation of a temperature at a stop, by cause \[K\].
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct Causes {
+    pub pressure_k: f64,
+    pub volume_k: f64,
+    pub sensor_k: f64,
+    pub leak_k: f64,
+    pub wait_k: f64,
+}
+
+impl Causes {
+    fn sum_k(&self) -> f64 {
+        let Self { pressure_k, volume_k, sensor_k, leak_k, wait_k } = self;
+        [pressure_k, volume_k, sensor_k, leak_k, wait_k]
+            .into_iter()
+            .map(|k| k * k)
+            .sum::<f64>()
+            .sqrt()
+    }
+}
+
+/// One stop.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Stop {
+    /// Time at which both valves are shut \[s\].
+    pub time_s: f64,
+    /// Time until a valve opens again \[s\].
+    pub wait_s: f64,
+    /// Mean temperature of the gas at the stop \[K\].
+    pub gas_k: f64,
+    /// Its standard deviation \[K\].
+    pub gas_sd_k: f64,
+    pub causes: Causes,
+    /// The board's estimate at the stop \[K\].
+    pub estimate_k: Option<f64>,
+    pub estimate_sd_k: Option<f64>,
+    /// The sensor's reading at the stop \[K\].
+    pub sensor_k: f64,
+    /// The plant's own temperature, where it was simulated \[K\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth_k: Option<f64>,
+    /// Temperature at the end of the wait \[K\].
+    pub end_k: f64,
+    /// Absolute pressure at the stop \[Pa\].
+    pub pressure_pa: f64,
+    /// Gas mass \[kg\].
+    pub mass_kg: f64,
+    /// Share of the gas that the muscle loses in a second \[1/s\]; 0 where none is seen.
+    pub leak_1_s: f64,
+    /// Reason why it does not count.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+    /// Index of the first and after the last row in the record.
+    #[serde(skip)]
+    pub rows: std::ops::Range<usize>,
+    /// Mean temperature of the gas at each of these rows \[K\].
+    #[serde(skip)]
+    pub curve_k: Vec<f64>,
+}
+
+impl Stop {
+    pub fn usable(&self) -> bool {
+        self.refused.is_none()
+    }
+
+    /// Estimate less measurement \[K\].
+    pub fn estimate_error_k(&self) -> Option<f64> {
+        self.estimate_k.map(|estimate_k| estimate_k - self.gas_k)
+    }
+}
+
+/// Everything that stops show.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Analysis {
+    pub stops: Vec<Stop>,
+    /// The sensor in the gas; none with too few usable stops.
+    pub sensor: Option<Sensor>,
+    /// Heat transfer gas to wall; none with too few usable stops, or where the gas cools too little.
+    pub heat: Option<Relaxation>,
+}
+
+impl Analysis {
+    pub fn usable(&self) -> impl Iterator<Item = &Stop> {
+        self.stops.iter().filter(|stop| stop.usable())
+    }
+
+    /// Root mean square of a difference over the usable stops.
+    pub fn rms_k(&self, of: impl Fn(&Stop) -> Option<f64>) -> Option<f64> {
+        let values: Vec<f64> = self.usable().filter_map(of).collect();
+        let square: f64 = values.iter().map(|k| k * k).sum();
+        (!values.is_empty()).then(|| (square / values.len() as f64).sqrt())
+    }
+}
+
+/// The muscle, as far as the analysis needs it, and the law of its heat transfer.
+pub struct Known<'a> {
+    pub config: &'a Config,
+    /// Coefficient of still gas by the scenario's law \[W/(m2 K)\], at pressure \[Pa\], gas and wall
+    /// temperature \[K\].
+    pub law: &'a dyn Fn(f64, f64, f64) -> f64,
+    /// Volume of a hose between valves and chamber, which the configuration leaves out \[m3\].
+    pub hose_m3: f64,
+}
+
+/// A stop with the volume at each of its rows.
+struct Closed<'a> {
+    hold: Hold,
+    rows: &'a [Row],
+    /// T/T_end at each row, of closed gas.
+    ratio: Vec<f64>,
+    /// The same, less what it would be with one standard deviation more of cool gas, at the stop.
+    cool_sd: f64,
+    /// P V at the end \[J\].
+    end_j: f64,
+    /// Volume of the gas whose temperature changes \[m3\].
+    volume_m3: Vec<f64>,
+}
+
+impl Closed<'_> {
+    fn since_s(&self, row: usize) -> f64 {
+        self.rows[row].time_s - self.hold.shut_s
+    }
+
+    fn wait_s(&self) -> f64 {
+        self.since_s(self.rows.len() - 1)
+    }
+}
+
+/// Analyses a record.
+pub fn analyse(rows: &Rows, known: &Known) -> Analysis {
+    let config = known.config;
+    let chamber = AnyChamber::new(&config.chamber);
+    let holds = find::holds(&rows.rows, config);
+    let cool = Cool::of(known);
+    let closed: Vec<Closed> =
+        holds.into_iter().map(|hold| close(hold, rows, &chamber, &cool)).collect();
+    let held_n = held_n(&rows.rows, config);
+    let moved =
+        |closed: &Closed| moved(closed, &held_n[closed.hold.rows.clone()], config, &chamber);
+    let refused: Vec<Option<String>> = closed.iter().map(moved).collect();
+    let steady: Vec<&Closed> = of_usable(&closed, &refused);
+    let prior = thermometer::configured(config);
+    let mut sensor = thermometer::fit(&steady, &prior);
+    let mut stops = judged(&closed, &refused, sensor.as_ref().unwrap_or(&prior), config, &chamber);
+    // Stops that a leak or a short wait spoils do not fit the sensor either.
+    let refused: Vec<Option<String>> = stops.iter().map(|stop| stop.refused.clone()).collect();
+    let left = of_usable(&closed, &refused);
+    if left.len() != steady.len() {
+        sensor = thermometer::fit(&left, &prior);
+        stops = judged(&closed, &refused, sensor.as_ref().unwrap_or(&prior), config, &chamber);
+    }
+    let cooling: Vec<(&Closed, &Stop)> =
+        closed.iter().zip(&stops).filter(|(_, stop)| stop.usable()).collect();
+    let heat = relaxation::fit(&cooling, known, &chamber);
+    Analysis { stops, sensor, heat }
+}
+
+fn of_usable<'a, 'b>(closed: &'a [Closed<'b>], refused: &[Option<String>]) -> Vec<&'a Closed<'b>> {
+    closed.iter().zip(refused).filter(|(_, why)| why.is_none()).map(|(closed, _)| closed).collect()
+}
+
+/// Volume of gas that keeps its temperature, and its standard deviation \[m3\].
+struct Cool {
+    volume_m3: f64,
+    sd_m3: f64,
+}
+
+impl Cool {
+    fn of(known: &Known) -> Self {
+        let dead_m3 = match &known.config.chamber {
+            ChamberConfig::Muscle(muscle) => f64::from(muscle.dead_volume_m3),
+            _ => 0.0,
+        };
+        Self { volume_m3: known.hose_m3 + COOL * dead_m3, sd_m3: COOL_SD * dead_m3 }
+    }
+}
+
+fn close<'a>(hold: Hold, rows: &'a Rows, chamber: &AnyChamber, cool: &Cool) -> Closed<'a> {
+    let rows = &rows.rows[hold.rows.clone()];
+    let whole_m3: Vec<f64> =
+        rows.iter().map(|row| f64::from(chamber.volume_m3(row.length_m as f32))).collect();
+    // Gas of the last twentieth of the wait. A hose comes on top of the chamber.
+    let first = rows.len() - (rows.len() / 20).max(1);
+    let mean = |of: &dyn Fn(usize) -> f64| {
+        (first..rows.len()).map(of).sum::<f64>() / (rows.len() - first) as f64
+    };
+    let end_j = mean(&|row| rows[row].pressure_pa * whole_m3[row]);
+    let end_pa = mean(&|row| rows[row].pressure_pa);
+    let ratio = |row: usize, cool_m3: f64| {
+        let pressure_pa = rows[row].pressure_pa;
+        pressure_pa * (whole_m3[row] - cool_m3) / (end_j - cool_m3 * pressure_pa)
+    };
+    let hose = |row: usize| ratio(row, cool.volume_m3);
+    let more = cool.volume_m3 + cool.sd_m3;
+    Closed {
+        ratio: (0..rows.len()).map(hose).collect(),
+        cool_sd: ratio(0, more) - hose(0),
+        end_j: end_j - cool.volume_m3 * end_pa,
+        volume_m3: whole_m3.iter().map(|volume_m3| volume_m3 - cool.volume_m3).collect(),
+        hold,
+        rows,
+    }
+}
+
+/// Force of slip and creep at each row, as configured, since a rest before the record \[N\].
+fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
+    let mut held = Held::default();
+    let mut before: Option<&Row> = None;
+    let next = |row| {
+        if let Some(before) = before.replace(row) {
+            let law = Law::new(&config.hysteresis, (row.time_s - before.time_s) as f32);
+            let way_m = (before.length_m - row.length_m) as f32;
+            let gauge_pa = row.pressure_pa as f32 - config.ambient.pressure_pa;
+            held = law.after(&held, way_m, gauge_pa, 1.0);
+        }
+        f64::from(held.force_n())
+    };
+    rows.iter().map(next).collect()
+}
+
+/// Why a stop cannot be used for its record alone: a gap, or a load that moved. `held_n` is the force
+/// of slip and creep at its rows \[N\].
+fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
+    let gap = closed.rows.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > LONGEST_GAP_S);
+    if let Some([before, after]) = gap {
+        return Some(format!(
+            "the record has a gap from {:.2} to {:.2} s",
+            before.time_s, after.time_s
+        ));
+    }
+    let rows = closed.rows.iter().zip(held_n);
+    let still: Vec<(&Row, &f64)> =
+        rows.filter(|(row, _)| row.time_s > closed.hold.shut_s + SHAKING_S).collect();
+    // Means of ten rows, so that noise does not count.
+    let mean = |of: &dyn Fn(&Row, f64) -> f64| -> Vec<(f64, f64)> {
+        let parts = still.chunks_exact(10);
+        let sum = |part: &[(&Row, &f64)]| part.iter().map(|(row, n)| of(row, **n)).sum::<f64>();
+        parts.map(|part| (part[0].0.time_s, sum(part) / 10.0)).collect()
+    };
+    match config.load {
+        Load::Isometric { .. } => {
+            let lengths_m = mean(&|row, _| row.length_m);
+            let most_m = HELD * f64::from(chamber.rest_length_m());
+            let (at_s, moved_m) = farthest(&lengths_m);
+            (moved_m > most_m).then(|| {
+                format!(
+                    "the end moved by {:.1} mm by {at_s:.2} s, where the load is configured as held",
+                    moved_m * 1e3
+                )
+            })
+        }
+        Load::Isotonic { force_n } => {
+            let ambient_pa = f64::from(config.ambient.pressure_pa);
+            let forces_n = mean(&|row, held_n| {
+                let gauge_pa = (row.pressure_pa - ambient_pa) as f32;
+                f64::from(chamber.force_n(gauge_pa, row.length_m as f32)) - held_n
+            });
+            let friction_n = f64::from(config.friction.force_n);
+            let most_n = 2.0 * friction_n + LOAD_SHARE * f64::from(force_n.abs()) + LOAD_N;
+            let (at_s, changed_n) = farthest(&forces_n);
+            (changed_n > most_n).then(|| {
+                format!(
+                    "the load moved: by {at_s:.2} s its force had changed by {changed_n:.0} N, friction explains \
+                     {most_n:.0} N"
+                )
+            })
+        }
+    }
+}
+
+/// Largest change since the first value, and its time; the largest span if there are values.
+fn farthest(values: &[(f64, f64)]) -> (f64, f64) {
+    let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut found = (0.0, 0.0);
+    for (time_s, value) in values {
+        (low, high) = (low.min(*value), high.max(*value));
+        if high - low > found.1 {
+            found = (*time_s, high - low);
+        }
+    }
+    found
+}
+
+fn judged(
+    closed: &[Closed],
+    refused: &[Option<String>],
+    sensor: &Sensor,
+    config: &Config,
+    chamber: &AnyChamber,
+) -> Vec<Stop> {
+    let judge = |(closed, refused): (&Closed, &Option<String>)| {
+        stop(closed, refused.clone(), sensor, config, chamber)
+    };
+    closed.iter().zip(refused).map(judge).collect()
+}
+
+fn stop(
+    closed: &Closed,
+    refused: Option<String>,
+    sensor: &Sensor,
+    config: &Config,
+    chamber: &AnyChamber,
+) -> Stop {
+    let read = thermometer::read(closed, sensor);
+    let wait_s = closed.wait_s();
+    let ratio = at_stop(closed);
+    // The mass at the stop is larger than at the end by what has leaked.
+    let kept = 1.0 - read.leak_1_s * wait_s;
+    let gas_k = read.end_k * ratio * kept;
+    let first = &closed.rows[0];
+    let causes = causes(closed, &read, gas_k, config, chamber);
+    let curve_k: Vec<f64> = (0..closed.rows.len())
+        .map(|row| {
+            read.end_k * closed.ratio[row] * (1.0 - read.leak_1_s * (wait_s - closed.since_s(row)))
+        })
+        .collect();
+    let gas_constant = f64::from(config.gas.gas_constant_j_kg_k);
+    let refused = refused.or_else(|| spoilt(closed, &read, &curve_k));
+    Stop {
+        time_s: closed.hold.shut_s,
+        wait_s,
+        gas_k,
+        gas_sd_k: causes.sum_k(),
+        causes,
+        estimate_k: first.estimate_k,
+        estimate_sd_k: first.estimate_sd_k,
+        sensor_k: first.sensor_k,
+        truth_k: first.truth_k,
+        end_k: read.end_k,
+        pressure_pa: first.pressure_pa,
+        mass_kg: closed.end_j / (gas_constant * read.end_k),
+        leak_1_s: read.leak_1_s,
+        refused,
+        rows: closed.hold.rows.clone(),
+        curve_k,
+    }
+}
+
+/// Why a stop cannot be used for what the gas did: a leak, or a wait that was too short.
+fn spoilt(closed: &Closed, read: &Read, curve_k: &[f64]) -> Option<String> {
+    let wait_s = closed.wait_s();
+    let lost = read.leak_1_s * wait_s;
+    if lost.abs() * read.end_k > MOST_LEAK_K {
+        let (verb, percent) = (if lost > 0.0 { "lost" } else { "gained" }, 100.0 * lost.abs());
+        return Some(format!(
+            "a leak: the muscle {verb} {percent:.1} % of its gas in {wait_s:.0} s. Seal it, or its valves"
+        ));
+    }
+    let from = curve_k.len() - curve_k.len() / 4;
+    let near = |row: usize| {
+        let part = &curve_k[row..(row + curve_k.len() / 40).min(curve_k.len()).max(row + 1)];
+        part.iter().sum::<f64>() / part.len() as f64
+    };
+    let changed_k = (near(from.min(curve_k.len() - 1))
+        - near(curve_k.len() - curve_k.len().div_ceil(40)))
+    .abs();
+    let unsettled_k = changed_k.max(read.behind_k.abs());
+    (unsettled_k > UNSETTLED_K).then(|| {
+        format!(
+            "the wait of {wait_s:.0} s was too short: at its end gas and sensor were still {unsettled_k:.1} K from rest"
+        )
+    })
+}
+
+/// (P V)/(P V)_end at the stop: the value there of a parabola through the first rows.
+fn at_stop(closed: &Closed) -> f64 {
+    let count = (0..closed.rows.len()).filter(|row| closed.since_s(*row) <= FITTED_S).count();
+    if count < 4 {
+        return closed.ratio[0];
+    }
+    let powers = DMatrix::from_fn(count, 3, |row, power| closed.since_s(row).powi(power as i32));
+    let ratios = DVector::from_column_slice(&closed.ratio[..count]);
+    match powers.tr_mul(&powers).cholesky() {
+        Some(squares) => squares.solve(&powers.tr_mul(&ratios))[0],
+        None => closed.ratio[0],
+    }
+}
+
+/// Propagates what is not known of pressure, volume, sensor, leak and wait to the temperature.
+fn causes(
+    closed: &Closed,
+    read: &Read,
+    gas_k: f64,
+    config: &Config,
+    chamber: &AnyChamber,
+) -> Causes {
+    let [first, last] = [&closed.rows[0], &closed.rows[closed.rows.len() - 1]];
+    let volume_m3 = |length_m: f64| f64::from(chamber.volume_m3(length_m as f32));
+    let log_ratio = |offset_m: f64, dead_m3: f64| {
+        let [at_stop, at_end] =
+            [first, last].map(|row| volume_m3(row.length_m + offset_m) + dead_m3);
+        (at_stop / at_end).ln()
+    };
+    let own = log_ratio(0.0, 0.0);
+    let by_length = log_ratio(LENGTH_OFF_M, 0.0) - own;
+    let by_dead = log_ratio(0.0, DEAD_OFF * volume_m3(first.length_m)) - own;
+    let sensor = &config.sensors.pressure;
+    let offset_pa = PRESSURE_OFF * f64::from(sensor.range_pa);
+    let by_offset = offset_pa * (1.0 / first.pressure_pa - 1.0 / last.pressure_pa);
+    let by_noise = closed_noise(closed);
+    let warmer_k = read.end_k - f64::from(config.ambient.temperature_k);
+    Causes {
+        pressure_k: gas_k * by_offset.hypot(by_noise),
+        volume_k: gas_k * by_length.hypot(by_dead).hypot(closed.cool_sd),
+        sensor_k: SENSOR_OFF_K.hypot(UNEVEN * warmer_k).hypot(read.end_sd_k),
+        leak_k: gas_k * read.leak_sd_1_s * closed.wait_s(),
+        wait_k: read.wait_sd_k,
+    }
+}
+
+/// Standard deviation of the product at the stop by its noise: rows differ from their neighbours by
+/// it; at its edge a parabola through n rows has 9/n of their variance.
+fn closed_noise(closed: &Closed) -> f64 {
+    let tail = &closed.ratio[closed.ratio.len() / 2..];
+    let squares: f64 = tail.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+    let variance = 0.5 * squares / (tail.len() - 1).max(1) as f64;
+    let count = (0..closed.rows.len()).filter(|row| closed.since_s(*row) <= FITTED_S).count();
+    (9.0 * variance / count.max(9) as f64).sqrt()
+}

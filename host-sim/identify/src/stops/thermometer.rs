@@ -1,0 +1,295 @@
+//! The sensor in the gas, from its answer to gas of a known course.
+//!
+//! During a stop the gas temperature is known up to one factor, T_end: T = T_end y with
+//! y = T/T_end of closed gas ([`super`]). Where the sensor is, the gas differs from the wall by g times what the mean
+//! does. Housing and element are lags in series, so that
+//!
+//! ```text
+//! T_s(t) = T_end (1 + g L[y - 1]) + T_end leak L[y (t - t_end)] + a exp(-t/tau) + b (housing)
+//! ```
+//!
+//! L is the response of both lags. T_end, leak, a and b are of each stop and enter linearly; tau,
+//! tau_h and g are the sensor's, found by Levenberg and Marquardt's method over their logarithms,
+//! with the linear ones solved for at each point (variable projection, Golub and Pereyra 1973).
+//! Standard errors are of the jackknife over the stops, and at least what the noise makes.
+
+use super::Closed;
+use crate::search::{LeastSquares, minimize};
+use crate::uncertainty::correlation_rows;
+use model_core::Config;
+use nalgebra::{DMatrix, DVector};
+use serde::Serialize;
+
+/// ln tau, ln tau_h, ln g.
+const COMMON: usize = 3;
+/// Weak priors of these logarithms, which act only where the data are silent: a factor of ten each
+/// way for the lags, of 1.5 for the place.
+const PRIOR_SD: [f64; COMMON] = [2.3, 2.3, 0.4];
+/// Beyond this factor from the configured lag nothing is searched.
+const WIDEST: f64 = 50.0;
+/// A housing without configured lag starts here \[s\].
+const LEAST_HOUSING_S: f64 = 0.02;
+const DIFFERENCE: f64 = 1e-4;
+/// A leak that is smaller than so many standard deviations is none.
+const SEEN_LEAK: f64 = 3.0;
+/// Smallest change of the temperature by a leak that is corrected \[K\]: errors of the sensor's
+/// model look like a smaller one.
+const LEAST_LEAK_K: f64 = 0.4;
+/// Error of the configured lag where the stops do not show it: a fifth.
+const LAG_OFF: f64 = 0.2;
+
+/// Lags and place of the sensor. Standard errors are of the logarithms.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Sensor {
+    /// Lag of the element \[s\].
+    pub lag_s: f64,
+    pub lag_sd: f64,
+    /// Lag of the housing \[s\].
+    pub housing_s: f64,
+    pub housing_sd: f64,
+    /// Difference of the gas at the sensor to the wall, over that of the mean \[-\].
+    pub location_factor: f64,
+    pub location_sd: f64,
+    /// Residual \[K\], RMS.
+    pub rms_k: f64,
+}
+
+/// Temperature at the end of a stop, by the sensor.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Read {
+    pub end_k: f64,
+    /// By noise \[K\].
+    pub end_sd_k: f64,
+    pub leak_1_s: f64,
+    pub leak_sd_1_s: f64,
+    /// By what is not known of the lag, which the reading at the end is behind by \[K\].
+    pub wait_sd_k: f64,
+    /// The sensor behind the gas at the end \[K\].
+    pub behind_k: f64,
+}
+
+/// The configured sensor.
+pub fn configured(config: &Config) -> Sensor {
+    let gas = &config.sensors.gas;
+    Sensor {
+        lag_s: gas.time_constant_s.into(),
+        lag_sd: LAG_OFF,
+        housing_s: f64::from(gas.housing_time_constant_s).max(LEAST_HOUSING_S),
+        housing_sd: 1.0,
+        location_factor: 1.0,
+        location_sd: PRIOR_SD[2],
+        rms_k: f64::NAN,
+    }
+}
+
+impl Sensor {
+    fn place(&self) -> DVector<f64> {
+        DVector::from_vec(vec![self.lag_s.ln(), self.housing_s.ln(), self.location_factor.ln()])
+    }
+}
+
+/// Response of a first-order lag to values that are linear between rows, from `reading` on.
+fn lagged(
+    times_s: impl Fn(usize) -> f64,
+    values: &[f64],
+    lag_s: f64,
+    mut reading: f64,
+) -> Vec<f64> {
+    let mut readings = vec![reading];
+    for row in 1..values.len() {
+        let step_s = times_s(row) - times_s(row - 1);
+        let behind = lag_s * (values[row] - values[row - 1]) / step_s;
+        let left = (-step_s / lag_s).exp();
+        reading = values[row] - behind + left * (reading - values[row - 1] + behind);
+        readings.push(reading);
+    }
+    readings
+}
+
+/// Linear parameters of one stop at given lags and place: solution, its covariance per unit
+/// variance, and residuals.
+struct Solved {
+    values: DVector<f64>,
+    inverse: DMatrix<f64>,
+    residuals: DVector<f64>,
+}
+
+fn solve(closed: &Closed, common: &DVector<f64>, leak: bool) -> Option<Solved> {
+    let [lag_s, housing_s, gain] = [0, 1, 2].map(|i| common[i].exp());
+    let times = |row: usize| closed.since_s(row);
+    let (count, wait_s) = (closed.rows.len(), closed.wait_s());
+    let both = |values: &[f64]| {
+        lagged(times, &lagged(times, values, housing_s, values[0]), lag_s, values[0])
+    };
+    let above: Vec<f64> = closed.ratio.iter().map(|ratio| ratio - 1.0).collect();
+    let lost: Vec<f64> = (0..count).map(|row| closed.ratio[row] * (times(row) - wait_s)).collect();
+    let housing: Vec<f64> = (0..count).map(|row| (-times(row) / housing_s).exp()).collect();
+    let (gas, lost, housing) = (both(&above), both(&lost), lagged(times, &housing, lag_s, 0.0));
+    let columns = if leak { 4 } else { 3 };
+    let design = DMatrix::from_fn(count, columns, |row, column| match column {
+        0 => 1.0 + gain * gas[row],
+        1 => (-times(row) / lag_s).exp(),
+        2 => housing[row],
+        _ => lost[row],
+    });
+    let reading = DVector::from_iterator(count, closed.rows.iter().map(|row| row.sensor_k));
+    let inverse = design.tr_mul(&design).cholesky()?.inverse();
+    let values = &inverse * design.tr_mul(&reading);
+    let residuals = &reading - &design * &values;
+    Some(Solved { values, inverse, residuals })
+}
+
+struct Projection<'a> {
+    stops: Vec<&'a Closed<'a>>,
+    prior: DVector<f64>,
+    noise_k: f64,
+}
+
+impl Projection<'_> {
+    /// Residuals in kelvin, without the prior.
+    fn residuals(&self, place: &DVector<f64>) -> DVector<f64> {
+        let parts = self.stops.iter().map(|closed| {
+            solve(closed, place, true).map_or_else(
+                || DVector::from_element(closed.rows.len(), 1e3),
+                |solved| solved.residuals,
+            )
+        });
+        let all: Vec<f64> =
+            parts.flat_map(|part| part.iter().copied().collect::<Vec<_>>()).collect();
+        DVector::from_vec(all)
+    }
+
+    fn jacobian(&self, place: &DVector<f64>) -> DMatrix<f64> {
+        let columns: Vec<DVector<f64>> = (0..COMMON)
+            .map(|i| {
+                let [more, less] = [DIFFERENCE, -DIFFERENCE].map(|by| {
+                    let mut moved = place.clone();
+                    moved[i] += by;
+                    self.residuals(&moved)
+                });
+                (more - less) / (2.0 * DIFFERENCE)
+            })
+            .collect();
+        DMatrix::from_columns(&columns)
+    }
+}
+
+impl LeastSquares for Projection<'_> {
+    fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+        let bound = WIDEST.ln();
+        let inside = place.zip_map(&self.prior, |at, prior| at.clamp(prior - bound, prior + bound));
+        let residuals = self.residuals(&inside) / self.noise_k;
+        let priors = (0..COMMON).map(|i| (place[i] - self.prior[i]) / PRIOR_SD[i]);
+        DVector::from_iterator(residuals.len() + COMMON, residuals.iter().copied().chain(priors))
+    }
+
+    fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
+        let own = self.jacobian(place) / self.noise_k;
+        let mut slopes = DMatrix::zeros(own.nrows() + COMMON, COMMON);
+        slopes.rows_mut(0, own.nrows()).copy_from(&own);
+        for i in 0..COMMON {
+            slopes[(own.nrows() + i, i)] = 1.0 / PRIOR_SD[i];
+        }
+        slopes
+    }
+}
+
+/// Standard deviation of one reading: rows differ from their neighbours by it.
+fn noise_k(stops: &[&Closed]) -> f64 {
+    let pairs = stops.iter().flat_map(|closed| closed.rows.windows(2));
+    let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), pair| {
+        (sum + (pair[1].sensor_k - pair[0].sensor_k).powi(2), count + 1.0)
+    });
+    (0.5 * sum / f64::max(count, 1.0)).sqrt().max(1e-3)
+}
+
+/// Fits lags and place to all stops; none with fewer than [`super::FEWEST`].
+pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
+    if stops.len() < super::FEWEST {
+        return None;
+    }
+    let all = |noise_k: f64| Projection { stops: stops.to_vec(), prior: prior.place(), noise_k };
+    let search = |problem: &Projection, start| minimize(problem, start, 1e-8, 60).place;
+    // Residuals that go on from row to row are an error of the model: the rows count accordingly.
+    let rough = search(&all(noise_k(stops)), prior.place());
+    let residuals = all(1.0).residuals(&rough);
+    let rms_k = (residuals.norm_squared() / residuals.len() as f64).sqrt();
+    let noise_k = noise_k(stops).max(rms_k * correlation_rows(residuals.as_slice()).sqrt());
+    let problem = all(noise_k);
+    let place = search(&problem, rough);
+    let others: Vec<DVector<f64>> = (0..stops.len())
+        .map(|out| {
+            let mut left = all(noise_k);
+            left.stops.remove(out);
+            search(&left, place.clone())
+        })
+        .collect();
+    let jacobian = problem.jacobian(&place) / noise_k;
+    let by_data = jacobian.tr_mul(&jacobian).cholesky().map(|squares| squares.inverse());
+    let sd = |i: usize| {
+        let own = by_data.as_ref().map_or(f64::INFINITY, |inverse| inverse[(i, i)].max(0.0).sqrt());
+        jackknife_sd(&others.iter().map(|place| place[i]).collect::<Vec<_>>()).max(own)
+    };
+    Some(Sensor {
+        lag_s: place[0].exp(),
+        lag_sd: sd(0),
+        housing_s: place[1].exp(),
+        housing_sd: sd(1),
+        location_factor: place[2].exp(),
+        location_sd: sd(2),
+        rms_k,
+    })
+}
+
+/// Standard error from fits that each leave one stop out.
+pub(super) fn jackknife_sd(values: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+    ((count - 1.0) / count * squares).sqrt()
+}
+
+/// Reads the end of a stop with a known sensor.
+pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
+    let place = sensor.place();
+    let last = closed.rows[closed.rows.len() - 1].sensor_k;
+    let unknown = Read {
+        end_k: last,
+        end_sd_k: 0.0,
+        leak_1_s: 0.0,
+        leak_sd_1_s: 0.0,
+        wait_sd_k: 0.0,
+        behind_k: 0.0,
+    };
+    let Some(with_leak) = solve(closed, &place, true) else { return unknown };
+    let rows = closed.rows.len() as f64;
+    let variance = with_leak.residuals.norm_squared() / rows;
+    // Residuals go on over the sensor's lag: so many rows are independent.
+    let independent = (closed.wait_s() / sensor.lag_s.max(closed.wait_s() / rows)).min(rows);
+    let inflated = variance * rows / independent;
+    let end_k = with_leak.values[0];
+    let leak_1_s = with_leak.values[3] / end_k;
+    let leak_sd_1_s = (with_leak.inverse[(3, 3)] * inflated).sqrt() / end_k;
+    let by_leak_k = leak_1_s.abs() * closed.wait_s() * end_k;
+    let seen = leak_1_s.abs() > SEEN_LEAK * leak_sd_1_s && by_leak_k > LEAST_LEAK_K;
+    let solved = if seen { Some(with_leak) } else { solve(closed, &place, false) };
+    let Some(solved) = solved else { return unknown };
+    let end_k = solved.values[0];
+    let otherwise = |by: f64| {
+        let mut moved = place.clone();
+        moved[0] += by;
+        solve(closed, &moved, seen).map_or(0.0, |other| other.values[0] - end_k)
+    };
+    let tail = closed.rows.len() - (closed.rows.len() / 20).max(1);
+    let tail = &closed.rows[tail..];
+    let reading_k = tail.iter().map(|row| row.sensor_k).sum::<f64>() / tail.len() as f64;
+    Read {
+        end_k,
+        end_sd_k: (solved.inverse[(0, 0)] * inflated).sqrt(),
+        leak_1_s: if seen { leak_1_s } else { 0.0 },
+        // A leak that is not corrected may be there, or not: half of it counts.
+        leak_sd_1_s: if seen { leak_sd_1_s } else { 0.5 * leak_1_s.abs() },
+        wait_sd_k: otherwise(sensor.lag_sd.min(1.0)).abs(),
+        behind_k: end_k - reading_k,
+    }
+}

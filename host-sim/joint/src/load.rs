@@ -1,0 +1,315 @@
+//! From the scenario of a joint to the data of a run.
+
+use model_core::ConfigError;
+use model_core::joint::{JointConfig, Motion};
+use std::f64::consts::TAU;
+use std::path::Path;
+use thermyo_compute::math;
+use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_files::table::{Table, read_table};
+use thermyo_plant::joint::Arm;
+use thermyo_scenario::joint::{
+    Joint, JointController, JointDocument, JointDrive, JointShape, is_joint,
+};
+use thermyo_scenario::profile::Profile;
+use thermyo_scenario::{Document, PlantKind};
+use thermyo_setup::core_config::core_config;
+use thermyo_setup::{Loaded, assemble};
+
+/// Interval over which the motion of a profile is taken \[s\].
+const DIFFERENCE_S: f64 = 0.01;
+
+/// Scenario of a joint, checked, with every default filled in.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointLoaded {
+    /// Muscles a and b.
+    pub muscles: [Loaded; 2],
+    /// The mechanism.
+    pub joint: Joint,
+    /// The mechanism that the core is configured with.
+    pub believed: Joint,
+    /// Tuning of the core's controller.
+    pub controller: JointController,
+    /// The set point over time.
+    pub drive: JointDrive,
+    /// Angle \[rad\] and stiffness \[N m/rad\] over time, from `drive.profile_csv`.
+    pub profile: Option<[Profile; 2]>,
+    /// External torque over time \[N m\], from `drive.load_csv`.
+    pub load: Option<Profile>,
+}
+
+impl JointLoaded {
+    /// The core's configuration.
+    pub fn config(&self) -> JointConfig {
+        let [a, b] = &self.muscles;
+        JointConfig {
+            muscles: [core_config(&a.believed), core_config(&b.believed)],
+            mechanism: self.believed.core(),
+            tuning: self.controller.core(),
+        }
+    }
+
+    /// The plant's mechanism.
+    pub fn arm(&self) -> Arm {
+        let joint = &self.joint;
+        Arm {
+            radius_m: joint.radius_m,
+            mid_length_m: [joint.mid_length_a_m, joint.mid_length_b_m],
+            inertia_kg_m2: joint.inertia_kg_m2,
+            gravity_n_m: joint.gravity_n_m,
+            gravity_angle_rad: joint.gravity_angle_rad,
+            viscous_n_m_s: joint.viscous_n_m_s,
+            friction_n_m: joint.friction_n_m,
+            stops_rad: [joint.minimum_rad, joint.maximum_rad],
+        }
+    }
+
+    /// The set point at a time \[s\].
+    pub fn motion(&self, time_s: f64) -> Motion {
+        match &self.profile {
+            Some([angle, stiffness]) => {
+                let most = self.controller.reference_torque_n_m / self.believed.inertia_kg_m2;
+                course(angle, stiffness.value(time_s), most, time_s)
+            }
+            None => shaped(&self.drive, time_s),
+        }
+    }
+
+    /// External torque at a time \[N m\].
+    pub fn load_n_m(&self, time_s: f64) -> f64 {
+        self.load.as_ref().map_or(0.0, |load| load.value(time_s))
+    }
+}
+
+/// The set point of a profile at a time, with its derivatives. Where they are beyond what the reference may accelerate
+/// \[rad/s2\], it is a step, which has none.
+pub fn course(angle: &Profile, stiffness_n_m_rad: f64, most_rad_s2: f64, time_s: f64) -> Motion {
+    let [before, now, after] =
+        [-DIFFERENCE_S, 0.0, DIFFERENCE_S].map(|later_s| angle.value(time_s + later_s));
+    let acceleration = (after - 2.0 * now + before) / (DIFFERENCE_S * DIFFERENCE_S);
+    let still = Motion::still(now as f32, stiffness_n_m_rad as f32);
+    if acceleration.abs() > most_rad_s2 {
+        return still;
+    }
+    Motion {
+        speed_rad_s: ((after - before) / (2.0 * DIFFERENCE_S)) as f32,
+        acceleration_rad_s2: acceleration as f32,
+        ..still
+    }
+}
+
+fn shaped(drive: &JointDrive, time_s: f64) -> Motion {
+    let JointDrive { angle_rad, stiffness_n_m_rad, amplitude_rad, period_s, .. } = *drive;
+    let still = |angle: f64| Motion::still(angle as f32, stiffness_n_m_rad as f32);
+    match drive.shape {
+        JointShape::Constant => still(angle_rad),
+        JointShape::Step => {
+            // Multiples of the period belong to the next one, whatever the rounding.
+            let second = (time_s / period_s + 1e-9).fract() >= 0.5;
+            still(angle_rad + if second { amplitude_rad } else { 0.0 })
+        }
+        JointShape::Sine => {
+            let w = TAU / period_s;
+            let (sin, cos) = (math::sin(w * time_s), math::cos(w * time_s));
+            Motion {
+                speed_rad_s: (amplitude_rad * w * cos) as f32,
+                acceleration_rad_s2: (-amplitude_rad * w * w * sin) as f32,
+                ..still(angle_rad + amplitude_rad * sin)
+            }
+        }
+    }
+}
+
+/// Loads the scenario of a joint, if the file is one.
+///
+/// # Errors
+/// In one line: file, line, key, what is there and what is allowed.
+pub fn load(path: &Path) -> Result<Option<JointLoaded>, InputError> {
+    let text = read_text(path)?;
+    if is_joint(&text) { parse(&text, path).map(Some) } else { Ok(None) }
+}
+
+/// The scenario of a joint from its text; `origin` is its name in messages.
+///
+/// # Errors
+/// As [`load`].
+pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
+    let document = JointDocument::parse(text, origin)?;
+    let (profile, load) = profiles(&document)?;
+    let start_rad = match &profile {
+        Some([angle, _]) => angle.value(0.0),
+        None => document.drive.angle_rad,
+    };
+    let way_m = document.joint.radius_m * start_rad;
+    let lengths_m = [document.joint.mid_length_a_m - way_m, document.joint.mid_length_b_m + way_m];
+    let [a, b] = &document.muscles;
+    let muscles = [muscle(&document, a, lengths_m[0])?, muscle(&document, b, lengths_m[1])?];
+    let loaded = JointLoaded {
+        muscles,
+        joint: document.joint.clone(),
+        believed: document.believed.clone(),
+        controller: document.controller.clone(),
+        drive: document.drive.clone(),
+        profile,
+        load,
+    };
+    check(&document, &loaded)?;
+    Ok(loaded)
+}
+
+/// A muscle held at that length, without a drive of its own.
+fn muscle(joint: &JointDocument, own: &Document, length_m: f64) -> Result<Loaded, InputError> {
+    let mut document = own.clone();
+    let wrong = |problem| joint.blame("joint.mid_length_a_m", problem);
+    document.set_word("load.kind", "isometric").map_err(wrong)?;
+    document.set_word("drive.kind", "closed").map_err(wrong)?;
+    let loaded = assemble(&document)?;
+    if loaded.plant.plant.kind == PlantKind::Vessel {
+        let entry = own.plant.get("plant.kind");
+        let problem = Problem::NotAllowed {
+            key: "plant.kind".to_owned(),
+            value: "\"vessel\"".to_owned(),
+            allowed: "\"muscle\", \"cylinder\" or \"table\" in a joint".to_owned(),
+        };
+        let line = entry.and_then(|entry| entry.line);
+        return Err(InputError { file: own.origin.clone(), line, problem: Box::new(problem) });
+    }
+    let mut held = loaded;
+    held.plant.load.length_m = length_m;
+    held.believed.load.length_m = length_m;
+    Ok(held)
+}
+
+/// Checks the mechanism by the core's rules, as the plant has it and as the core is configured, and set points against
+/// the stops.
+fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputError> {
+    let [a, b] = &loaded.muscles;
+    let of_plant = JointConfig {
+        muscles: [core_config(&a.plant), core_config(&b.plant)],
+        mechanism: loaded.joint.core(),
+        tuning: loaded.controller.core(),
+    };
+    for (prefix, config) in [("", of_plant), ("believed.", loaded.config())] {
+        config.check().map_err(|error| refused(document, prefix, &error))?;
+    }
+    let Joint { minimum_rad, maximum_rad, .. } = loaded.joint;
+    let drive = &loaded.drive;
+    let ends = match drive.shape {
+        _ if loaded.profile.is_some() => [minimum_rad; 2],
+        JointShape::Constant => [drive.angle_rad; 2],
+        JointShape::Sine => [-1.0, 1.0].map(|sign| drive.angle_rad + sign * drive.amplitude_rad),
+        JointShape::Step => [0.0, 1.0].map(|part| drive.angle_rad + part * drive.amplitude_rad),
+    };
+    for end_rad in ends {
+        if !(minimum_rad..=maximum_rad).contains(&end_rad) {
+            let key = if end_rad == drive.angle_rad { "angle_rad" } else { "amplitude_rad" };
+            let key = format!("drive.{key}");
+            let allowed = format!(
+                "such that the angle stays between the stops, {minimum_rad} to {maximum_rad} rad"
+            );
+            let value = format!("{end_rad} at its end");
+            return Err(
+                document.blame(&key, Problem::NotAllowed { key: key.clone(), value, allowed })
+            );
+        }
+    }
+    Ok(())
+}
+
+/// The core's refusal, in the words of the file.
+fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> InputError {
+    let ConfigError { field, value, minimum, maximum } = *error;
+    let (key, note) = field.split_once(' ').unwrap_or((field, ""));
+    let note = if note.is_empty() { String::new() } else { format!(" {note}") };
+    let allowed = format!("from {minimum} to {maximum}");
+    let problem = Problem::NotAllowed {
+        key: format!("{prefix}{key}{note}"),
+        value: value.to_string(),
+        allowed,
+    };
+    document.blame(key, problem)
+}
+
+type Profiles = (Option<[Profile; 2]>, Option<Profile>);
+
+fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
+    let beside = |path: &Path| {
+        let folder = document.muscles[0].origin.parent();
+        folder.unwrap_or(Path::new("")).join(path)
+    };
+    let read = |key: &str, path: &Path| {
+        read_table(&beside(path))
+            .map_err(|file| document.blame(key, Problem::Reference { key: key.to_owned(), file }))
+    };
+    let Joint { minimum_rad, maximum_rad, .. } = document.joint;
+    let profile = match &document.drive.profile_csv {
+        Some(path) => {
+            let table = read("drive.profile_csv", path)?;
+            let angle = column(&table, "angle_rad", [minimum_rad, maximum_rad])?;
+            Some([angle, column(&table, "stiffness_n_m_rad", [0.0, 1.0e6])?])
+        }
+        None => None,
+    };
+    let load = match &document.drive.load_csv {
+        Some(path) => {
+            let table = read("drive.load_csv", path)?;
+            Some(column(&table, "torque_n_m", [-1.0e6, 1.0e6])?)
+        }
+        None => None,
+    };
+    Ok((profile, load))
+}
+
+/// A column over `time_s`, within these limits.
+fn column(table: &Table, name: &str, [least, most]: [f64; 2]) -> Result<Profile, InputError> {
+    let (times, values) = (table.filled("time_s")?, table.filled(name)?);
+    let earlier = (1..times.len()).find(|row| times[*row] <= times[row - 1]);
+    if let Some(row) = earlier {
+        let allowed = format!("above {:?}, the time of the row before", times[row - 1]);
+        return Err(table.cell_error(row, "time_s", &allowed));
+    }
+    if let Some(row) = values.iter().position(|value| !(least..=most).contains(value)) {
+        return Err(table.cell_error(row, name, &format!("from {least} to {most}")));
+    }
+    let profile = Profile::new(times.into_iter().zip(values).collect());
+    profile.map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refusal(text: &str) -> String {
+        parse(text, "joint.toml".as_ref()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn what_no_joint_can_be_is_refused_at_its_line() {
+        let radius = refusal("[joint]\nradius_m = 0.2\n");
+        assert!(
+            radius.contains("joint.mid_length_a_m (less joint.radius_m times the stop)"),
+            "{radius}"
+        );
+        let middle = refusal("[joint]\nradius_m = 0.02\nmid_length_b_m = 0.32\n");
+        assert!(middle.starts_with("joint.toml:3: joint.mid_length_b_m"), "{middle}");
+        let drive = refusal("[joint]\n[drive]\nkind = \"joint\"\nangle_rad = 0.9\n");
+        assert!(drive.starts_with("joint.toml:4: drive.angle_rad = 0.9"), "{drive}");
+        let shape = "[joint]\n[drive]\nshape = \"sine\"\nangle_rad = 0.5\namplitude_rad = 0.4\n";
+        assert!(refusal(shape).starts_with("joint.toml:5: drive.amplitude_rad = 0.9"));
+        let vessel = refusal("[joint]\n[joint.b.plant]\nkind = \"vessel\"\n");
+        assert!(vessel.starts_with("joint.toml:3: plant.kind"), "{vessel}");
+        let pwm = refusal("[joint]\n[joint.b.valve]\npwm_hz = 50\n");
+        assert!(pwm.contains("valve.pwm_hz"), "{pwm}");
+        let profile = refusal("[joint]\n[drive]\nprofile_csv = \"no.csv\"\n");
+        assert!(profile.starts_with("joint.toml:3: drive.profile_csv: no.csv"), "{profile}");
+    }
+
+    #[test]
+    fn a_jump_of_a_profile_is_a_step() {
+        let jump = Profile::new(vec![(0.0, 0.0), (1.0, 0.0), (1.001, 0.5), (2.0, 0.5)]).unwrap();
+        assert_eq!(course(&jump, 14.0, 175.0, 0.995), Motion::still(0.0, 14.0));
+        assert_eq!(course(&jump, 14.0, 175.0, 1.002), Motion::still(0.5, 14.0));
+        let ramp = Profile::new(vec![(0.0, 0.0), (1.0, 0.5)]).unwrap();
+        assert!((course(&ramp, 14.0, 175.0, 0.5).speed_rad_s - 0.5).abs() < 1e-6);
+    }
+}

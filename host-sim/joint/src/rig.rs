@@ -1,0 +1,239 @@
+//! Joint, sensors and core in lockstep, step by step.
+
+use crate::load::JointLoaded;
+use model_core::joint::{
+    Joint as Core, JointError, JointMode, JointSample, JointSetPoint, JointTelemetry, Motion,
+};
+use model_core::{ConfigError, Duty};
+use std::{fmt, io};
+use thermyo_plant::chamber::{self, Chamber};
+use thermyo_plant::joint::{ArmLedger, Joint, JointTruth};
+use thermyo_plant::{Actuation, BuildError, Diverged, Ledger};
+use thermyo_scenario::Scenario;
+use thermyo_simulation::adc::VirtualAdc;
+use thermyo_simulation::faults::InjectedFaults;
+
+/// Steps of the startup check, at most.
+const MOST_CHECK_STEPS: u32 = 100_000;
+
+/// Why a run ended early.
+#[derive(Debug)]
+pub enum RunError {
+    /// The plant cannot be built from the scenario.
+    Build(BuildError),
+    /// The core refuses its configuration.
+    Config(ConfigError),
+    /// The core refuses a set point.
+    SetPoint(JointError),
+    /// The plant left the range of its equations.
+    Diverged(Diverged),
+    /// A row cannot be written, or the run was stopped.
+    Output(io::Error),
+}
+
+impl fmt::Display for RunError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Build(error) => error.fmt(f),
+            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
+            Self::SetPoint(error) => write!(f, "the core refuses the set point: {error}"),
+            Self::Diverged(error) => error.fmt(f),
+            Self::Output(error) => error.fmt(f),
+        }
+    }
+}
+
+impl std::error::Error for RunError {}
+
+/// Inputs of a step from outside.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inputs {
+    /// Set point from the next step on.
+    pub set_point: JointSetPoint,
+    /// External torque \[N m\].
+    pub load_n_m: f64,
+    /// Tendons that are torn.
+    pub torn: [bool; 2],
+}
+
+impl Inputs {
+    /// A motion, without load and with both tendons.
+    pub fn of(motion: Motion) -> Self {
+        Self { set_point: JointSetPoint::Angle(motion), load_n_m: 0.0, torn: [false; 2] }
+    }
+}
+
+/// One step of a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Row {
+    /// Time \[s\].
+    pub time_s: f64,
+    /// The plant's state.
+    pub truth: JointTruth,
+    /// Stiffness behind shut valves, by the plant's pressures \[N m/rad\].
+    pub stiffness_n_m_rad: f64,
+    /// Inputs that the step began with.
+    pub inputs: Inputs,
+    /// The core's output.
+    pub telemetry: JointTelemetry,
+    /// Readings of the gas sensors, with their noise \[K\].
+    pub sensor_gas_k: [f64; 2],
+}
+
+/// Plant, sensors and core.
+pub struct Rig {
+    plant: Joint,
+    adc: [VirtualAdc; 2],
+    faults: [InjectedFaults; 2],
+    core: Core,
+    scenarios: [Scenario; 2],
+    sensor_rad: [f64; 2],
+    step: u64,
+    inputs: Inputs,
+}
+
+impl Rig {
+    /// At rest, at the angle of the first set point.
+    ///
+    /// # Errors
+    /// [`RunError`] for a scenario that cannot be run.
+    pub fn new(loaded: &JointLoaded, inputs: Inputs) -> Result<Self, RunError> {
+        let [a, b] = &loaded.muscles;
+        let mut scenarios = [a.plant.clone(), b.plant.clone()];
+        // Another seed for the noise of the other muscle.
+        scenarios[1].run.seed = scenarios[1].run.seed.wrapping_add(1 << 32);
+        let start_rad = match inputs.set_point {
+            JointSetPoint::Angle(motion) => f64::from(motion.angle_rad),
+            _ => 0.0,
+        };
+        let [of_a, of_b] = &scenarios;
+        let plant = Joint::new(loaded.arm(), [of_a, of_b], start_rad).map_err(RunError::Build)?;
+        let core = Core::new(&loaded.config()).map_err(RunError::Config)?;
+        let joint = &loaded.joint;
+        let mut rig = Self {
+            plant,
+            adc: [VirtualAdc::new(of_a), VirtualAdc::new(of_b)],
+            faults: [InjectedFaults::new(of_a), InjectedFaults::new(of_b)],
+            core,
+            scenarios,
+            sensor_rad: [joint.sensor_minimum_rad, joint.sensor_maximum_rad],
+            step: 0,
+            inputs,
+        };
+        rig.set(inputs.set_point)?;
+        Ok(rig)
+    }
+
+    /// The core, to arm it, vent it, or clear its faults.
+    pub fn core(&mut self) -> &mut Core {
+        &mut self.core
+    }
+
+    /// Takes a set point; faults that vent are in the telemetry.
+    fn set(&mut self, set_point: JointSetPoint) -> Result<(), RunError> {
+        match self.core.set(set_point) {
+            Ok(()) | Err(JointError::Faults(..) | JointError::NotArmed) => Ok(()),
+            Err(error) => Err(RunError::SetPoint(error)),
+        }
+    }
+
+    /// Codes of all sensors. The angle goes through the length channel of muscle a, over its range.
+    fn sample(&mut self) -> JointSample {
+        let truth = self.plant.truth();
+        let [least, most] = self.sensor_rad;
+        let share = (truth.angle_rad - least) / (most - least);
+        let mut samples = [0, 1].map(|i: usize| {
+            let mut seen = self.faults[i].sensed(&truth.muscles[i]);
+            seen.sensor_length_m = share * self.scenarios[i].sensor.length.range_m;
+            let codes = self.adc[i].convert(&seen);
+            self.faults[i].apply(truth.muscles[i].time_s, codes)
+        });
+        let [a, b] = &mut samples;
+        JointSample {
+            pressure: [a.pressure, b.pressure],
+            gas: [a.gas, b.gas],
+            angle: a.length,
+            emergency_stop: a.emergency_stop || b.emergency_stop,
+            heard: a.heard && b.heard,
+            flooded: a.flooded || b.flooded,
+            missed_steps: a.missed_steps.max(b.missed_steps),
+        }
+    }
+
+    /// One step; `next` acts from the one after it on.
+    ///
+    /// # Errors
+    /// [`RunError`] for a set point that is refused, or a plant that diverges.
+    pub fn step(&mut self, next: Inputs) -> Result<Row, RunError> {
+        let truth = self.plant.truth();
+        let sample = self.sample();
+        let mut telemetry = self.core.step(&sample);
+        let mut checks = 0..MOST_CHECK_STEPS;
+        // A board is on for a while before a run: the first sample is repeated until its check is over.
+        while self.step == 0 && telemetry.mode == JointMode::StartupCheck && checks.next().is_some()
+        {
+            telemetry = self.core.step(&sample);
+        }
+        let row = Row {
+            time_s: self.step as f64 * self.scenarios[0].run.step_s,
+            stiffness_n_m_rad: self.stiffness_n_m_rad(&truth),
+            sensor_gas_k: [self.adc[0].gas_reading_k(), self.adc[1].gas_reading_k()],
+            inputs: self.inputs,
+            truth,
+            telemetry,
+        };
+        let disturbances =
+            [0, 1].map(|i: usize| self.faults[i].disturbance(truth.muscles[i].time_s));
+        self.plant.disturb(disturbances);
+        self.plant.load(self.inputs.load_n_m);
+        self.plant.tear(self.inputs.torn);
+        let commands = telemetry.commands();
+        self.plant.advance(commands.map(Actuation::from)).map_err(RunError::Diverged)?;
+        if next.set_point != self.inputs.set_point {
+            self.set(next.set_point)?;
+        }
+        self.inputs = next;
+        self.step += 1;
+        Ok(row)
+    }
+
+    /// K = r^2 sum(k P A^2/V + P_g dA/dL + k_b), with the gas of a muscle's tube.
+    fn stiffness_n_m_rad(&self, truth: &JointTruth) -> f64 {
+        let springs = self.scenarios.iter().zip(&truth.muscles).map(|(scenario, muscle)| {
+            let Some(chamber) = chamber::of(scenario) else { return 0.0 };
+            let chamber: &dyn Chamber = chamber.as_ref();
+            let tube_m3 = if scenario.moves_in_full() { scenario.tube.volume_m3 } else { 0.0 };
+            let (length, pressure) = (muscle.length_m, muscle.pressure_pa);
+            let area = chamber.force_area(length);
+            let gas = scenario.gas.heat_capacity_ratio * pressure * area * area
+                / (muscle.volume_m3 + tube_m3);
+            let gauge_pa = pressure - scenario.ambient.pressure_pa;
+            gas + gauge_pa * chamber.force_area_slope(length) + chamber.elastic_slope(length)
+        });
+        let radius_m = self.plant.arm().radius_m;
+        radius_m * radius_m * springs.sum::<f64>()
+    }
+
+    /// Ledgers of the mechanism and of both muscles.
+    pub fn ledgers(&self) -> (ArmLedger, [Ledger; 2]) {
+        (self.plant.arm_ledger(), self.plant.ledgers())
+    }
+}
+
+impl Row {
+    /// Set point of angle \[rad\] and stiffness \[N m/rad\], where it has them.
+    pub fn wanted(&self) -> Option<[f64; 2]> {
+        match self.inputs.set_point {
+            JointSetPoint::Angle(Motion { angle_rad, stiffness_n_m_rad, .. }) => {
+                Some([angle_rad, stiffness_n_m_rad].map(f64::from))
+            }
+            _ => None,
+        }
+    }
+
+    /// Whether all four valves are shut.
+    pub fn shut(&self) -> bool {
+        let shut = |duty: Duty| duty == Duty::ZERO;
+        self.telemetry.commands().iter().all(|command| shut(command.inlet) && shut(command.outlet))
+    }
+}

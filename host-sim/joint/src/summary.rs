@@ -1,0 +1,167 @@
+//! `summary.json` of a joint: the figures of a run.
+
+use crate::rig::Row;
+use model_core::Command;
+use model_core::Duty;
+use serde::Serialize;
+use thermyo_plant::Ledger;
+use thermyo_plant::joint::ArmLedger;
+
+/// Part of the run at its end that counts as rest \[s\].
+const REST_S: f64 = 0.5;
+
+/// The content of `summary.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Simulated time \[s\].
+    pub duration_s: f64,
+    /// Simulated time per wall-clock time \[-\].
+    pub real_time_factor: f64,
+    /// The board that ran the core.
+    pub board: &'static str,
+    /// Lowest and highest angle \[rad\].
+    pub angle_rad: [f64; 2],
+    /// RMS error of the angle against its set point, over the run \[rad\].
+    pub rms_error_rad: f64,
+    /// Mean error in the last half second \[rad\].
+    pub end_error_rad: f64,
+    /// RMS error of the stiffness, share of its set point \[-\].
+    pub rms_stiffness_error: f64,
+    /// Highest pressures of muscles a and b \[Pa\].
+    pub highest_pressure_pa: [f64; 2],
+    /// RMS errors of the gas temperatures, as estimated \[K\] ...
+    pub estimate_rmse_k: [f64; 2],
+    /// ... and as the bare sensors read them \[K\].
+    pub sensor_rmse_k: [f64; 2],
+    /// Pulses of all four valves \[1/s\].
+    pub pulses_per_s: f64,
+    /// Share of the time in which the set point had to give way to the limits of pressure \[-\].
+    pub limited: f64,
+    /// Faults of muscle a, of muscle b, and of the joint, by name.
+    pub faults: [Vec<&'static str>; 3],
+    /// Time of the first step in which both muscles vented for a fault \[s\].
+    pub vented_s: Option<f64>,
+    /// Error of the mechanism's balance of energy, relative \[-\].
+    pub arm_balance_error: f64,
+    /// Errors of the muscles' balances of mass and energy, relative \[-\].
+    pub mass_balance_error: [f64; 2],
+    pub energy_balance_error: [f64; 2],
+}
+
+/// Gathers a summary, step by step.
+#[derive(Debug, Clone)]
+pub struct Accumulator {
+    step_s: f64,
+    rows: f64,
+    angle_rad: [f64; 2],
+    squared_rad2: f64,
+    tracked: f64,
+    squared_stiffness: f64,
+    highest_pa: [f64; 2],
+    estimate_k2: [f64; 2],
+    sensor_k2: [f64; 2],
+    pulses: f64,
+    limited: f64,
+    found: [u32; 3],
+    vented_s: Option<f64>,
+    before: [Command; 2],
+    last: Vec<f64>,
+}
+
+impl Accumulator {
+    /// Of steps of that length \[s\].
+    pub fn new(step_s: f64) -> Self {
+        Self {
+            step_s,
+            rows: 0.0,
+            angle_rad: [f64::INFINITY, f64::NEG_INFINITY],
+            squared_rad2: 0.0,
+            tracked: 0.0,
+            squared_stiffness: 0.0,
+            highest_pa: [0.0; 2],
+            estimate_k2: [0.0; 2],
+            sensor_k2: [0.0; 2],
+            pulses: 0.0,
+            limited: 0.0,
+            found: [0; 3],
+            vented_s: None,
+            before: [Command::VENT; 2],
+            last: Vec::new(),
+        }
+    }
+
+    /// Takes a step.
+    pub fn add(&mut self, row: &Row) {
+        let Row { truth, telemetry, .. } = row;
+        self.rows += 1.0;
+        let [least, most] = &mut self.angle_rad;
+        *least = least.min(truth.angle_rad);
+        *most = most.max(truth.angle_rad);
+        if let Some([angle_rad, stiffness]) = row.wanted() {
+            let error = truth.angle_rad - angle_rad;
+            self.squared_rad2 += error * error;
+            let off = row.stiffness_n_m_rad / stiffness.max(1e-9) - 1.0;
+            self.squared_stiffness += off * off;
+            self.tracked += 1.0;
+            self.last.push(error);
+        }
+        for (i, muscle) in telemetry.muscles.iter().enumerate() {
+            let plant = &truth.muscles[i];
+            self.highest_pa[i] = self.highest_pa[i].max(plant.pressure_pa);
+            let squared = |value: f64| {
+                let error = value - plant.gas_temperature_k;
+                error * error
+            };
+            self.estimate_k2[i] += squared(f64::from(muscle.estimate.gas_k));
+            self.sensor_k2[i] += squared(row.sensor_gas_k[i]);
+            self.found[i] |= muscle.faults.0;
+        }
+        self.found[2] |= u32::from(telemetry.faults.0);
+        self.limited += f64::from(u8::from(telemetry.limited));
+        self.pulses += f64::from(pulses(telemetry.commands(), self.before));
+        self.before = telemetry.commands();
+        let faulty =
+            telemetry.faults.0 != 0 || telemetry.muscles.iter().any(|muscle| muscle.faults.0 != 0);
+        if faulty && telemetry.commands() == [Command::VENT; 2] {
+            self.vented_s.get_or_insert(row.time_s);
+        }
+    }
+
+    /// The summary; `wall_clock_s` is the time that the run took \[s\].
+    pub fn finish(self, wall_clock_s: f64, (arm, muscles): (ArmLedger, [Ledger; 2])) -> Summary {
+        let duration_s = (self.rows - 1.0).max(0.0) * self.step_s;
+        let root = |sum: f64, count: f64| (sum / count.max(1.0)).sqrt();
+        let at_rest = ((REST_S / self.step_s) as usize).clamp(1, self.last.len().max(1));
+        let last = &self.last[self.last.len().saturating_sub(at_rest)..];
+        let names = |faults: u32| model_core::Faults(faults).names().collect();
+        let joint = model_core::joint::JointFaults(self.found[2] as u8).names().collect();
+        Summary {
+            duration_s,
+            real_time_factor: duration_s / wall_clock_s.max(1e-9),
+            board: "core",
+            angle_rad: self.angle_rad,
+            rms_error_rad: root(self.squared_rad2, self.tracked),
+            end_error_rad: last.iter().sum::<f64>() / (last.len() as f64).max(1.0),
+            rms_stiffness_error: root(self.squared_stiffness, self.tracked),
+            highest_pressure_pa: self.highest_pa,
+            estimate_rmse_k: self.estimate_k2.map(|sum| root(sum, self.rows)),
+            sensor_rmse_k: self.sensor_k2.map(|sum| root(sum, self.rows)),
+            pulses_per_s: self.pulses / duration_s.max(self.step_s),
+            limited: self.limited / self.rows.max(1.0),
+            faults: [names(self.found[0]), names(self.found[1]), joint],
+            vented_s: self.vented_s,
+            arm_balance_error: arm.balance_error(),
+            mass_balance_error: muscles.map(|ledger| ledger.mass_balance_error()),
+            energy_balance_error: muscles.map(|ledger| ledger.energy_balance_error()),
+        }
+    }
+}
+
+/// Valves that a step switches on; one that was open to the end of its period stays on.
+pub fn pulses(now: [Command; 2], before: [Command; 2]) -> u8 {
+    let on = |now: Duty, before: Duty| {
+        u8::from(now > Duty::ZERO && now != before && before < Duty::FULL)
+    };
+    let of = |i: usize| on(now[i].inlet, before[i].inlet) + on(now[i].outlet, before[i].outlet);
+    of(0) + of(1)
+}

@@ -1,0 +1,85 @@
+//! The joint's core on the joint's plant.
+
+use model_core::Command;
+use model_core::joint::{JointFaults, JointSetPoint, Motion};
+use thermyo_joint::{Inputs, JointLoaded, Rig, Row, parse};
+
+fn loaded(text: &str) -> JointLoaded {
+    let text = format!("[plant]\ninitial_pressure_pa = 290000\n{text}");
+    parse(&text, "joint.toml".as_ref()).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn run(loaded: &JointLoaded, duration_s: f64, inputs: impl Fn(f64) -> Inputs) -> Vec<Row> {
+    let mut rig = Rig::new(loaded, inputs(0.0)).unwrap();
+    let steps = (duration_s * 1000.0) as u32;
+    (1..=steps).map(|step| rig.step(inputs(f64::from(step) * 1e-3)).unwrap()).collect()
+}
+
+fn still(angle_deg: f64, stiffness: f32) -> Inputs {
+    Inputs::of(Motion::still(angle_deg.to_radians() as f32, stiffness))
+}
+
+#[test]
+fn a_step_arrives_with_its_stiffness_and_rests() {
+    for model in ["lumped", "full"] {
+        let loaded = loaded(&format!("model = \"{model}\"\n[joint]\ngravity_n_m = 4.9\n"));
+        let rows = run(&loaded, 4.0, |t| still(if t < 0.5 { 0.0 } else { 20.0 }, 16.0));
+        let settled = &rows[1500..];
+        let worst = settled.iter().map(|row| (row.truth.angle_rad.to_degrees() - 20.0).abs());
+        let worst = worst.fold(0.0, f64::max);
+        assert!((1e-3..0.5).contains(&worst), "{model}: {worst} deg");
+        let off = settled.iter().map(|row| (row.stiffness_n_m_rad / 16.0 - 1.0).abs());
+        let off = off.fold(0.0, f64::max);
+        assert!((1e-5..0.05).contains(&off), "{model}: {off}");
+        let shut = settled.iter().filter(|row| row.shut()).count() as f64 / settled.len() as f64;
+        assert!(shut > 0.8, "{model}: shut for {shut} of the time");
+    }
+}
+
+/// More stiffness than both pressures give: the angle is held, and it says so.
+#[test]
+fn torque_wins_over_stiffness() {
+    let loaded = loaded("model = \"lumped\"\n[joint]\n");
+    let rows = run(&loaded, 2.0, |_| still(10.0, 80.0));
+    let last = rows.last().unwrap();
+    assert!(last.telemetry.limited && last.stiffness_n_m_rad < 60.0, "{last:?}");
+    assert!((last.truth.angle_rad.to_degrees() - 10.0).abs() < 0.5, "{last:?}");
+}
+
+#[test]
+fn a_torque_is_that_of_the_tendons() {
+    let loaded = loaded(
+        "model = \"lumped\"\n[joint]\n[joint.a.friction]\nforce_n = 0\n[joint.b.friction]\nforce_n = 0\n",
+    );
+    let set_point = JointSetPoint::Torque { torque_n_m: 3.0, stiffness_n_m_rad: 14.0 };
+    // It pushes against its stop.
+    let rows = run(&loaded, 2.0, |_| Inputs { set_point, ..still(0.0, 14.0) });
+    let last = rows.last().unwrap();
+    assert!((last.truth.torque_n_m / 3.0 - 1.0).abs() < 0.1, "{last:?}");
+}
+
+/// Tubes of a and b exchanged, by the signs of the mechanism: found within 5 deg, and both vent.
+#[test]
+fn an_angle_that_goes_the_wrong_way_is_found_within_five_degrees() {
+    let mut swapped = loaded("model = \"lumped\"\n[joint]\n");
+    // A sensor that runs backwards looks the same to the core.
+    let joint = &mut swapped.joint;
+    (joint.sensor_minimum_rad, joint.sensor_maximum_rad) =
+        (joint.sensor_maximum_rad, joint.sensor_minimum_rad);
+    let rows = run(&swapped, 2.0, |t| still(if t < 0.5 { 0.0 } else { 15.0 }, 14.0));
+    let found = rows.iter().find(|row| row.telemetry.faults.intersects(JointFaults::WRONG_WAY));
+    let found = found.unwrap_or_else(|| panic!("{:?}", rows.last()));
+    assert!(found.truth.angle_rad.abs() < 5.0_f64.to_radians(), "{found:?}");
+    assert_eq!(found.telemetry.commands(), [Command::VENT; 2]);
+}
+
+#[test]
+fn a_torn_tendon_vents_both() {
+    let loaded = loaded("model = \"lumped\"\n[joint]\n");
+    let rows = run(&loaded, 2.0, |t| Inputs { torn: [t > 1.0, false], ..still(0.0, 14.0) });
+    // It also goes the wrong way, if it has not moved before.
+    let vented = rows.iter().find(|row| row.telemetry.faults != JointFaults::NONE);
+    let vented = vented.unwrap_or_else(|| panic!("{:?}", rows.last()));
+    assert!((1.0..1.2).contains(&vented.time_s), "{}", vented.time_s);
+    assert_eq!(vented.telemetry.commands(), [Command::VENT; 2]);
+}

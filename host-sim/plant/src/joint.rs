@@ -1,0 +1,327 @@
+//! Two muscles on a pulley, in f64: an arm with inertia, gravity, friction, stops and tendons that cannot push.
+//!
+//! ```text
+//! J q'' = r (T_a - T_b) - G sin(q - q_hanging) - viscous q' - dry friction + external torque
+//! L_a   = mid_a - r q,   L_b = mid_b + r q,   T = max(0, pull of the muscle less what holds it back)
+//! ```
+//!
+//! Muscles and arm exchange motion and force in steps far below the period of the arm on its springs: a velocity
+//! Verlet step of the arm, between whose half kicks both muscles move with its speed. A slack tendon passes no
+//! force; the muscle then lies along its path, and what it pushes with is lost.
+
+use super::{
+    Actuation, BuildError, Disturbance, Diverged, DrivenEnd, Ledger, Truth, build_driven_end,
+};
+use thermyo_compute::math;
+use thermyo_scenario::Scenario;
+
+/// Exchange step times the angular frequency of the arm on everything that is elastic, at most: Verlet's error of
+/// the frequency is a 24th of its square.
+const STEP_TIMES_SWING: f64 = 0.05;
+/// Most exchanges in a step of the scenario.
+const MOST_EXCHANGES: f64 = 100.0;
+/// Dry friction of the bearing builds up over this way: assumed, much less than what an arm's motion shows \[rad\].
+const PRESLIDING_RAD: f64 = 0.002;
+
+/// The mechanism.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Arm {
+    /// Radius of the pulley \[m\].
+    pub radius_m: f64,
+    /// Lengths of muscles a and b at angle 0 \[m\].
+    pub mid_length_m: [f64; 2],
+    /// Moment of inertia \[kg m2\].
+    pub inertia_kg_m2: f64,
+    /// Largest torque of gravity \[N m\].
+    pub gravity_n_m: f64,
+    /// Angle at which the arm hangs \[rad\].
+    pub gravity_angle_rad: f64,
+    /// Viscous friction of the bearing \[N m s/rad\].
+    pub viscous_n_m_s: f64,
+    /// Dry friction of the bearing \[N m\].
+    pub friction_n_m: f64,
+    /// Stops \[rad\].
+    pub stops_rad: [f64; 2],
+}
+
+impl Arm {
+    /// Lengths of muscles a and b \[m\] at an angle \[rad\].
+    pub fn lengths_m(&self, angle_rad: f64) -> [f64; 2] {
+        let [mid_a, mid_b] = self.mid_length_m;
+        [mid_a - self.radius_m * angle_rad, mid_b + self.radius_m * angle_rad]
+    }
+
+    fn gravity_torque_n_m(&self, angle_rad: f64) -> f64 {
+        -self.gravity_n_m * math::sin(angle_rad - self.gravity_angle_rad)
+    }
+
+    /// Energy above the hanging arm's \[J\].
+    fn potential_j(&self, angle_rad: f64) -> f64 {
+        self.gravity_n_m * (1.0 - math::cos(angle_rad - self.gravity_angle_rad))
+    }
+}
+
+/// The ledger of the mechanism since the start \[J\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct ArmLedger {
+    /// Energy at the start: kinetic, of gravity, and what the bearing's presliding holds.
+    pub initial_j: f64,
+    /// The same now.
+    pub energy_j: f64,
+    /// Work of the tendons of muscles a and b on the arm.
+    pub tendon_work_j: [f64; 2],
+    /// Work with which muscles pushed along slack tendons, and that the arm did not get.
+    pub slack_work_j: [f64; 2],
+    /// Work of the external torque.
+    pub external_work_j: f64,
+    /// Heat of viscous and dry friction of the bearing.
+    pub friction_heat_j: f64,
+    /// Heat of the stops.
+    pub stop_heat_j: f64,
+    /// Everything that the arm took and gave, in size.
+    pub handled_j: f64,
+}
+
+impl ArmLedger {
+    /// Error of the balance, relative to the energy handled.
+    pub fn balance_error(&self) -> f64 {
+        let [a, b] = self.tendon_work_j;
+        let residual = self.energy_j - self.initial_j - a - b - self.external_work_j
+            + self.friction_heat_j
+            + self.stop_heat_j;
+        residual.abs() / self.handled_j.max(1e-9)
+    }
+}
+
+/// The joint as an observer with perfect instruments would see it, SI.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct JointTruth {
+    /// Angle \[rad\].
+    pub angle_rad: f64,
+    /// Speed \[rad/s\].
+    pub speed_rad_s: f64,
+    /// Torque of both tendons on the pulley \[N m\].
+    pub torque_n_m: f64,
+    /// Tensions of tendons a and b \[N\].
+    pub tension_n: [f64; 2],
+    /// Muscles a and b.
+    pub muscles: [Truth; 2],
+}
+
+/// A joint in operation.
+pub struct Joint {
+    arm: Arm,
+    muscles: [Box<dyn DrivenEnd>; 2],
+    exchanges: u32,
+    exchange_s: f64,
+    angle_rad: f64,
+    speed_rad_s: f64,
+    /// Dry friction of the bearing \[N m\].
+    dry_n_m: f64,
+    external_n_m: f64,
+    /// A torn tendon passes no force.
+    torn: [bool; 2],
+    /// Pulls of the muscles now \[N\].
+    pull_n: [f64; 2],
+    ledger: ArmLedger,
+}
+
+impl Joint {
+    /// Two muscles at rest on an arm at that angle \[rad\]. Load, start length and step of the scenarios are the
+    /// joint's.
+    ///
+    /// # Errors
+    /// [`BuildError`] of either muscle.
+    pub fn new(arm: Arm, scenarios: [&Scenario; 2], angle_rad: f64) -> Result<Self, BuildError> {
+        let [a, b] = scenarios;
+        let step_s = a.run.step_s;
+        let swing = scenarios.map(spring_n_m).iter().sum::<f64>() * arm.radius_m * arm.radius_m;
+        let bearing = arm.friction_n_m / PRESLIDING_RAD;
+        let gravity = arm.gravity_n_m;
+        let fastest = ((swing + bearing + gravity) / arm.inertia_kg_m2).sqrt();
+        let exchanges = (step_s * fastest / STEP_TIMES_SWING).ceil().max(1.0);
+        if exchanges > MOST_EXCHANGES {
+            let asked_s = STEP_TIMES_SWING / fastest;
+            let because =
+                "joint.inertia_kg_m2 is too small for the muscles' stiffness and friction";
+            return Err(BuildError::TooFast { asked_s, because });
+        }
+        let exchange_s = step_s / exchanges;
+        let [length_a, length_b] = arm.lengths_m(angle_rad);
+        let build = |scenario: &Scenario, length_m: f64| {
+            let mut own = scenario.clone();
+            own.load.kind = thermyo_scenario::LoadKind::Isometric;
+            own.load.length_m = length_m;
+            own.run.step_s = exchange_s;
+            let mut muscle = build_driven_end(&own)?;
+            muscle.drive_end(0.0);
+            Ok(muscle)
+        };
+        let muscles = [build(a, length_a)?, build(b, length_b)?];
+        let pull_n = [muscles[0].tension_n(), muscles[1].tension_n()];
+        let initial_j = arm.potential_j(angle_rad);
+        Ok(Self {
+            arm,
+            muscles,
+            exchanges: exchanges as u32,
+            exchange_s,
+            angle_rad,
+            speed_rad_s: 0.0,
+            dry_n_m: 0.0,
+            external_n_m: 0.0,
+            torn: [false; 2],
+            pull_n,
+            ledger: ArmLedger { initial_j, energy_j: initial_j, ..ArmLedger::default() },
+        })
+    }
+
+    /// Sets the external torque from the next step on, positive towards growing angles \[N m\].
+    pub fn load(&mut self, external_n_m: f64) {
+        self.external_n_m = external_n_m;
+    }
+
+    /// Tears a tendon from the next step on, or mends it.
+    pub fn tear(&mut self, torn: [bool; 2]) {
+        self.torn = torn;
+    }
+
+    /// Sets the faults of muscles a and b from the next step on.
+    pub fn disturb(&mut self, disturbances: [Disturbance; 2]) {
+        for (muscle, disturbance) in self.muscles.iter_mut().zip(disturbances) {
+            muscle.disturb(disturbance);
+        }
+    }
+
+    /// Advances by one step of the scenario, with the openings of muscles a and b.
+    ///
+    /// # Errors
+    /// [`Diverged`] when a muscle leaves the range of its equations.
+    pub fn advance(&mut self, actuation: [Actuation; 2]) -> Result<(), Diverged> {
+        for _ in 0..self.exchanges {
+            self.exchange(actuation)?;
+        }
+        Ok(())
+    }
+
+    /// The state now.
+    pub fn truth(&self) -> JointTruth {
+        let tension_n = self.tensions_n();
+        JointTruth {
+            angle_rad: self.angle_rad,
+            speed_rad_s: self.speed_rad_s,
+            torque_n_m: self.arm.radius_m * (tension_n[0] - tension_n[1]),
+            tension_n,
+            muscles: [self.muscles[0].truth(), self.muscles[1].truth()],
+        }
+    }
+
+    /// The mechanism.
+    pub fn arm(&self) -> &Arm {
+        &self.arm
+    }
+
+    /// The ledger of the mechanism.
+    pub fn arm_ledger(&self) -> ArmLedger {
+        self.ledger
+    }
+
+    /// The ledgers of muscles a and b.
+    pub fn ledgers(&self) -> [Ledger; 2] {
+        [self.muscles[0].ledger(), self.muscles[1].ledger()]
+    }
+
+    fn tensions_n(&self) -> [f64; 2] {
+        let tension = |i: usize| if self.torn[i] { 0.0 } else { self.pull_n[i].max(0.0) };
+        [tension(0), tension(1)]
+    }
+
+    /// Torque of everything but viscous friction \[N m\].
+    fn torque_n_m(&self) -> f64 {
+        let [a, b] = self.tensions_n();
+        self.arm.radius_m * (a - b) + self.arm.gravity_torque_n_m(self.angle_rad) - self.dry_n_m
+            + self.external_n_m
+    }
+
+    fn exchange(&mut self, actuation: [Actuation; 2]) -> Result<(), Diverged> {
+        let Arm { radius_m, inertia_kg_m2, viscous_n_m_s, friction_n_m, stops_rad, .. } = self.arm;
+        let half = 0.5 * self.exchange_s / inertia_kg_m2;
+        let before_n = self.tensions_n();
+        let pull_before_n = self.pull_n;
+        let kicked = self.speed_rad_s + half * self.torque_n_m();
+        let mut speed = kicked / (1.0 + half * viscous_n_m_s);
+        let [lower, upper] = stops_rad;
+        let next = self.angle_rad + speed * self.exchange_s;
+        let stopped = next.clamp(lower, upper);
+        let hits = stopped != next;
+        if hits {
+            speed = (stopped - self.angle_rad) / self.exchange_s;
+        }
+        let rates = [-radius_m * speed, radius_m * speed];
+        for ((muscle, rate), actuation) in self.muscles.iter_mut().zip(rates).zip(actuation) {
+            muscle.drive_end(rate);
+            muscle.advance(actuation)?;
+        }
+        let way = stopped - self.angle_rad;
+        self.angle_rad = stopped;
+        let stiffness = friction_n_m / PRESLIDING_RAD;
+        let dry_before = self.dry_n_m;
+        self.dry_n_m = (dry_before + stiffness * way).clamp(-friction_n_m, friction_n_m);
+        self.pull_n = [self.muscles[0].tension_n(), self.muscles[1].tension_n()];
+        let torque = self.torque_n_m();
+        self.speed_rad_s = speed * (1.0 - half * viscous_n_m_s) + half * torque;
+        if hits {
+            // It stays where it is pressed against the stop, and keeps nothing of its speed.
+            self.speed_rad_s = 0.0;
+        }
+        self.enter(way, speed, [before_n, pull_before_n], dry_before, hits);
+        Ok(())
+    }
+
+    /// Enters one exchange into the ledger.
+    fn enter(&mut self, way: f64, speed: f64, before: [[f64; 2]; 2], dry_before: f64, hits: bool) {
+        let after_n = self.tensions_n();
+        let [before_n, pull_before_n] = before;
+        let radius = self.arm.radius_m;
+        let ledger = &mut self.ledger;
+        let mut gained = self.external_n_m * way;
+        ledger.external_work_j += gained;
+        ledger.handled_j += gained.abs();
+        for (i, sign) in [(0, 1.0), (1, -1.0)] {
+            let mean = |from: [f64; 2], to: [f64; 2]| 0.5 * (from[i] + to[i]) * sign * radius * way;
+            let work = mean(before_n, after_n);
+            ledger.tendon_work_j[i] += work;
+            ledger.slack_work_j[i] += mean(pull_before_n, self.pull_n) - work;
+            ledger.handled_j += work.abs();
+            gained += work;
+        }
+        let viscous = self.arm.viscous_n_m_s * speed * way;
+        let stiffness = self.arm.friction_n_m / PRESLIDING_RAD;
+        let stored =
+            |torque: f64| if stiffness > 0.0 { 0.5 * torque * torque / stiffness } else { 0.0 };
+        // Over the part of the way that slides, the friction is at its limit.
+        let slid =
+            if stiffness > 0.0 { way - (self.dry_n_m - dry_before) / stiffness } else { 0.0 };
+        let heat = viscous + self.dry_n_m * slid;
+        ledger.friction_heat_j += heat;
+        let kinetic = 0.5 * self.arm.inertia_kg_m2 * self.speed_rad_s * self.speed_rad_s;
+        let energy = kinetic + self.arm.potential_j(self.angle_rad) + stored(self.dry_n_m);
+        if hits {
+            ledger.stop_heat_j += ledger.energy_j + gained - heat - energy;
+        }
+        ledger.energy_j = energy;
+    }
+}
+
+/// Stiffest that a muscle of a scenario can be \[N/m\]: friction before it slides, slip, creep, and the gas at the
+/// supply's pressure in the volume at rest.
+fn spring_n_m(scenario: &Scenario) -> f64 {
+    let Scenario { muscle, friction, supply, gas, .. } = scenario;
+    let hysteresis = muscle.slip_stiffness_n_m + muscle.creep_fast_n_m + muscle.creep_slow_n_m;
+    let presliding = if friction.force_n > 0.0 { friction.presliding_stiffness_n_m } else { 0.0 };
+    let held = presliding + hysteresis + muscle.bladder_stiffness_n_m;
+    let Some(chamber) = super::chamber::of(scenario) else { return held };
+    let rest = chamber.rest_length();
+    let area = chamber.force_area(rest);
+    let spring = gas.heat_capacity_ratio * supply.pressure_pa * area * area / chamber.volume(rest);
+    held + spring + supply.pressure_pa * chamber.force_area_slope(rest).abs()
+}

@@ -1,0 +1,339 @@
+//! Scenario of a joint: shared tables, the tables that differ for one muscle, the mechanism and its drive.
+//!
+//! ```text
+//! [muscle] ...            both muscles
+//! [joint.a.muscle] ...    muscle a alone; [joint.b. ...] likewise
+//! [joint], [believed.joint], [joint.a], [joint.b], [drive]    the joint's own keys
+//! ```
+//!
+//! The text is split by its table headers into documents whose other lines are empty, so that each keeps its line
+//! numbers. A key or table of the joint is written under a header, not with dots.
+
+use super::declare::{choice, table};
+use super::document::{Document, allowed_instead, checked};
+use super::key::{Key, Table};
+use model_core::joint;
+use std::path::Path;
+use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted};
+use toml::Value;
+use toml::de::DeTable;
+
+table! {
+    "joint", "two muscles on a pulley; muscle a shortens as the angle grows", believed, physical;
+    Joint as joint::Mechanism {
+        core radius_m;
+        core mid_length_a_m;
+        core mid_length_b_m;
+        core inertia_kg_m2;
+        core gravity_n_m;
+        core gravity_angle_rad;
+        core viscous_n_m_s;
+        core friction_n_m;
+        core minimum_rad;
+        core maximum_rad;
+        core sensor_minimum_rad;
+        core sensor_maximum_rad;
+        core torque_limit_n_m;
+    }
+}
+
+table! {
+    "joint.controller", "tuning of the joint's controller", believed;
+    JointController as joint::JointTuning {
+        core reference_rad_s;
+        core reference_speed_rad_s;
+        core reference_torque_n_m;
+        core stiffness_rate_n_m_rad_s;
+        core gain_n_m_rad;
+        core damping_per_s;
+        core integral_n_m_rad_s;
+        core integral_limit_n_m;
+        core observer_rad_s;
+        core observer_share;
+        core mass_loop_s;
+        core quiet_n_m;
+        core waits_n_m;
+        core dead_zone_rad;
+        core dead_zone_stiffness;
+    }
+}
+
+choice! {
+    /// Drive of a joint.
+    JointDriveKind {
+        /// Angle and stiffness.
+        Joint = "joint",
+    }
+}
+
+choice! {
+    /// Angle over time, around `angle_rad`.
+    JointShape {
+        Constant = "constant",
+        Sine = "sine",
+        /// `angle_rad` for half of the period, then `angle_rad + amplitude_rad`.
+        Step = "step",
+    }
+}
+
+table! {
+    "drive", "set point over the run";
+    JointDrive {
+        kind: choice JointDriveKind::Joint, "angle and stiffness of a joint";
+        angle_rad: real 0.0, "rad", -6.3 to 6.3, "angle, or middle of the shape";
+        stiffness_n_m_rad: real 14.0, "N m/rad", 0.0 to 1.0e6, "stiffness behind shut valves";
+        shape: choice JointShape::Constant, "angle over time";
+        amplitude_rad: real 0.0, "rad", -6.3 to 6.3, "amplitude of the shape";
+        period_s: real 1.0, "s", 0.01 to 86_400.0, "period of the shape";
+        profile_csv: csv ["time_s", "angle_rad", "stiffness_n_m_rad"], "angle and stiffness over time";
+        load_csv: csv ["time_s", "torque_n_m"], "external torque over time, positive towards growing angles";
+    }
+}
+
+/// A scenario of a joint, split and read.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointDocument {
+    /// The mechanism.
+    pub joint: Joint,
+    /// The mechanism that the core is configured with.
+    pub believed: Joint,
+    /// The controller's tuning.
+    pub controller: JointController,
+    /// The set point over time.
+    pub drive: JointDrive,
+    /// Muscles a and b.
+    pub muscles: [Document; 2],
+    /// Keys of the joint in the file, with their lines.
+    given: Vec<(String, u64)>,
+}
+
+/// Own tables of a joint.
+const OWN: [(&str, Table); 4] = [
+    ("joint", Joint::TABLE),
+    ("believed.joint", Joint::TABLE),
+    ("joint.controller", JointController::TABLE),
+    ("drive", JointDrive::TABLE),
+];
+
+/// Where the lines below a header belong.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Part {
+    Shared,
+    Own,
+    Muscle(usize),
+}
+
+/// The name in a line that is a table's header, and what is behind it.
+fn header(line: &str) -> Option<(&str, &str)> {
+    let inside = line.trim_start().strip_prefix('[')?;
+    if inside.starts_with('[') {
+        return None;
+    }
+    let (name, rest) = inside.split_once(']')?;
+    Some((name.trim(), rest))
+}
+
+/// Whether a scenario is one of a joint: it has a table `[joint]` or one below it.
+pub fn is_joint(text: &str) -> bool {
+    let names = text.lines().filter_map(header).map(|(name, _)| name);
+    names.into_iter().any(|name| name == "joint" || name.starts_with("joint."))
+}
+
+/// The part that a table belongs to, and its name there.
+fn part_of(name: &str) -> (Part, &str) {
+    if OWN.iter().any(|(own, _)| *own == name) {
+        return (Part::Own, name);
+    }
+    for (i, prefix) in ["joint.a.", "joint.b."].into_iter().enumerate() {
+        if let Some(table) = name.strip_prefix(prefix) {
+            return (Part::Muscle(i), table);
+        }
+    }
+    (Part::Shared, name)
+}
+
+/// The text of each part: shared, own, muscle a, muscle b.
+fn split(text: &str) -> [String; 4] {
+    let mut texts = [const { String::new() }; 4];
+    let mut part = Part::Shared;
+    for line in text.lines() {
+        let mut kept = line.to_owned();
+        if let Some((name, rest)) = header(line) {
+            let (found, table) = part_of(name);
+            part = found;
+            kept = format!("[{table}]{rest}");
+        }
+        let place = match part {
+            Part::Shared => 0,
+            Part::Own => 1,
+            Part::Muscle(i) => 2 + i,
+        };
+        for (i, text) in texts.iter_mut().enumerate() {
+            if i == place {
+                text.push_str(&kept);
+            }
+            text.push('\n');
+        }
+    }
+    texts
+}
+
+impl JointDocument {
+    /// Parses the scenario of a joint; `origin` is its name in messages.
+    ///
+    /// # Errors
+    /// For the first key that is unknown, or not allowed; shared tables first.
+    pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
+        let [shared, own, a, b] = split(text);
+        let shared = Document::parse(&shared, origin)?;
+        if let Some(entry) = shared.plant.iter().find(|entry| entry.table == "load") {
+            let problem = Problem::UnusedTable {
+                table: "load".to_owned(),
+                why: "the joint is the load of both muscles; leave it out",
+            };
+            return Err(located(origin, entry.line, problem));
+        }
+        let muscles = [
+            shared.overlaid(&Document::parse(&a, origin)?),
+            shared.overlaid(&Document::parse(&b, origin)?),
+        ];
+        let (tables, given) = own_tables(&own, origin)?;
+        let table = |name: &str| tables.get(name).cloned().unwrap_or_default();
+        let mut believed = table("joint");
+        believed.extend(table("believed.joint"));
+        Ok(Self {
+            joint: filled(table("joint"), origin)?,
+            believed: filled(believed, origin)?,
+            controller: filled(table("joint.controller"), origin)?,
+            drive: filled(table("drive"), origin)?,
+            muscles,
+            given,
+        })
+    }
+
+    /// The error for a key of the joint, at its line if the file has it.
+    pub fn blame(&self, key: &str, problem: Problem) -> InputError {
+        let line = self.given.iter().find(|(given, _)| given == key).map(|(_, line)| *line);
+        located(&self.muscles[0].origin, line, problem)
+    }
+}
+
+fn located(origin: &Path, line: Option<u64>, problem: Problem) -> InputError {
+    InputError { file: origin.to_path_buf(), line, problem: Box::new(problem) }
+}
+
+/// The struct of a table, with defaults for what the file leaves out.
+fn filled<T: serde::de::DeserializeOwned>(
+    table: toml::Table,
+    origin: &Path,
+) -> Result<T, InputError> {
+    let read = Value::Table(table).try_into();
+    read.map_err(|error: toml::de::Error| {
+        InputError::file(origin, Problem::Syntax(error.message().to_owned()))
+    })
+}
+
+type Own = (std::collections::BTreeMap<String, toml::Table>, Vec<(String, u64)>);
+
+/// The joint's own tables, each value checked, and the lines of their keys.
+fn own_tables(text: &str, origin: &Path) -> Result<Own, InputError> {
+    let lines = Lines::of(text);
+    let root = DeTable::parse(text).map_err(|error| {
+        let problem = Problem::Syntax(error.message().replace('\n', ", "));
+        match error.span() {
+            Some(span) => InputError::line(origin, lines.line_at(span.start), problem),
+            None => InputError::file(origin, problem),
+        }
+    })?;
+    let mut found = Own::default();
+    for (path, table) in &OWN {
+        let mut below = Some(root.get_ref());
+        for part in path.split('.') {
+            below = below.and_then(|table| table.get(part)?.get_ref().as_table());
+        }
+        for (name, value) in below.into_iter().flatten() {
+            let full = format!("{path}.{}", name.get_ref());
+            if OWN.iter().any(|(own, _)| *own == full) {
+                continue;
+            }
+            let line = lines.line_at(name.span().start);
+            let refuse = |problem| InputError::line(origin, line, problem);
+            let Some(key) = table.keys.iter().find(|key| key.name == name.get_ref()) else {
+                return Err(refuse(unknown(&full, path, name.get_ref(), table.keys)));
+            };
+            let Some(taken) = checked(key.allowed, value.get_ref()) else {
+                let allowed = allowed_instead(key.allowed, value.get_ref().as_str());
+                let value = quoted(text.get(value.span()).unwrap_or_default());
+                return Err(refuse(Problem::NotAllowed { key: full, value, allowed }));
+            };
+            found.0.entry((*path).to_owned()).or_default().insert(key.name.to_owned(), taken);
+            found.1.push((full, line));
+        }
+    }
+    Ok(found)
+}
+
+fn unknown(full: &str, table: &str, name: &str, keys: &[Key]) -> Problem {
+    let names = || keys.iter().map(|key| key.name);
+    let instead = match nearest(name, names()) {
+        Some(near) => Instead::Near(vec![format!("{table}.{near}")]),
+        None => Instead::Known(names().map(str::to_owned).collect()),
+    };
+    Problem::UnknownKey { key: quoted(full), instead }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<JointDocument, String> {
+        JointDocument::parse(text, "joint.toml".as_ref()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn tables_are_shared_or_of_one_muscle() {
+        let document = parse(
+            "[muscle]\nzones = 4\nslip_force_n = 3\n[joint]\nradius_m = \"25 mm\"\n\
+             [joint.b.muscle]\nzones = 2\n[believed.joint]\ninertia_kg_m2 = 0.03\n",
+        )
+        .unwrap();
+        assert_eq!(document.joint.radius_m, 0.025);
+        assert_eq!(document.believed.inertia_kg_m2, 0.03);
+        assert_eq!(document.believed.radius_m, 0.025);
+        let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").unwrap();
+        assert_eq!((zones(0).written.as_str(), zones(0).line), ("4", Some(2)));
+        assert_eq!((zones(1).written.as_str(), zones(1).line), ("2", Some(7)));
+        assert!(document.muscles[1].plant.get("muscle.slip_force_n").is_some());
+    }
+
+    #[test]
+    fn each_mistake_has_its_line() {
+        for (text, message) in [
+            (
+                "[joint]\nradius_m = 0.02\nmid_lenght_a_m = 0.2\n",
+                "joint.toml:3: unknown key joint.mid_lenght_a_m; did you mean joint.mid_length_a_m?",
+            ),
+            (
+                "[joint]\n[drive]\nkind = \"pressure\"\n",
+                "joint.toml:3: drive.kind = \"pressure\": must be one of \"joint\"",
+            ),
+            (
+                "[joint]\n\n[joint.a.muscle]\nzones = 0\n",
+                "joint.toml:4: muscle.zones = 0: must be a whole number from 1 to 64",
+            ),
+            (
+                "[joint]\n[load]\nforce_n = 3\n",
+                "joint.toml:3: [load] is not used: the joint is the load of both muscles; leave it out",
+            ),
+        ] {
+            assert_eq!(parse(text).unwrap_err(), message);
+        }
+    }
+
+    #[test]
+    fn a_scenario_is_one_of_a_joint_by_its_tables() {
+        assert!(is_joint("[run]\nseed = 1\n [joint] # two\n"));
+        assert!(is_joint("[joint.a.muscle]\n"));
+        assert!(!is_joint("[run]\n# [joint]\n[drive]\nkind = \"closed\"\n"));
+    }
+}

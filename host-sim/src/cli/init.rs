@@ -1,0 +1,252 @@
+//! `thermyo init`: a scenario of one's own rig, from a few answers.
+
+use super::{Failure, FormatArgs, print};
+use clap::Args;
+use std::fmt::Write as _;
+use std::io::{self, BufRead, IsTerminal, Write};
+use std::path::PathBuf;
+use thermyo_files::input::{is_new, write_new};
+use thermyo_scenario::preset::{MusclePreset, Preset, PressurePreset, ValvePreset};
+use thermyo_scenario::schema;
+
+#[derive(Debug, Args)]
+pub(super) struct InitArgs {
+    /// The scenario to write; a file that exists is left as it is
+    #[arg(long, value_name = "FILE.toml", default_value = "muscle.toml")]
+    out: PathBuf,
+    /// Muscle: dmsp-10, dmsp-20, or none, which asks for its dimensions
+    #[arg(long, value_name = "WORD")]
+    muscle: Option<String>,
+    /// Length of the muscle at rest, without pressure [m]
+    #[arg(long, value_name = "M")]
+    rest_length: Option<f64>,
+    /// Diameter at rest [m]
+    #[arg(long, value_name = "M")]
+    diameter: Option<f64>,
+    /// Angle of the threads to the axis at rest [deg]
+    #[arg(long, value_name = "DEG")]
+    braid_angle: Option<f64>,
+    /// Valves: mhe2-class, mhe3-class, mhe4-class, mhj10-class, or none
+    #[arg(long, value_name = "WORD")]
+    valve: Option<String>,
+    /// Pressure sensor: hsc-100psi-a, hsc-150psi-a, mpr-25psi-a, or none
+    #[arg(long, value_name = "WORD")]
+    pressure_sensor: Option<String>,
+    /// Weight that hangs on the muscle [kg]
+    #[arg(long, value_name = "KG")]
+    load: Option<f64>,
+    /// Absolute pressure of the supply [Pa]
+    #[arg(long, value_name = "PA")]
+    supply: Option<f64>,
+    #[command(flatten)]
+    format: FormatArgs,
+}
+
+/// One question: its flag, the words to ask it by, and the key that it answers.
+struct Question {
+    flag: &'static str,
+    words: &'static str,
+    key: &'static str,
+}
+
+const MUSCLE: Question = Question { flag: "--muscle", words: "Muscle", key: "muscle.preset" };
+const VALVE: Question = Question { flag: "--valve", words: "Valves", key: "valve.preset" };
+const SENSOR: Question =
+    Question { flag: "--pressure-sensor", words: "Pressure sensor", key: "sensor.pressure.preset" };
+const REST: Question = Question {
+    flag: "--rest-length",
+    words: "Length of the muscle at rest, in m",
+    key: "muscle.rest_length_m",
+};
+const DIAMETER: Question =
+    Question { flag: "--diameter", words: "Its diameter at rest, in m", key: "muscle.diameter_m" };
+const ANGLE: Question = Question {
+    flag: "--braid-angle",
+    words: "Angle of its threads to the axis, in degrees",
+    key: "muscle.braid_angle_deg",
+};
+const LOAD: Question =
+    Question { flag: "--load", words: "Weight that hangs on it, in kg", key: "load.mass_kg" };
+const SUPPLY: Question = Question {
+    flag: "--supply",
+    words: "Absolute pressure of the supply, in Pa",
+    key: "supply.pressure_pa",
+};
+
+/// Where answers come from: flags, and a terminal if there is one.
+struct Answers<'a> {
+    asks: bool,
+    stderr: &'a mut dyn Write,
+}
+
+impl Answers<'_> {
+    /// The answer to a question, as often as it takes; `checked` says what is allowed.
+    fn to<T>(
+        &mut self,
+        question: &Question,
+        given: Option<T>,
+        hint: &str,
+        checked: impl Fn(&str) -> Result<T, String>,
+    ) -> Result<T, Failure> {
+        let Question { flag, words, .. } = question;
+        if let Some(given) = given {
+            return Ok(given);
+        }
+        if !self.asks {
+            let message = format!("{flag} is missing: {hint}; there is no terminal to ask at");
+            return Err(Failure::Usage(message));
+        }
+        loop {
+            let _ = write!(self.stderr, "{words} ({hint}): ");
+            let _ = self.stderr.flush();
+            let mut line = String::new();
+            let read = io::stdin().lock().read_line(&mut line);
+            if !matches!(read, Ok(count) if count > 0) {
+                return Err(Failure::Usage(format!("no answer for {flag}; nothing is written")));
+            }
+            match checked(line.trim()) {
+                Ok(answer) => return Ok(answer),
+                Err(allowed) => {
+                    let _ = writeln!(self.stderr, "{allowed}");
+                }
+            }
+        }
+    }
+
+    fn word(
+        &mut self,
+        question: &Question,
+        given: Option<&String>,
+        words: &[&str],
+    ) -> Result<String, Failure> {
+        let hint = words.join(", ");
+        let check = |word: &str| {
+            let known = words.contains(&word);
+            known.then(|| word.to_owned()).ok_or_else(|| format!("must be one of {hint}"))
+        };
+        let given = given.map(|word| check(word)).transpose();
+        let given = given.map_err(|allowed| refused(question, &allowed))?;
+        self.to(question, given, &hint, check)
+    }
+
+    fn number(&mut self, question: &Question, given: Option<f64>) -> Result<f64, Failure> {
+        let limits = schema::limits(question.key);
+        let hint = limits.to_string();
+        let check = |number: f64| {
+            limits.contains(number).then_some(number).ok_or_else(|| format!("must be {hint}"))
+        };
+        let given = given.map(check).transpose().map_err(|allowed| refused(question, &allowed))?;
+        self.to(question, given, &hint, |text| {
+            text.parse().map_err(|_| format!("must be {hint}")).and_then(check)
+        })
+    }
+}
+
+fn refused(question: &Question, allowed: &str) -> Failure {
+    Failure::Usage(format!("{} {allowed}", question.flag))
+}
+
+pub(super) fn run(
+    args: &InitArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    is_new(&args.out)?;
+    let mut answers = Answers { asks: io::stdin().is_terminal(), stderr };
+    let muscle = answers.word(&MUSCLE, args.muscle.as_ref(), MusclePreset::WORDS)?;
+    let mut dimensions = Vec::new();
+    let of_preset = Preset::of("muscle", &muscle).is_some();
+    for (question, given) in
+        [(REST, args.rest_length), (DIAMETER, args.diameter), (ANGLE, args.braid_angle)]
+    {
+        if given.is_some() || !of_preset {
+            dimensions.push((question.key, answers.number(&question, given)?));
+        }
+    }
+    let valve = answers.word(&VALVE, args.valve.as_ref(), ValvePreset::WORDS)?;
+    let sensor = answers.word(&SENSOR, args.pressure_sensor.as_ref(), PressurePreset::WORDS)?;
+    let load_kg = answers.number(&LOAD, args.load)?;
+    let supply_pa = answers.number(&SUPPLY, args.supply)?;
+    let presets = [("muscle", muscle), ("valve", valve), ("sensor.pressure", sensor)];
+    let text = scenario(&presets, &dimensions, load_kg, supply_pa);
+    // Answers may contradict each other.
+    thermyo_setup::parse(&text, &args.out)?;
+    write_new(&args.out, &text)?;
+    let unknown = unknown(&presets);
+    let name = args.out.display();
+    let mut words = format!("{name} is written. Still unknown, and how to find it:\n");
+    for (keys, how) in &unknown {
+        let _ = writeln!(words, "  {}: {how}", keys.join(", "));
+    }
+    let _ = writeln!(words, "next: thermyo run {name}");
+    let unknown: Vec<_> =
+        unknown.iter().map(|(keys, how)| serde_json::json!({ "keys": keys, "how": how })).collect();
+    let json = serde_json::json!({ "scenario": args.out, "unknown": unknown });
+    if args.format.json {
+        return print(stdout, &format!("{json:#}\n"));
+    }
+    args.format.done(stdout, &json, &words)
+}
+
+/// The scenario's text, each part with its source.
+fn scenario(
+    presets: &[(&str, String)],
+    dimensions: &[(&str, f64)],
+    load_kg: f64,
+    supply_pa: f64,
+) -> String {
+    let mut text =
+        "# Written by thermyo init; thermyo check prints every key with its default.\n".to_owned();
+    for (table, word) in presets {
+        let _ = writeln!(text, "\n[{table}]");
+        if let Some(preset) = Preset::of(table, word) {
+            let _ = writeln!(text, "# {}", preset.source);
+            let _ = writeln!(text, "preset = {word:?}");
+        }
+        if *table == "muscle" {
+            for (key, value) in dimensions {
+                let _ = writeln!(text, "{} = {value:?}", key.trim_start_matches("muscle."));
+            }
+        }
+    }
+    text + &format!(
+        "\n[supply]\npressure_pa = {supply_pa:?}\n\n[load]\nkind = \"mass\"\nmass_kg = {load_kg:?}\n\n\
+         [drive]\nkind = \"contraction\"\ncontraction = 0.1\n"
+    )
+}
+
+/// Keys that no answer has settled, and the experiment that finds them.
+fn unknown(presets: &[(&str, String)]) -> Vec<(Vec<&'static str>, &'static str)> {
+    let of = |table: &str| {
+        presets
+            .iter()
+            .find(|(name, _)| *name == table)
+            .and_then(|(_, word)| Preset::of(table, word))
+    };
+    let mut all = Vec::new();
+    if of("muscle").is_none() {
+        all.push((
+            vec!["muscle.bladder_saturation_n", "muscle.bladder_strain", "muscle.slack_m"],
+            "five static readings: thermyo identify --plan --config scenarios/static_map.toml",
+        ));
+    }
+    if of("muscle").is_none_or(|preset| preset.unknown.contains(&"muscle.slip_force_n")) {
+        all.push((
+            vec!["muscle.slip_force_n", "muscle.creep_fast_n_m", "muscle.creep_slow_n_m"],
+            "a record of motion: thermyo identify --plan motion --config scenarios/motion.toml",
+        ));
+    }
+    all.push((
+        vec!["friction.force_n", "valve.conductance_m3_s_pa", "muscle.dead_volume_m3"],
+        "a short experiment on the board: thermyo tune",
+    ));
+    all.push((
+        vec!["heat.inner_w_m2_k", "wall.heat_capacity_j_k"],
+        "stops of a record: thermyo measure stop, or thermyo identify",
+    ));
+    all.push((
+        vec!["sensor.pressure.offset_pa", "sensor.length.range_m", "sensor.gas.time_constant_s"],
+        "two points each: thermyo board PORT calibrate",
+    ));
+    all
+}

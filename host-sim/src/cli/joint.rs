@@ -1,0 +1,130 @@
+//! `thermyo run` and `thermyo check` of a joint of two muscles.
+
+use super::progress::Bar;
+use super::{Failure, FormatArgs, RunArgs, interrupt, print, publish, stopped, title_of};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+use thermyo_files::output::OutputDir;
+use thermyo_files::rows::Rows;
+use thermyo_files::units::UnitSystem;
+use thermyo_joint::page::PageRecorder;
+use thermyo_joint::{COLUMNS, JointLoaded, Row, RunError, Summary};
+use thermyo_record::trace::cells_text;
+
+/// Validates it and prints it with every default.
+pub(super) fn check(
+    loaded: &JointLoaded,
+    format: FormatArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    // Steps that would be too short are found only when the plant is built.
+    thermyo_joint::Rig::new(loaded, thermyo_joint::Inputs::of(loaded.motion(0.0)))
+        .map_err(Failure::Joint)?;
+    let [a, b] = &loaded.muscles;
+    let json = serde_json::json!({
+        "joint": loaded.joint,
+        "believed_joint": loaded.believed,
+        "controller": loaded.controller,
+        "drive": loaded.drive,
+        "a": { "plant": a.plant, "believed": a.believed },
+        "b": { "plant": b.plant, "believed": b.believed },
+    });
+    format.done(out, &json, &thermyo_joint::render(loaded))
+}
+
+/// Runs it.
+pub(super) fn run(
+    loaded: &JointLoaded,
+    args: &RunArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let logs = args.log.wanted();
+    if args.measured.is_some() || !args.board.is_core() || logs.mcap || logs.stream.is_some() {
+        let message = "a joint runs with the core in this process, and without --measured, --log and --stream";
+        return Err(Failure::Usage(message.to_owned()));
+    }
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
+    let mut out = OutputDir::create(&folder)?;
+    let mut recorder = PageRecorder::default();
+    let summary = match record(loaded, args, &mut out, &mut recorder) {
+        Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
+        other => other?,
+    };
+    let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
+    out.text("summary.json", &json)?;
+    out.text("report.html", &recorder.page(&title_of(&args.scenario), loaded, &summary))?;
+    publish(out, args.output.format, stderr)?;
+    let brief = || brief(&summary, args.units.system(), &folder);
+    print(stdout, &if args.output.format.json { json } else { brief() })
+}
+
+/// Streams the trace into `out`.
+fn record(
+    loaded: &JointLoaded,
+    args: &RunArgs,
+    out: &mut OutputDir,
+    recorder: &mut PageRecorder,
+) -> Result<Summary, Failure> {
+    out.text("scenario.toml", &thermyo_joint::render(loaded))?;
+    let file = out.file("joint_trace.csv")?;
+    let unwritable = |error: io::Error| out.unwritable("joint_trace.csv", &error);
+    let mut rows = Rows::new(file, &COLUMNS.join(",")).map_err(unwritable)?;
+    let bar = Bar::new(
+        (loaded.muscles[0].plant.run.duration_s * 1000.0) as u64,
+        args.output.format.quiet,
+    );
+    interrupt::watch();
+    let result = thermyo_joint::run(loaded, &mut |row: &Row| {
+        rows.push(&cells_text(row.cells()))?;
+        recorder.add(row);
+        bar.set_position((row.time_s * 1000.0) as u64);
+        interrupt::check()
+    });
+    bar.clear();
+    let written = rows.finish().map_err(unwritable);
+    let summary = result.map_err(|error| match error {
+        _ if interrupt::is_requested() => Failure::Interrupted,
+        RunError::Output(error) => Failure::Input(unwritable(error)),
+        other => Failure::Joint(other),
+    })?;
+    written?;
+    Ok(summary)
+}
+
+/// Angles in degrees, or in radians in SI.
+fn angle(value_rad: f64, units: UnitSystem) -> String {
+    match units {
+        UnitSystem::Si => format!("{value_rad:.5} rad"),
+        UnitSystem::Practical => format!("{:.3} deg", value_rad.to_degrees()),
+    }
+}
+
+fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
+    let [estimate_a, estimate_b] = summary.estimate_rmse_k;
+    let [least, most] = summary.angle_rad.map(|value_rad| angle(value_rad, units));
+    let mut text = format!(
+        "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
+         angle {least} to {most}, RMS error {}, at the end {}\n\
+         stiffness, RMS error {}; pulses of all valves {:.0} 1/s\n\
+         gas temperature, RMS error of the estimate: a {estimate_a:.3} K, b {estimate_b:.3} K\n\
+         balance error of the arm's energy {:.1e}\n",
+        summary.duration_s,
+        summary.real_time_factor,
+        summary.board,
+        angle(summary.rms_error_rad, units),
+        angle(summary.end_error_rad, units),
+        units.text(summary.rms_stiffness_error, "", 2),
+        summary.pulses_per_s,
+        summary.arm_balance_error,
+    );
+    for (name, faults) in ["muscle a", "muscle b", "joint"].iter().zip(&summary.faults) {
+        if !faults.is_empty() {
+            text += &format!("faults of {name}: {}\n", faults.join(", "));
+        }
+    }
+    if let Some(vented_s) = summary.vented_s {
+        text += &format!("both muscles vented at {vented_s} s\n");
+    }
+    text + &format!("report: {}\n", folder.join("report.html").display())
+}

@@ -1,0 +1,203 @@
+//! `thermyo measure stop`: the gas temperature of a muscle from stops, on any board.
+//!
+//! ```text
+//! pressure /\/\/\----/\/\/\/\-----   both valves shut at random phases of the cycle, and a wait
+//! record --thermyo_identify::stops--> T at each stop, heat transfer, lags --> trace, summary, page
+//! ```
+//!
+//! The physics is in [`thermyo_identify::stops`].
+
+mod plan;
+mod record;
+
+pub use plan::{Asked, Plan, Refusal};
+pub use record::{LiveRows, Record, RowBench, SimulatedRows};
+
+use serde::Serialize;
+use thermyo_files::input::InputError;
+use thermyo_files::number::fixed;
+use thermyo_files::output::OutputDir;
+use thermyo_files::units::UnitSystem;
+use thermyo_identify::stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
+use thermyo_setup::Loaded;
+
+/// Time after a stop for which the record has the measured temperature as a reference \[s\]: while
+/// the gas is far from its wall.
+const REFERENCE_S: f64 = 2.0;
+
+/// Content of `summary.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// Time driven \[s\].
+    pub duration_s: f64,
+    /// Where it was measured: a port, or "simulated".
+    pub board: String,
+    pub seed: u64,
+    /// Period of the cycle \[s\].
+    pub period_s: f64,
+    /// Lowest and highest set point \[Pa\].
+    pub pressures_pa: [f64; 2],
+    /// Stops that were planned, and those that count.
+    pub planned: usize,
+    pub usable: usize,
+    /// Root mean square over the stops that count \[K\].
+    pub rms_k: Differences,
+    /// Fraction of these stops at which the estimate is within two standard deviations, its own and
+    /// the measurement's together \[-\].
+    pub within_2sd: Option<f64>,
+    pub remarks: Vec<String>,
+    #[serde(flatten)]
+    pub analysis: Analysis,
+}
+
+/// Root-mean-square differences to the measured gas temperature \[K\].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Differences {
+    pub estimate: Option<f64>,
+    pub sensor_gas: Option<f64>,
+    /// The plant's own temperature, where it was simulated.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant: Option<f64>,
+    /// Stated standard deviation of the measurement.
+    pub stated: Option<f64>,
+}
+
+/// Analyses a record; `loaded` is what the board is configured with.
+pub fn measured(record: &Record, plan: &Plan, loaded: &Loaded, board: &str) -> Findings {
+    let analysis = analyse_with(loaded, &record.rows);
+    let counted: Vec<&Stop> = analysis.usable().collect();
+    let inside = counted.iter().filter_map(|stop| {
+        let sd_k = stop.estimate_sd_k?.hypot(stop.gas_sd_k);
+        Some(stop.estimate_error_k()?.abs() <= 2.0 * sd_k)
+    });
+    let inside: Vec<bool> = inside.collect();
+    let share = inside.iter().filter(|inside| **inside).count() as f64 / inside.len() as f64;
+    Findings {
+        duration_s: record.rows.rows.last().map_or(0.0, |row| row.time_s),
+        board: board.to_owned(),
+        seed: plan.seed,
+        period_s: plan.period_s,
+        pressures_pa: plan.pressures_pa,
+        planned: plan.stops,
+        usable: counted.len(),
+        rms_k: Differences {
+            estimate: analysis.rms_k(Stop::estimate_error_k),
+            sensor_gas: analysis.rms_k(|stop| Some(stop.sensor_k - stop.gas_k)),
+            plant: analysis.rms_k(|stop| Some(stop.truth_k? - stop.gas_k)),
+            stated: analysis.rms_k(|stop| Some(stop.gas_sd_k)),
+        },
+        within_2sd: (!inside.is_empty()).then_some(share),
+        remarks: refusals(&analysis).collect(),
+        analysis,
+    }
+}
+
+/// Writes what was measured into a folder; `title` is that of the page.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write(
+    files: &mut OutputDir,
+    findings: &Findings,
+    record: &Record,
+    loaded: &Loaded,
+    title: &str,
+) -> Result<(), InputError> {
+    let trace = files.file("trace.csv")?;
+    record
+        .write(trace, &findings.analysis.stops)
+        .map_err(|error| files.unwritable("trace.csv", &error))?;
+    files.text("scenario.toml", &thermyo_setup::render(loaded))?;
+    files.text("summary.json", &findings.json())?;
+    files.text("report.html", &findings.page(title, record, loaded))
+}
+
+impl Findings {
+    /// Content of `summary.json`.
+    pub fn json(&self) -> String {
+        serde_json::to_string_pretty(self).expect("plain data") + "\n"
+    }
+
+    /// Reason why nothing was measured, if so.
+    pub fn failed(&self) -> Option<String> {
+        (self.usable < FEWEST).then(|| {
+            let reason = self.remarks.first().map_or_else(String::new, |why| format!(": {why}"));
+            format!(
+                "only {} of {} stops can be used, at least {FEWEST} are needed{reason}",
+                self.usable, self.planned
+            )
+        })
+    }
+
+    /// Figures as lines for a terminal.
+    pub fn text(&self, units: UnitSystem) -> String {
+        let temperature = |k: f64| units.text(k, "K", 2);
+        let mut text = String::new();
+        for (i, stop) in self.analysis.stops.iter().enumerate() {
+            let Some(estimate_k) = stop.estimate_k.filter(|_| stop.usable()) else { continue };
+            let plant =
+                stop.truth_k.map_or_else(String::new, |k| format!("  plant {}", temperature(k)));
+            text += &format!(
+                "stop {:2} at {:7.2} s: gas {} ± {:.2} K  estimate {} ± {:.2} K  sensor {}{plant}\n",
+                i + 1,
+                stop.time_s,
+                temperature(stop.gas_k),
+                stop.gas_sd_k,
+                temperature(estimate_k),
+                stop.estimate_sd_k.unwrap_or(f64::NAN),
+                temperature(stop.sensor_k),
+            );
+        }
+        let rms = |name: &str, value: Option<f64>| {
+            value.map_or_else(String::new, |k| format!("{name}: {} K RMS\n", fixed(k, 2)))
+        };
+        text += &rms("estimate less measured", self.rms_k.estimate);
+        text += &rms("bare sensor less measured", self.rms_k.sensor_gas);
+        text += &rms("simulated plant less measured", self.rms_k.plant);
+        text += &rms("stated deviation of the measurement", self.rms_k.stated);
+        text += &self.heat_and_sensor();
+        self.remarks.iter().fold(text, |text, remark| text + remark + "\n")
+    }
+
+    fn heat_and_sensor(&self) -> String {
+        let mut text = String::new();
+        if let Some(heat) = &self.analysis.heat {
+            let still = heat.still_w_m2_k;
+            text += &format!(
+                "heat transfer: {:.1} ± {:.1} W/(m2 K) in still gas",
+                still.value, still.standard_error
+            );
+            if let (Some(stirred), Some(decay_s)) = (heat.stirred_w_m2_k, heat.decay_s) {
+                text += &format!(
+                    ", {:.0} ± {:.0} more when a jet ends, which decays within {:.2} s",
+                    stirred.value, stirred.standard_error, decay_s.value
+                );
+            }
+            text += "\n";
+        }
+        if let Some(sensor) = &self.analysis.sensor {
+            text += &format!(
+                "sensor: lag {:.2} s ± {:.0} %, housing {:.2} s ± {:.0} %, sees {:.2} ± {:.2} of the mean's swing\n",
+                sensor.lag_s,
+                100.0 * sensor.lag_sd,
+                sensor.housing_s,
+                100.0 * sensor.housing_sd,
+                sensor.location_factor,
+                sensor.location_factor * sensor.location_sd
+            );
+        }
+        text
+    }
+
+    /// Content of `report.html`.
+    pub fn page(&self, title: &str, record: &Record, loaded: &Loaded) -> String {
+        let lead = self.failed().unwrap_or_else(|| {
+            format!(
+                "{} stops with both valves shut, board: {}. The gas temperature without a wire in the gas.",
+                self.usable, self.board
+            )
+        });
+        let page = page::begun(title, &lead, loaded, &self.analysis);
+        page::with_stops(page, &self.analysis, &record.rows, &self.remarks).render()
+    }
+}

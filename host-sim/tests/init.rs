@@ -1,0 +1,85 @@
+//! `thermyo init` and presets: a scenario from flags, nothing overwritten, keys above presets.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Exit code, stdout, stderr, without a terminal.
+fn thermyo(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
+        .current_dir(folder)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
+    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+}
+
+const FLAGS: [&str; 11] = [
+    "init",
+    "--muscle",
+    "dmsp-10",
+    "--valve",
+    "mhe2-class",
+    "--pressure-sensor",
+    "hsc-150psi-a",
+    "--load",
+    "5",
+    "--supply",
+    "700000",
+];
+
+#[test]
+fn flags_make_a_scenario_that_runs_and_nothing_is_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let (code, out, err) = thermyo(folder.path(), &FLAGS);
+    assert!(code == 0 && err.is_empty(), "{err}");
+    for part in ["muscle.toml is written", "thermyo tune", "friction.force_n"] {
+        assert!(out.contains(part), "{part}: {out}");
+    }
+    let file = folder.path().join("muscle.toml");
+    let written = fs::read_to_string(&file).unwrap();
+    let loaded = thermyo_setup::load(&file).unwrap();
+    assert_eq!((loaded.plant.muscle.slip_force_n, loaded.plant.load.mass_kg), (6.5, 5.0));
+    assert!((loaded.plant.valve.conductance_m3_s_pa - 3.93e-9).abs() < 1e-15);
+    let (code, _, err) = thermyo(folder.path(), &FLAGS);
+    assert!(code == 2 && err.contains("muscle.toml: exists already"), "{err}");
+    assert_eq!(fs::read_to_string(&file).unwrap(), written);
+}
+
+#[test]
+fn a_missing_or_wrong_answer_is_named_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for (arguments, message) in [
+        (&FLAGS[..1], "--muscle is missing: none, dmsp-10, dmsp-20; there is no terminal"),
+        (&FLAGS[..9], "--supply is missing"),
+        (&["init", "--muscle", "dmsp-30"][..], "--muscle must be one of none, dmsp-10, dmsp-20"),
+        (&["init", "--muscle", "none"][..], "--rest-length is missing: a number from 0.005"),
+    ] {
+        let (code, out, err) = thermyo(folder.path(), arguments);
+        assert!(code == 2 && out.is_empty() && err.contains(message), "{err}");
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_key_stands_above_its_preset_and_one_line_says_so() {
+    let text = "[muscle]\npreset = \"dmsp-10\"\nslip_force_n = 9.0\nrest_length_m = 0.3\n";
+    let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, "own.toml".as_ref()).unwrap();
+    let muscle = &loaded.plant.muscle;
+    assert_eq!((muscle.slip_force_n, muscle.rest_length_m, muscle.creep_slow_s), (9.0, 0.3, 26.0));
+    assert!((muscle.diameter_m - 0.013_87).abs() < 1e-12, "{muscle:?}");
+    let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        lines,
+        [
+            "own.toml:2: muscle.preset = \"dmsp-10\": muscle.rest_length_m, muscle.slip_force_n of the file stand \
+             above it"
+        ]
+    );
+    let (_, none) =
+        thermyo_setup::parse_with_warnings("[muscle]\npreset = \"dmsp-20\"\n", "own.toml".as_ref())
+            .unwrap();
+    assert!(none.is_empty(), "{none:?}");
+}

@@ -1,0 +1,403 @@
+//! The gas along the muscle: four zones of equal volume, port first, each with its own mass, and its wall.
+//!
+//! At one pressure P in all of them, the energy balance of the zones beyond a face gives the enthalpy that
+//! crosses it (V dP + k P dV for each, and the heat Q that it loses), and so the volume that moves:
+//!
+//! ```text
+//! H_f = sum over the zones beyond of (H_port - Q)/4 + Q_i
+//! x_f = 4 H_f/(k E)                        in volumes of a zone, with E = P V/(k-1)
+//! dm_f = x_f (3/4 m_behind + 1/4 m_ahead) + y_f (m_(f-1) - m_f)
+//! ```
+//!
+//! where y_f is what jet and diffusion exchange. Taking all of it from behind would mix as much as four stirred
+//! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
+
+use super::coefficients::Coefficients;
+use super::profile::{Conduction, SETTLED_CONDUCTION};
+use crate::math::{absolute, inverse_cube_root, limit, sqrt};
+
+/// Number of zones.
+pub const ZONES: usize = 4;
+/// One number for each zone.
+pub type PerZone = [f32; ZONES];
+/// Share of what crosses a face that comes from ahead \[-\].
+const AHEAD: f32 = 0.25;
+/// Least and most of a zone's mass, in shares of the mean \[-\].
+const LEAST: f32 = 0.3;
+const MOST: f32 = 3.0;
+
+/// Sum over the zones.
+pub fn total(values: &PerZone) -> f32 {
+    let [a, b, c, d] = values;
+    (a + b) + (c + d)
+}
+
+/// Product, zone by zone.
+pub fn times(a: &PerZone, b: &PerZone) -> PerZone {
+    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
+    [a0 * b0, a1 * b1, a2 * b2, a3 * b3]
+}
+
+/// All of them by a factor.
+pub fn scaled(a: &PerZone, by: f32) -> PerZone {
+    times(a, &[by; ZONES])
+}
+
+/// Sum, zone by zone.
+pub fn plus(a: &PerZone, b: &PerZone) -> PerZone {
+    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
+    [a0 + b0, a1 + b1, a2 + b2, a3 + b3]
+}
+
+/// Difference, zone by zone.
+pub fn minus(a: &PerZone, b: &PerZone) -> PerZone {
+    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
+    [a0 - b0, a1 - b1, a2 - b2, a3 - b3]
+}
+
+/// Heat transfer to the wall while it is kept: `per_k` of the gas's mean temperature, less `offset_j`, in one step.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Exchange {
+    /// \[J/K\].
+    pub per_k: f32,
+    /// \[J\].
+    pub offset_j: f32,
+    /// Of each zone, and the part of it that flows stir \[J/K\].
+    pub zone_j_k: PerZone,
+    pub stirred_j_k: PerZone,
+    /// What the profile adds in each zone \[J\].
+    pub profile_j: PerZone,
+    /// Of still gas in each zone: once its profile has formed, and for an error that stays \[J/K\].
+    pub formed_j_k: f32,
+    pub settled_j_k: f32,
+    pub conduction: Conduction,
+}
+
+impl Exchange {
+    /// Share of what still gas gives off, where flows stir that much \[-\].
+    pub fn still_share(&self, stirred_j_k: f32) -> f32 {
+        let all = self.formed_j_k + stirred_j_k;
+        if all > 0.0 { self.formed_j_k / all } else { 1.0 }
+    }
+
+    /// Conductance of each zone for an error that stays \[J/K\].
+    pub fn settled_j_k(&self) -> PerZone {
+        plus(&self.stirred_j_k, &[self.settled_j_k; ZONES])
+    }
+}
+
+/// Sums over some steps that move the zones.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Flow {
+    pub steps: u16,
+    /// Sum of the gas temperatures \[K\].
+    pub gas_k: f32,
+    pub inflow_kg: f32,
+    pub outflow_kg: f32,
+    /// Enthalpy that came in \[J\].
+    pub enthalpy_j: f32,
+    /// Energy before \[J\].
+    pub energy_j: f32,
+    pub flowing_steps: u16,
+}
+
+/// Where things are while the zones move.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    pub energy_j: f32,
+    pub pressure_pa: f32,
+    pub length_m: f32,
+    pub rest_length_m: f32,
+    pub volume_m3: f32,
+    pub surface_m2: f32,
+    pub speed_m_s: f32,
+    /// Heat of friction to the wall \[J\].
+    pub friction_j: f32,
+    pub mass_kg: f32,
+}
+
+impl Place {
+    /// Before the first reading.
+    pub const NONE: Self = Self {
+        energy_j: 0.0,
+        pressure_pa: 1.0e5,
+        length_m: 0.0,
+        rest_length_m: 0.0,
+        volume_m3: 0.0,
+        surface_m2: 0.0,
+        speed_m_s: 0.0,
+        friction_j: 0.0,
+        mass_kg: 1.0,
+    };
+}
+
+/// What crossed the three faces between the zones, up and down, in shares of a zone's gas \[-\].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Faces {
+    pub up: [f32; 3],
+    pub down: [f32; 3],
+}
+
+/// What one movement of the zones was.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Moved {
+    pub faces: Faces,
+    /// Heat to the wall, and the part of it by stirring \[J\].
+    pub heat_j: PerZone,
+    pub stirred_j: PerZone,
+    /// Temperatures in the middle of it \[K\].
+    pub gas_k: PerZone,
+    pub energy_j: f32,
+}
+
+/// Masses and walls.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Zones {
+    /// Mass of each \[kg\].
+    pub mass_kg: PerZone,
+    /// Temperature over the mean \[-\].
+    pub ratio: PerZone,
+    /// Inner layer of the wall, and the outer one \[K\].
+    pub wall_k: PerZone,
+    pub outer_k: PerZone,
+    /// Mean of the inner layer \[K\]; kept, because every step needs it.
+    mean_wall_k: f32,
+    /// Flows through the port as the gas still feels them \[kg/s\].
+    stirring_in: f32,
+    stirring_out: f32,
+    /// First mode of still gas's profile, less the mean \[K\].
+    pub profile_k: PerZone,
+}
+
+impl Zones {
+    /// So much gas, everything at that temperature \[K\].
+    pub fn at(temperature_k: f32, mass_kg: f32) -> Self {
+        Self {
+            mass_kg: [mass_kg / ZONES as f32; ZONES],
+            ratio: [1.0; ZONES],
+            wall_k: [temperature_k; ZONES],
+            outer_k: [temperature_k; ZONES],
+            mean_wall_k: temperature_k,
+            stirring_in: 0.0,
+            stirring_out: 0.0,
+            profile_k: [0.0; ZONES],
+        }
+    }
+
+    /// Mean of the inner wall \[K\].
+    pub fn mean_wall_k(&self) -> f32 {
+        self.mean_wall_k
+    }
+
+    /// Sets both layers of the wall \[K\].
+    pub fn set_walls(&mut self, wall_k: &PerZone, outer_k: &PerZone) {
+        (self.wall_k, self.outer_k) = (*wall_k, *outer_k);
+        self.mean_wall_k = total(wall_k) * (1.0 / ZONES as f32);
+    }
+
+    /// Scales the masses to that sum \[kg\], with no zone far from the others.
+    pub fn set_mass(&mut self, mass_kg: f32) {
+        let mean_kg = mass_kg * (1.0 / ZONES as f32);
+        let limited = self.mass_kg.map(|kg| limit(kg, LEAST * mean_kg, MOST * mean_kg));
+        self.mass_kg = scaled(&limited, mass_kg / total(&limited));
+        self.ratio = self.mass_kg.map(|kg| mean_kg / kg);
+    }
+
+    /// Heat transfer in a step, for these factors on what is configured: on all of it, and on what is stirred.
+    pub fn exchange(
+        &self,
+        c: &Coefficients,
+        (scale, stirring): (f32, f32),
+        place: &Place,
+        gas_k: f32,
+    ) -> Exchange {
+        let share = scale * place.surface_m2 * c.step_s * (1.0 / ZONES as f32);
+        let still = c.still_w_m2_k(place.pressure_pa, gas_k - self.mean_wall_k());
+        let jet = scaled(&c.jet, c.forced(self.stirring_in));
+        let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
+        let stirred_j_k = scaled(&stirred, share * stirring);
+        let formed_j_k = share * still;
+        let (mut still_j_k, mut settled_j_k) = (formed_j_k, formed_j_k);
+        let mut profile_j = [0.0; ZONES];
+        let mut conduction = Conduction::default();
+        if c.profile.exists {
+            let steps = f32::from(c.counts.move_steps);
+            let density_kg_m3 = place.mass_kg / place.volume_m3;
+            let formed = ZONES as f32 * steps * formed_j_k;
+            let surface_m2 = place.surface_m2;
+            conduction = Conduction::new(&c.profile, formed, density_kg_m3, surface_m2);
+            still_j_k = conduction.per_k * c.per_move;
+            profile_j = scaled(&self.profile_k, conduction.per_profile_k * c.per_move);
+            settled_j_k *= SETTLED_CONDUCTION;
+        }
+        let zone_j_k = plus(&[still_j_k; ZONES], &stirred_j_k);
+        Exchange {
+            per_k: total(&times(&zone_j_k, &self.ratio)),
+            offset_j: total(&times(&zone_j_k, &self.wall_k)) - total(&profile_j),
+            zone_j_k,
+            stirred_j_k,
+            profile_j,
+            formed_j_k,
+            settled_j_k,
+            conduction,
+        }
+    }
+
+    /// Moves gas and walls by some steps.
+    pub fn advance(
+        &mut self,
+        c: &Coefficients,
+        flow: &Flow,
+        exchange: &Exchange,
+        place: &Place,
+    ) -> Moved {
+        let steps = f32::from(flow.steps);
+        let duration_s = steps * c.step_s;
+        let mean_k = flow.gas_k / steps;
+        let gas_k = scaled(&self.ratio, mean_k);
+        let excess_k = minus(&gas_k, &self.wall_k);
+        if c.profile.exists {
+            self.profile_k = exchange.conduction.advance(&self.profile_k, &excess_k);
+        }
+        let excess_k = scaled(&excess_k, steps);
+        let profile_j = scaled(&exchange.profile_j, steps);
+        let heat_j = plus(&times(&exchange.zone_j_k, &excess_k), &profile_j);
+        let stirred_j = times(&exchange.stirred_j_k, &excess_k);
+        let energy_j = 0.5 * (flow.energy_j + place.energy_j);
+        let faces = self.faces(c, flow, place, &heat_j, energy_j);
+        self.mass_kg = self.transport(&faces, flow.inflow_kg - flow.outflow_kg);
+        let before = self.ratio;
+        self.set_mass(place.mass_kg);
+        self.warm_walls(c, place, &heat_j, duration_s);
+        let stirring = |flow_kg: f32, stirs: f32| {
+            stirs + c.stirring_share * (flow_kg * (1.0 / duration_s) - stirs)
+        };
+        self.stirring_in = stirring(flow.inflow_kg, self.stirring_in);
+        self.stirring_out = stirring(flow.outflow_kg, self.stirring_out);
+        let gas_k = scaled(&plus(&before, &self.ratio), 0.5 * mean_k);
+        Moved { faces, heat_j, stirred_j, gas_k, energy_j }
+    }
+
+    fn faces(
+        &self,
+        c: &Coefficients,
+        flow: &Flow,
+        place: &Place,
+        heat_j: &PerZone,
+        energy_j: f32,
+    ) -> Faces {
+        let per_zone = 1.0 / ZONES as f32;
+        let gain_j = (flow.enthalpy_j - total(heat_j)) * per_zone;
+        let [_, second_j, third_j, last_j] = heat_j;
+        let last = gain_j + last_j;
+        let third = last + gain_j + third_j;
+        let second = third + gain_j + second_j;
+        let per_j = ZONES as f32 / (c.gas.heat_capacity_ratio * energy_j);
+        // Volume that came in, over that of a zone.
+        let jet = limit(flow.inflow_kg, 0.0, 1.0) * c.supply_r_j_kg * ZONES as f32
+            / (place.pressure_pa * place.volume_m3);
+        let gas_length_m = limit(
+            c.length_m + place.length_m - place.rest_length_m,
+            0.2 * c.length_m,
+            5.0 * c.length_m,
+        );
+        let steps_s = f32::from(flow.steps) * c.step_s;
+        let diffused =
+            c.diffusivity_m2_s * (ZONES * ZONES) as f32 * steps_s / (gas_length_m * gas_length_m);
+        let mut faces = Faces::default();
+        let crossing = [second, third, last].into_iter().zip(c.recirculation);
+        for ((up, down), (enthalpy_j, recirculation)) in
+            faces.up.iter_mut().zip(&mut faces.down).zip(crossing)
+        {
+            let volumes = per_j * enthalpy_j;
+            let (forth, back) = if volumes > 0.0 { (volumes, 0.0) } else { (0.0, -volumes) };
+            let mixed = recirculation * jet + diffused - AHEAD * (forth + back);
+            *up = forth + mixed;
+            *down = back + mixed;
+        }
+        faces
+    }
+
+    /// Masses after what crossed the faces, and what came through the port \[kg\]: Crank and Nicolson's mean of before
+    /// and after, or after alone where much crosses.
+    fn transport(&self, faces: &Faces, port_kg: f32) -> PerZone {
+        const AT_ONCE: f32 = 1.0;
+        let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = *faces;
+        let [m0, m1, m2, m3] = self.mass_kg;
+        let most =
+            [p1 + q1, p2 + q2, p3 + q3].into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX));
+        let after = if most > AT_ONCE { 1.0 } else { 0.5 };
+        let before = 1.0 - after;
+        let f1 = before * (p1 * m0 - q1 * m1);
+        let f2 = before * (p2 * m1 - q2 * m2);
+        let f3 = before * (p3 * m2 - q3 * m3);
+        let (p1, p2, p3) = (after * p1, after * p2, after * p3);
+        let (q1, q2, q3) = (after * q1, after * q2, after * q3);
+        // Thomas: elimination from the port, substitution back.
+        let d0 = 1.0 / (1.0 + p1);
+        let r0 = (m0 + port_kg - f1) * d0;
+        let u0 = q1 * d0;
+        let d1 = 1.0 / (1.0 + q1 + p2 - p1 * u0);
+        let r1 = (m1 + f1 - f2 + p1 * r0) * d1;
+        let u1 = q2 * d1;
+        let d2 = 1.0 / (1.0 + q2 + p3 - p2 * u1);
+        let r2 = (m2 + f2 - f3 + p2 * r1) * d2;
+        let u2 = q3 * d2;
+        let d3 = 1.0 / (1.0 + q3 - p3 * u2);
+        let r3 = (m3 + f3 + p3 * r2) * d3;
+        let r2 = r2 + u2 * r3;
+        let r1 = r1 + u1 * r2;
+        [r0 + u0 * r1, r1, r2, r3]
+    }
+
+    fn warm_walls(&mut self, c: &Coefficients, place: &Place, heat_j: &PerZone, duration_s: f32) {
+        let lost_j_k = c.heat.outer_w_k(place.surface_m2, place.speed_m_s) * duration_s;
+        let friction_j = place.friction_j;
+        let ambient_k = [c.ambient.temperature_k; ZONES];
+        let friction_j = [friction_j * (1.0 / ZONES as f32); ZONES];
+        let per_inner = ZONES as f32 / c.wall_j_k;
+        let (wall_k, outer_k);
+        // A wall does not overshoot its surroundings.
+        if c.layers_w_k > 0.0 {
+            let per_outer = ZONES as f32 / c.outer_j_k;
+            let through = minus(&self.wall_k, &self.outer_k);
+            let through_j = scaled(&through, c.layers_w_k * duration_s * (1.0 / ZONES as f32));
+            let lost_share = limit(lost_j_k / c.outer_j_k, 0.0, 1.0);
+            let lost_k = scaled(&minus(&self.outer_k, &ambient_k), lost_share);
+            let gained_j = plus(&through_j, &friction_j);
+            outer_k = plus(&self.outer_k, &minus(&scaled(&gained_j, per_outer), &lost_k));
+            let inner_j = minus(heat_j, &through_j);
+            wall_k = plus(&self.wall_k, &scaled(&inner_j, per_inner));
+        } else {
+            let lost_share = limit(lost_j_k / c.wall_j_k, 0.0, 1.0);
+            let lost_k = scaled(&minus(&self.wall_k, &ambient_k), lost_share);
+            let gained_j = plus(heat_j, &friction_j);
+            wall_k = plus(&self.wall_k, &minus(&scaled(&gained_j, per_inner), &lost_k));
+            outer_k = self.outer_k;
+        }
+        let sound = |k: f32| limit(k, super::COLDEST_K, super::HOTTEST_K);
+        self.set_walls(&wall_k.map(sound), &outer_k.map(sound));
+    }
+}
+
+impl Coefficients {
+    /// Flow that stirs as much, in proportion, as that one does \[kg/s\]: f (s/f)^(2/3).
+    fn forced(&self, flow_kg_s: f32) -> f32 {
+        if self.forced_kg_s > 0.0 {
+            flow_kg_s * self.forced_root * inverse_cube_root(flow_kg_s)
+        } else {
+            flow_kg_s
+        }
+    }
+
+    /// Coefficient of still gas at that pressure \[Pa\] and difference from the wall \[K\]: conduction, or buoyancy
+    /// where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in proportion to the
+    /// Rayleigh number.
+    fn still_w_m2_k(&self, pressure_pa: f32, difference_k: f32) -> f32 {
+        if self.buoyancy4 <= 0.0 {
+            return self.heat.inner_w_m2_k;
+        }
+        let buoyancy = self.buoyancy4 * pressure_pa * pressure_pa * absolute(difference_k);
+        sqrt(sqrt(self.conduction4 + buoyancy))
+    }
+}

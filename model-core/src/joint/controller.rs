@@ -1,0 +1,447 @@
+//! From the set point of a joint to the openings of its four valves, once per PWM period.
+//!
+//! ```text
+//! torque = J q_r'' + viscous q_r' + gravity(q_r) + friction(q_r) + kp e + kd (q_r' - q') + ki int(e) - share d
+//! (torque, K) -> P_a, P_b         closed form, with slip and creep along the reference
+//! dm     = (V dP/k + P dV)/(R T)  each muscle: eq. (6), adiabatic, towards pressure and volume of the reference
+//! ```
+//!
+//! As for a single muscle the loops close on gas mass: at held masses the pair is a spring of the wanted stiffness
+//! about the reference, without any delay. At rest all four valves are shut, by one decision for both muscles.
+
+use super::allocation::{Allocation, Line, allocate, stiffness_n_m_rad, torque_n_m};
+use super::config::{JointConfig, JointTuning, Mechanism};
+use super::observer::{Friction, Observer};
+use super::reference::{Motion, Reference};
+use super::set_point::JointSetPoint;
+use crate::config::Config;
+use crate::control::chamber_port::{ChamberPort, Feedback};
+use crate::control::valve_drive::{FlowDrive, open_kg_s};
+use crate::math::{absolute, limit, sin};
+use crate::physics::chamber::{AnyChamber, Chamber};
+use crate::physics::hysteresis::{Held, Law};
+use crate::sample::{Command, Duty};
+
+/// Periods within the dead zones before the valves rest.
+const CALM_PERIODS: u8 = 5;
+/// The dead zones are left at this multiple of their width \[-\].
+const HYSTERESIS: f32 = 1.5;
+/// How far a small pulse looks ahead of its period, in periods \[-\].
+const AHEAD: f32 = 0.5;
+/// Share of an open period's gas up to which two periods' fit into one \[-\].
+const FITS: f32 = 0.5;
+/// Dry friction of a bearing builds up over this way: assumed \[rad\].
+const BEARING_RAD: f32 = 0.005;
+
+/// One muscle as the joint's controller has it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Side {
+    drive: FlowDrive,
+    per_k: f32,
+    law: Law,
+    /// Slip and creep along the reference.
+    held: Held,
+    /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
+    given_pa: f32,
+    given_m3: f32,
+    /// Pressure and volume of the reference at the end of the period before.
+    reference_pa: f32,
+    reference_m3: f32,
+    /// The last period had a pulse.
+    pulsed: bool,
+}
+
+impl Side {
+    fn new(config: &Config) -> Self {
+        let drive = FlowDrive::new(config);
+        Self {
+            per_k: 1.0 / config.gas.heat_capacity_ratio,
+            law: Law::new(&config.hysteresis, drive.period_s()),
+            drive,
+            held: Held::default(),
+            given_pa: 0.0,
+            given_m3: 0.0,
+            reference_pa: 0.0,
+            reference_m3: 0.0,
+            pulsed: false,
+        }
+    }
+
+    /// Gas has been given for this pressure \[Pa\] and volume \[m3\].
+    fn start(&mut self, pressure_pa: f32, volume_m3: f32) {
+        (self.given_pa, self.given_m3) = (pressure_pa, volume_m3);
+        (self.reference_pa, self.reference_m3) = (pressure_pa, volume_m3);
+        self.pulsed = false;
+    }
+
+    /// Openings of a period that leads to this pressure \[Pa\] and volume \[m3\]. A share `closes` of what the gas lacks
+    /// of what was given is made up for.
+    fn period(
+        &mut self,
+        muscle: &Measured<'_>,
+        (next_pa, next_m3): (f32, f32),
+        closes: f32,
+        [quiet_pa, waits_pa]: [f32; 2],
+    ) -> Command {
+        let Measured { config, chamber, feedback } = muscle;
+        let port = ChamberPort::new(config, *chamber, feedback, &self.drive, self.per_k);
+        let way_pa = next_pa - core::mem::replace(&mut self.reference_pa, next_pa);
+        let way_m3 = next_m3 - core::mem::replace(&mut self.reference_m3, next_m3);
+        let missing_pa = closes * (self.given_pa - feedback.pressure_pa);
+        let missing_m3 = closes * (self.given_m3 - port.volume_m3);
+        let asked_kg = |to_pa: f32, to_m3: f32| {
+            let change_pa = to_pa - self.given_pa + missing_pa;
+            let change_m3 = to_m3 - self.given_m3 + missing_m3;
+            port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg
+        };
+        let first_kg = asked_kg(next_pa, next_m3);
+        let size_kg = absolute(first_kg);
+        let waits_kg = port.mass_kg(waits_pa, 0.0);
+        let open_kg = port.period_s * open_kg_s(config, first_kg, feedback.muscle());
+        // Two periods' gas fits into one.
+        let fits = size_kg < FITS * open_kg;
+        let waits = self.pulsed && fits && size_kg < waits_kg;
+        if waits || size_kg < port.mass_kg(quiet_pa, 0.0) {
+            self.pulsed = false;
+            return self.drive.closed();
+        }
+        self.pulsed = true;
+        // A small pulse is for the period after it too, in its mean; one that nearly fills its period lasts.
+        let ahead = if fits && size_kg < 2.0 * waits_kg { AHEAD } else { 0.0 };
+        let (to_pa, to_m3) = (next_pa + ahead * way_pa, next_m3 + ahead * way_m3);
+        let mut asked_kg = asked_kg(to_pa, to_m3);
+        (self.given_pa, self.given_m3) = (to_pa, to_m3);
+        let early_kg = open_kg - size_kg;
+        if !fits && early_kg > 0.0 && early_kg < waits_kg {
+            let sign = if asked_kg > 0.0 { 1.0 } else { -1.0 };
+            asked_kg = sign * open_kg;
+            self.given_pa += sign * waits_pa * early_kg / waits_kg;
+        }
+        let room_kg = port.mass_kg(config.working_limit_pa() - port.pressure_pa, 0.0);
+        let mass_kg = limit(asked_kg, f32::MIN, limit(room_kg, 0.0, 1.0));
+        self.drive.mass(config, mass_kg, feedback.muscle())
+    }
+}
+
+/// Inputs of one muscle for a period.
+#[derive(Debug, Clone, Copy)]
+pub struct Measured<'a> {
+    /// Its configuration.
+    pub config: &'a Config,
+    /// Its chamber.
+    pub chamber: &'a AnyChamber,
+    /// Pressure, length and estimate.
+    pub feedback: Feedback,
+}
+
+impl Measured<'_> {
+    fn gauge_pa(&self) -> f32 {
+        self.feedback.pressure_pa - self.config.ambient.pressure_pa
+    }
+}
+
+/// State of the joint's controller.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointController {
+    mechanism: Mechanism,
+    tuning: JointTuning,
+    period_s: f32,
+    sides: [Side; 2],
+    /// The muscles at their present lengths.
+    lines: [Line; 2],
+    friction: Friction,
+    reference: Reference,
+    /// Friction along the reference \[N m\].
+    friction_n_m: f32,
+    integral_n_m: f32,
+    observer: Observer,
+    calm_periods: u8,
+    holding: bool,
+    limited: bool,
+}
+
+impl JointController {
+    /// At rest at angle 0.
+    pub fn new(config: &JointConfig) -> Self {
+        let JointConfig { muscles, mechanism, tuning } = config;
+        let [a, _] = muscles;
+        Self {
+            mechanism: *mechanism,
+            tuning: *tuning,
+            period_s: f32::from(a.pwm_period_steps) * a.step_s,
+            sides: [Side::new(&muscles[0]), Side::new(&muscles[1])],
+            lines: [Line::default(); 2],
+            friction: Friction::default(),
+            reference: Reference::still(0.0, 0.0),
+            friction_n_m: 0.0,
+            integral_n_m: 0.0,
+            observer: Observer::new(mechanism, tuning, a.step_s),
+            calm_periods: 0,
+            holding: false,
+            limited: false,
+        }
+    }
+
+    /// Angle that the joint is to have at the end of the period under way \[rad\].
+    pub fn reference_rad(&self) -> f32 {
+        self.reference.motion.angle_rad
+    }
+
+    /// The observed speed \[rad/s\].
+    pub fn speed_rad_s(&self) -> f32 {
+        self.observer.speed_rad_s
+    }
+
+    /// Torque that nothing configured explains \[N m\].
+    pub fn disturbance_n_m(&self) -> f32 {
+        self.observer.disturbance_n_m
+    }
+
+    /// Dry friction that the joint may have \[N m\].
+    pub fn coulomb_n_m(&self) -> f32 {
+        self.friction.coulomb_n_m
+    }
+
+    /// Whether the set point asks for more than the pressures give.
+    pub fn limited(&self) -> bool {
+        self.limited
+    }
+
+    /// Whether the joint is where it should be and the valves rest.
+    pub fn holding(&self) -> bool {
+        self.holding
+    }
+
+    /// Torque of the muscles at these gauge pressures \[N m\].
+    pub fn torque_n_m(&self, gauge_pa: [f32; 2]) -> f32 {
+        torque_n_m(self.mechanism.radius_m, &self.lines, gauge_pa)
+    }
+
+    /// Stiffness behind shut valves at these gauge pressures \[N m/rad\].
+    pub fn stiffness_n_m_rad(&self, gauge_pa: [f32; 2]) -> f32 {
+        stiffness_n_m_rad(self.mechanism.radius_m, &self.lines, gauge_pa)
+    }
+
+    /// Torque of gravity at an angle \[N m\].
+    pub fn gravity_n_m(&self, angle_rad: f32) -> f32 {
+        self.mechanism.gravity_n_m * sin(self.mechanism.gravity_angle_rad - angle_rad)
+    }
+
+    /// One step of the observer.
+    pub fn observe(&mut self, angle_rad: f32, gauge_pa: [f32; 2]) {
+        let torque_n_m = self.torque_n_m(gauge_pa) + self.gravity_n_m(angle_rad);
+        self.observer.step(angle_rad, torque_n_m, &self.friction);
+    }
+
+    /// Starts from what is measured: nothing jumps.
+    pub fn restart(&mut self, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
+        self.measure(muscles);
+        let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
+        let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
+        self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
+        self.friction_n_m = 0.0;
+        self.integral_n_m = 0.0;
+        self.calm_periods = 0;
+        self.holding = false;
+        self.limited = false;
+        self.observer.restart(angle_rad);
+        for ((side, line), muscle) in self.sides.iter_mut().zip(&self.lines).zip(muscles) {
+            side.drive.reset();
+            side.held = Held::default();
+            side.start(muscle.feedback.pressure_pa, line.volume_m3);
+        }
+    }
+
+    /// The openings of a period in which both muscles vent.
+    pub fn vent(&mut self) -> [Command; 2] {
+        let [a, b] = &mut self.sides;
+        [a.drive.direct(Command::VENT), b.drive.direct(Command::VENT)]
+    }
+
+    /// The muscles at their lengths, and the friction of all that moves.
+    pub fn measure(&mut self, muscles: &[Measured<'_>; 2]) {
+        let r = self.mechanism.radius_m;
+        let bearing_n_m = self.mechanism.friction_n_m;
+        let mut friction = Friction {
+            coulomb_n_m: bearing_n_m,
+            presliding_n_m_rad: bearing_n_m * (1.0 / BEARING_RAD),
+        };
+        for ((line, side), muscle) in self.lines.iter_mut().zip(&self.sides).zip(muscles) {
+            let Measured { config, chamber, feedback } = muscle;
+            *line = Line::new(config, *chamber, feedback.length_m, side.held.force_n());
+            let friction_n = config.friction.force_n(feedback.estimate.wall_k)
+                * config.friction.at_pressure(muscle.gauge_pa());
+            friction.coulomb_n_m += r * friction_n;
+            if friction_n > 0.0 {
+                friction.presliding_n_m_rad += r * r * config.friction.presliding_stiffness_n_m;
+            }
+        }
+        self.friction = friction;
+    }
+
+    /// The openings of a period, at its start.
+    pub fn period(
+        &mut self,
+        set_point: &JointSetPoint,
+        angle_rad: f32,
+        muscles: &[Measured<'_>; 2],
+    ) -> [Command; 2] {
+        self.measure(muscles);
+        let most_pa = muscles
+            .map(|Measured { config, .. }| config.working_limit_pa() - config.ambient.pressure_pa);
+        let torque = |stiffness_n_m_rad, torque_n_m| [torque_n_m, stiffness_n_m_rad];
+        match *set_point {
+            JointSetPoint::Vent => self.vent(),
+            JointSetPoint::Duty { inlet: [inlet_a, inlet_b], outlet: [outlet_a, outlet_b] } => {
+                let [a, b] = &mut self.sides;
+                let command = |inlet, outlet| Command {
+                    inlet: Duty::from_share(inlet),
+                    outlet: Duty::from_share(outlet),
+                };
+                let (of_a, of_b) = (command(inlet_a, outlet_a), command(inlet_b, outlet_b));
+                [a.drive.direct(of_a), b.drive.direct(of_b)]
+            }
+            JointSetPoint::Pressures { pressure_pa: [a, b] } => {
+                let [of_a, of_b] = muscles;
+                let gauge_a = a - of_a.config.ambient.pressure_pa;
+                let gauge_b = b - of_b.config.ambient.pressure_pa;
+                let [most_a, most_b] = most_pa;
+                let limited = gauge_a > most_a || gauge_b > most_b;
+                let gauge_pa = [limit(gauge_a, 0.0, most_a), limit(gauge_b, 0.0, most_b)];
+                self.follow_measured(angle_rad);
+                let lines = self.lines;
+                self.give(&lines, Allocation { gauge_pa, limited }, muscles)
+            }
+            JointSetPoint::Torque { torque_n_m, stiffness_n_m_rad } => {
+                self.follow_measured(angle_rad);
+                let lines = self.lines;
+                let wanted = torque(stiffness_n_m_rad, torque_n_m);
+                let given = allocate(self.mechanism.radius_m, &lines, wanted, most_pa);
+                self.give(&lines, given, muscles)
+            }
+            JointSetPoint::Angle(wanted) => self.angle(&wanted, angle_rad, muscles, most_pa),
+        }
+    }
+
+    /// Without a reference of its own, the measured angle is one.
+    fn follow_measured(&mut self, angle_rad: f32) {
+        let way_rad = angle_rad - self.reference.motion.angle_rad;
+        self.creep(way_rad);
+        let stiffness_n_m_rad = self.reference.motion.stiffness_n_m_rad;
+        self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
+        self.holding = false;
+        self.calm_periods = 0;
+        self.integral_n_m = 0.0;
+    }
+
+    /// Slip and creep over a way of the reference \[rad\].
+    fn creep(&mut self, way_rad: f32) {
+        let way_m = self.mechanism.radius_m * way_rad;
+        let [a, b] = &mut self.sides;
+        // Muscle a contracts as the angle grows. Slip at 4 bar, which is the configured one.
+        for (side, way_m) in [(a, way_m), (b, -way_m)] {
+            side.held = side.law.after(&side.held, way_m, 4.0e5, 1.0);
+        }
+    }
+
+    /// Angle and stiffness.
+    fn angle(
+        &mut self,
+        wanted: &Motion,
+        angle_rad: f32,
+        muscles: &[Measured<'_>; 2],
+        most_pa: [f32; 2],
+    ) -> [Command; 2] {
+        let JointTuning { gain_n_m_rad, damping_per_s, observer_share, .. } = self.tuning;
+        let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
+        let error_rad = self.reference.motion.angle_rad - angle_rad;
+        if self.rests(wanted, error_rad, gauge_pa) {
+            self.creep(0.0);
+            let [a, b] = &mut self.sides;
+            return [a.drive.closed(), b.drive.closed()];
+        }
+        let lag_rad_s = self.reference.motion.speed_rad_s - self.observer.speed_rad_s;
+        self.learn(error_rad);
+        let before_rad = self.reference.motion.angle_rad;
+        self.reference.advance(&self.mechanism, &self.tuning, wanted, self.period_s);
+        let next = self.reference.motion;
+        let way_rad = next.angle_rad - before_rad;
+        self.friction_n_m = self.friction.after(self.friction_n_m, way_rad);
+        self.creep(way_rad);
+        let inertia_kg_m2 = self.mechanism.inertia_kg_m2;
+        let torque_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
+            + self.mechanism.viscous_n_m_s * next.speed_rad_s
+            - self.gravity_n_m(next.angle_rad)
+            + self.friction_n_m
+            + gain_n_m_rad * error_rad
+            + self.integral_n_m
+            - observer_share * self.observer.disturbance_n_m;
+        // A pulse is late by the valve's dead time and half of its stroke.
+        let [Measured { config, .. }, _] = muscles;
+        let late_s = config.valve.dead_time_s + 0.5 * config.valve.switch_time_s;
+        let lengths_m = self.mechanism.lengths_m(next.angle_rad + late_s * next.speed_rad_s);
+        let mut lines = self.lines;
+        for (((line, side), muscle), length_m) in
+            lines.iter_mut().zip(&self.sides).zip(muscles).zip(lengths_m)
+        {
+            let length_m = muscle.chamber.limit_length_m(length_m);
+            *line = Line::new(muscle.config, muscle.chamber, length_m, side.held.force_n());
+        }
+        let asked = [torque_n_m, next.stiffness_n_m_rad];
+        let given = allocate(self.mechanism.radius_m, &lines, asked, most_pa);
+        self.give(&lines, given, muscles)
+    }
+
+    /// Whether the valves rest in this period.
+    fn rests(&mut self, wanted: &Motion, error_rad: f32, gauge_pa: [f32; 2]) -> bool {
+        let JointTuning { dead_zone_rad, dead_zone_stiffness, .. } = self.tuning;
+        let stiffness = self.stiffness_n_m_rad(gauge_pa);
+        let off = absolute(stiffness - wanted.stiffness_n_m_rad);
+        let width = if self.holding { HYSTERESIS } else { 1.0 };
+        let arrived = self.reference.rests_at(wanted, dead_zone_rad);
+        let calm = arrived
+            && absolute(error_rad) <= width * dead_zone_rad
+            // A stiffness that no pressure gives is not waited for.
+            && (self.limited || off <= width * dead_zone_stiffness * wanted.stiffness_n_m_rad);
+        self.calm_periods = if calm { self.calm_periods.saturating_add(1) } else { 0 };
+        let rests = self.calm_periods >= CALM_PERIODS || (self.holding && calm);
+        if rests && !self.holding {
+            self.reference.motion = *wanted;
+        }
+        self.holding = rests;
+        rests
+    }
+
+    /// One period of the integral.
+    fn learn(&mut self, error_rad: f32) {
+        let saturated = self.sides.iter().any(|side| side.drive.saturated());
+        if !saturated {
+            let gained_n_m = self.tuning.integral_n_m_rad_s * self.period_s * error_rad;
+            let most_n_m = self.tuning.integral_limit_n_m;
+            self.integral_n_m = limit(self.integral_n_m + gained_n_m, -most_n_m, most_n_m);
+        }
+    }
+
+    /// Openings for these pressures at these volumes.
+    fn give(
+        &mut self,
+        lines: &[Line; 2],
+        allocation: Allocation,
+        muscles: &[Measured<'_>; 2],
+    ) -> [Command; 2] {
+        self.limited = allocation.limited;
+        let closes = limit(self.period_s / self.tuning.mass_loop_s, 0.0, 1.0);
+        let per_radius = 1.0 / self.mechanism.radius_m;
+        let spared_n =
+            [self.tuning.quiet_n_m, self.tuning.waits_n_m].map(|torque| torque * per_radius);
+        let mut commands = [Command::CLOSED; 2];
+        let sides = self.sides.iter_mut().zip(&mut commands).zip(muscles);
+        let wanted = lines.iter().zip(allocation.gauge_pa);
+        for (((side, command), muscle), (line, gauge_pa)) in sides.zip(wanted) {
+            let to = (muscle.config.ambient.pressure_pa + gauge_pa, line.volume_m3);
+            let spared_pa = spared_n.map(|force_n| force_n / line.area_m2);
+            *command = side.period(muscle, to, closes, spared_pa);
+        }
+        commands
+    }
+}

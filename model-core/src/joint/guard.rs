@@ -1,0 +1,194 @@
+//! Faults of the mechanism: an angle that is lost, goes the wrong way, or does not fit the torque.
+
+use super::config::{JointConfig, Mechanism};
+use crate::math::absolute;
+use crate::step_counts::StepCounts;
+
+/// Way from where it was armed, after which the direction is judged: 3 deg \[rad\].
+const JUDGED_RAD: f32 = 0.052;
+/// Torque against which a load may move a healthy joint, share of the torque limit \[-\].
+const LOADED: f32 = 0.5;
+/// Part of a rail's way that counts as on a stop \[rad\].
+const STOP_RAD: f32 = 0.02;
+
+/// Faults of a joint, one bit each. All of them vent both muscles and stay latched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct JointFaults(pub u8);
+
+impl JointFaults {
+    /// Nothing.
+    pub const NONE: Self = Self(0);
+    /// The angle's code lies at a rail, is frozen or noisy, or stands for a length that a muscle cannot have.
+    pub const ANGLE_SENSOR: Self = Self(1 << 0);
+    /// After arming the angle moved against the torque of the muscles: swapped tubes, valves or sensors, or a load
+    /// that is not configured.
+    pub const WRONG_WAY: Self = Self(1 << 1);
+    /// Angle and pressures stand for a torque beyond `torque_limit_n_m` that nothing explains: a torn or slipping
+    /// tendon, a collision, an angle sensor that slips.
+    pub const TORQUE: Self = Self(1 << 2);
+
+    /// Every fault and its name, in the order of the bits.
+    pub const NAMES: [(Self, &'static str); 3] = [
+        (Self::ANGLE_SENSOR, "angle sensor"),
+        (Self::WRONG_WAY, "angle goes the wrong way"),
+        (Self::TORQUE, "torque"),
+    ];
+
+    /// These where a condition holds, otherwise none.
+    pub const fn when(self, condition: bool) -> Self {
+        if condition { self } else { Self::NONE }
+    }
+
+    /// Both together.
+    pub const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// Whether one of `other` is among them.
+    pub const fn intersects(self, other: Self) -> bool {
+        self.0 & other.0 != 0
+    }
+
+    /// Their names, in the order of the bits.
+    pub fn names(self) -> impl Iterator<Item = &'static str> {
+        let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
+        held.map(|(_, name)| *name)
+    }
+}
+
+impl core::fmt::Display for JointFaults {
+    /// Their names, by commas.
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        for (i, name) in self.names().enumerate() {
+            write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
+        }
+        Ok(())
+    }
+}
+
+/// State of the joint in one step.
+#[derive(Debug, Clone, Copy)]
+pub struct Motions {
+    /// Measured angle \[rad\].
+    pub angle_rad: f32,
+    /// Torque of muscles and gravity \[N m\].
+    pub torque_n_m: f32,
+    /// Dry friction that there may be \[N m\].
+    pub coulomb_n_m: f32,
+    /// Torque that nothing explains \[N m\].
+    pub disturbance_n_m: f32,
+}
+
+/// State of the guard.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Guard {
+    torque_limit_n_m: f32,
+    stops_rad: [f32; 2],
+    patience_steps: u16,
+    beyond_steps: u16,
+    /// Angle at which it began to move, and the one of the step before \[rad\].
+    start_rad: f32,
+    before_rad: f32,
+    /// Work of muscles and gravity since then \[J\].
+    work_j: f32,
+    /// It has moved the right way since it was armed.
+    confirmed: bool,
+}
+
+impl Guard {
+    /// One that has seen nothing.
+    pub fn new(config: &JointConfig) -> Self {
+        let [a, _] = &config.muscles;
+        let Mechanism { torque_limit_n_m, minimum_rad, maximum_rad, .. } = config.mechanism;
+        Self {
+            torque_limit_n_m,
+            stops_rad: [minimum_rad + STOP_RAD, maximum_rad - STOP_RAD],
+            // A tenth of a second.
+            patience_steps: StepCounts::new(a.step_s).patience_steps.saturating_mul(10),
+            beyond_steps: 0,
+            start_rad: 0.0,
+            before_rad: 0.0,
+            work_j: 0.0,
+            confirmed: false,
+        }
+    }
+
+    /// The joint begins to move from this angle \[rad\].
+    pub fn restart(&mut self, angle_rad: f32) {
+        let (start_rad, before_rad) = (angle_rad, angle_rad);
+        *self =
+            Self { start_rad, before_rad, work_j: 0.0, confirmed: false, beyond_steps: 0, ..*self };
+    }
+
+    /// Faults of a step in which the joint is driven.
+    pub fn step(&mut self, now: &Motions) -> JointFaults {
+        let moved_rad = now.angle_rad - core::mem::replace(&mut self.before_rad, now.angle_rad);
+        self.work_j += now.torque_n_m * moved_rad;
+        let way_rad = absolute(now.angle_rad - self.start_rad);
+        let mut wrong = false;
+        if !self.confirmed && way_rad >= JUDGED_RAD {
+            // From rest the muscles have done the work of the motion, up to that of a load.
+            let loaded_n_m = LOADED * self.torque_limit_n_m + 0.5 * now.coulomb_n_m;
+            wrong = self.work_j < -loaded_n_m * way_rad;
+            self.confirmed = self.work_j > 0.0;
+        }
+        let [least_rad, most_rad] = self.stops_rad;
+        let free = now.angle_rad > least_rad && now.angle_rad < most_rad;
+        let beyond = free && absolute(now.disturbance_n_m) > self.torque_limit_n_m;
+        self.beyond_steps = if beyond { self.beyond_steps.saturating_add(1) } else { 0 };
+        JointFaults::WRONG_WAY
+            .when(wrong)
+            .with(JointFaults::TORQUE.when(self.beyond_steps > self.patience_steps))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn guard() -> Guard {
+        let mut guard = Guard::new(&JointConfig::default());
+        guard.restart(0.1);
+        guard
+    }
+
+    fn at(angle_rad: f32, torque_n_m: f32, disturbance_n_m: f32) -> Motions {
+        Motions { angle_rad, torque_n_m, coulomb_n_m: 0.6, disturbance_n_m }
+    }
+
+    /// Found within 5 deg; a load of half the torque limit may move it.
+    #[test]
+    fn a_motion_against_the_torque_is_the_wrong_way() {
+        for (torque_n_m, expected) in [(2.5, true), (-1.5, false), (2.0, false)] {
+            let mut guard = guard();
+            let found = (0..500).find_map(|step| {
+                let angle_rad = 0.1 - 0.001 * step as f32;
+                let faults = guard.step(&at(angle_rad, torque_n_m, 0.0));
+                faults.intersects(JointFaults::WRONG_WAY).then_some(0.1 - angle_rad)
+            });
+            assert_eq!(found.is_some(), expected, "{torque_n_m} N m");
+            assert!(found.is_none_or(|way| way < 0.087), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn an_unexplained_torque_is_a_fault_after_a_tenth_of_a_second() {
+        let found_at = |angle_rad: f32, disturbance_n_m: f32| {
+            let mut guard = guard();
+            (0..1000).find(|_| {
+                guard.step(&at(angle_rad, 0.0, disturbance_n_m)).intersects(JointFaults::TORQUE)
+            })
+        };
+        assert_eq!(found_at(0.1, 4.1), Some(100));
+        assert_eq!(found_at(0.1, -4.1), Some(100));
+        assert_eq!(found_at(0.1, 3.9), None);
+        assert_eq!(found_at(0.79, 9.0), None, "it lies on its stop");
+    }
+
+    #[test]
+    fn names_are_in_the_order_of_the_bits() {
+        let all = JointFaults::NAMES.iter().fold(JointFaults::NONE, |all, (one, _)| all.with(*one));
+        assert_eq!(all.to_string(), "angle sensor, angle goes the wrong way, torque");
+    }
+}

@@ -1,0 +1,529 @@
+//! A joint: two muscles against each other on one pulley, with an angle and a stiffness.
+//!
+//! ```text
+//! JointSample --both muscles: sensing, supervisor--> one decision: may they? --controller--> four openings
+//!                angle --> both lengths --> both estimators                  \-- otherwise both vent
+//! ```
+//!
+//! Each muscle is a [`Core`]: sensing, estimator, plausibility monitor and supervisor are its own. Controller, arming and
+//! the decision to vent belong to the joint: a venting fault of either muscle, or of the joint itself, opens both
+//! outlets in the same step. One muscle is never vented alone, because the other would then throw the arm.
+//!
+//! One potentiometer gives the angle, and the angle both lengths. Without it there is no fallback: the joint
+//! vents.
+
+pub mod allocation;
+mod config;
+pub mod controller;
+pub mod guard;
+pub mod observer;
+pub mod reference;
+mod set_point;
+
+pub use self::config::{JointConfig, JointTuning, Mechanism};
+pub use self::guard::JointFaults;
+pub use self::reference::Motion;
+pub use self::set_point::{JointError, JointSetPoint};
+
+use self::controller::{JointController, Measured};
+use self::guard::{Guard, Motions};
+use crate::control::SetPointError;
+use crate::parameter::ConfigError;
+use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemetry};
+use crate::sensing::adc::{Characteristic, Linearisation, Point};
+use crate::step::{Core, Judged};
+
+/// Everything that one step of a joint takes in. Arrays are of muscles a and b.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct JointSample {
+    /// Pressures.
+    pub pressure: [RawCode; 2],
+    /// Gas temperatures.
+    pub gas: [RawCode; 2],
+    /// Potentiometer of the angle.
+    pub angle: AdcCode,
+    /// The emergency stop line is open or low.
+    pub emergency_stop: bool,
+    /// A request of the host has come since the step before.
+    pub heard: bool,
+    /// The host asks more than is carried out.
+    pub flooded: bool,
+    /// Steps that were left out before this one.
+    pub missed_steps: u8,
+}
+
+impl JointSample {
+    /// The samples of both muscles. The code of the angle stands in place of their lengths'.
+    fn muscles(&self) -> [Sample; 2] {
+        let [pressure_a, pressure_b] = self.pressure;
+        let [gas_a, gas_b] = self.gas;
+        let Self { angle, emergency_stop, heard, flooded, missed_steps, .. } = *self;
+        [(pressure_a, gas_a), (pressure_b, gas_b)].map(|(pressure, gas)| Sample {
+            pressure,
+            gas,
+            length: angle,
+            emergency_stop,
+            heard,
+            flooded,
+            missed_steps,
+        })
+    }
+}
+
+/// Mode of a joint.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum JointMode {
+    /// Startup check: it vents and tests the sensors.
+    StartupCheck,
+    /// Both inlets closed, both outlets open.
+    Vent,
+    /// Fixed openings.
+    Duty,
+    /// Two pressures are followed.
+    Pressures,
+    /// Torque and stiffness are followed.
+    Torque,
+    /// Angle and stiffness are followed.
+    Angle,
+    /// The joint is where it should be, and all valves rest.
+    AngleHeld,
+}
+
+impl JointMode {
+    /// Every mode and its name; a mode's index here is its number in a trace.
+    pub const NAMES: [(Self, &'static str); 7] = [
+        (Self::StartupCheck, "startup check"),
+        (Self::Vent, "vent"),
+        (Self::Duty, "duty"),
+        (Self::Pressures, "pressures"),
+        (Self::Torque, "torque"),
+        (Self::Angle, "angle"),
+        (Self::AngleHeld, "angle, held"),
+    ];
+}
+
+/// Everything that one step of a joint leaves behind.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct JointTelemetry {
+    /// Both muscles: their mode and set point only show that the joint drives them.
+    pub muscles: [Telemetry; 2],
+    /// Mode of the joint.
+    pub mode: JointMode,
+    /// Measured angle \[rad\].
+    pub angle_rad: f32,
+    /// Observed speed \[rad/s\].
+    pub speed_rad_s: f32,
+    /// Angle of the reference \[rad\].
+    pub reference_rad: f32,
+    /// Torque of both muscles, by pressures and angle \[N m\].
+    pub torque_n_m: f32,
+    /// Stiffness of both muscles behind shut valves \[N m/rad\].
+    pub stiffness_n_m_rad: f32,
+    /// Torque that nothing configured explains \[N m\].
+    pub disturbance_n_m: f32,
+    /// Stiffness, or torque too, had to give way to the limits of pressure.
+    pub limited: bool,
+    /// Faults of the joint that hold or are latched.
+    pub faults: JointFaults,
+}
+
+impl JointTelemetry {
+    /// Openings of muscles a and b in this step.
+    pub fn commands(&self) -> [Command; 2] {
+        let [a, b] = &self.muscles;
+        [a.command, b.command]
+    }
+}
+
+/// The potentiometer of the angle: 5 to 95 % of the reference.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct AngleLine {
+    linearisation: Linearisation,
+    characteristic: Characteristic,
+    /// Half the width of its widest codes \[rad\].
+    wide_rad: f32,
+}
+
+impl AngleLine {
+    fn new(config: &JointConfig) -> Self {
+        let Mechanism { sensor_minimum_rad, sensor_maximum_rad, .. } = config.mechanism;
+        let low = Point { share: 0.05, value: sensor_minimum_rad };
+        let high = Point { share: 0.95, value: sensor_maximum_rad };
+        let [a, _] = &config.muscles;
+        let characteristic = Characteristic::through(low, high);
+        Self {
+            linearisation: Linearisation::new(&a.sensors.adc),
+            wide_rad: a.sensors.adc.half_width(characteristic.per_code()),
+            characteristic,
+        }
+    }
+
+    /// Angle, and half the width of its code \[rad\].
+    fn read(&self, code: AdcCode) -> (f32, f32) {
+        let wide_rad = if self.linearisation.widens(code) { self.wide_rad } else { 0.0 };
+        (self.characteristic.at(self.linearisation.ideal(code)), wide_rad)
+    }
+}
+
+/// Two muscles, one angle, one controller, one decision to vent.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    muscles: [Core; 2],
+    config: JointConfig,
+    line: AngleLine,
+    controller: JointController,
+    guard: Guard,
+    set_point: JointSetPoint,
+    /// The openings of the PWM period under way.
+    commands: [Command; 2],
+    /// The controller has started from what was measured.
+    started: bool,
+    /// Faults that hold now, and those that are latched.
+    present: JointFaults,
+    latched: JointFaults,
+}
+
+impl Joint {
+    /// A joint that vents until it has tested its sensors and is given a set point. It is armed, as a
+    /// [`Core`] is.
+    ///
+    /// ```
+    /// use model_core::joint::{Joint, JointConfig, JointSetPoint, Motion};
+    ///
+    /// let mut joint = Joint::new(&JointConfig::default())?;
+    /// joint.set(JointSetPoint::Angle(Motion::still(0.3, 14.0))).unwrap();
+    /// assert!(joint.set(JointSetPoint::Angle(Motion::still(0.9, 14.0))).is_err());
+    /// # Ok::<(), model_core::ConfigError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`ConfigError`] as [`JointConfig::check`].
+    #[cold] // Once at a start: as small as can be.
+    pub fn new(config: &JointConfig) -> Result<Self, ConfigError> {
+        config.check()?;
+        let [a, b] = &config.muscles;
+        Ok(Self {
+            muscles: [Core::new(a)?, Core::new(b)?],
+            line: AngleLine::new(config),
+            controller: JointController::new(config),
+            guard: Guard::new(config),
+            set_point: JointSetPoint::Vent,
+            commands: [Command::VENT; 2],
+            started: false,
+            present: JointFaults::NONE,
+            latched: JointFaults::NONE,
+            config: *config,
+        })
+    }
+
+    /// Takes set points from now on, as far as the configured pressures go. It vents until there is one.
+    ///
+    /// # Errors
+    /// [`JointError::Faults`] while faults vent; it is as armed as before.
+    pub fn arm(&mut self) -> Result<(), JointError> {
+        let faults = self.venting();
+        let [a, b] = &mut self.muscles;
+        let armed = a.arm(None).and_then(|()| b.arm(None));
+        if self.latched != JointFaults::NONE || armed.is_err() {
+            self.disarm();
+            return Err(JointError::Faults(faults, self.latched));
+        }
+        self.vent();
+        Ok(())
+    }
+
+    /// Vents, and takes no set point until it is [armed](Self::arm).
+    pub fn disarm(&mut self) {
+        self.vent();
+        self.muscles.iter_mut().for_each(Core::disarm);
+    }
+
+    /// Whether set points are taken.
+    pub fn is_armed(&self) -> bool {
+        self.muscles.iter().all(|muscle| muscle.armed_pa().is_some())
+    }
+
+    /// Vents both muscles, from the next step on.
+    pub fn vent(&mut self) {
+        self.set_point = JointSetPoint::Vent;
+        self.started = false;
+        self.muscles.iter_mut().for_each(Core::vent);
+    }
+
+    /// Forgets latched faults whose cause is gone, and vents until it is armed and has a set point.
+    pub fn clear_faults(&mut self) {
+        self.latched = self.present;
+        self.muscles.iter_mut().for_each(Core::clear_faults);
+        self.disarm();
+    }
+
+    /// The set point.
+    pub fn set_point(&self) -> JointSetPoint {
+        self.set_point
+    }
+
+    /// The configuration that the joint runs with.
+    pub fn config(&self) -> &JointConfig {
+        &self.config
+    }
+
+    fn venting(&self) -> [Faults; 2] {
+        let [a, b] = &self.muscles;
+        [a.supervisor().venting(), b.supervisor().venting()]
+    }
+
+    /// Changes what the joint is to do, from the next PWM period on; to vent, from the next step on.
+    ///
+    /// # Errors
+    /// [`JointError`] for a value that is no number or out of its range, and for anything but to vent while faults
+    /// do or it is not armed; what held before goes on.
+    pub fn set(&mut self, set_point: JointSetPoint) -> Result<(), JointError> {
+        set_point.check(&self.config)?;
+        if set_point == JointSetPoint::Vent {
+            self.vent();
+            return Ok(());
+        }
+        let faults = self.venting();
+        if faults != [Faults::NONE; 2] || self.latched != JointFaults::NONE {
+            return Err(JointError::Faults(faults, self.latched));
+        }
+        if !self.is_armed() {
+            return Err(JointError::NotArmed);
+        }
+        for muscle in &mut self.muscles {
+            // Driven, but by the joint: with both valves shut its own controller does nothing.
+            let driven = muscle.set(SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
+            driven.map_err(|error| match error {
+                SetPointError::Faults(_) => JointError::Faults(faults, self.latched),
+                _ => JointError::NotArmed,
+            })?;
+        }
+        let kind = core::mem::discriminant::<JointSetPoint>;
+        if kind(&set_point) != kind(&self.set_point) {
+            self.started = false;
+        }
+        self.set_point = set_point;
+        Ok(())
+    }
+
+    /// One step. During the startup check the joint vents, and neither estimates nor counts steps.
+    pub fn step(&mut self, sample: &JointSample) -> JointTelemetry {
+        let samples = sample.muscles();
+        let (angle_rad, wide_rad) = self.line.read(sample.angle);
+        let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
+        let wide_m = self.config.mechanism.radius_m * wide_rad;
+        let [sample_a, sample_b] = &samples;
+        let [a, b] = &mut self.muscles;
+        let judged = [
+            a.begin(sample_a, Some((length_a_m, wide_m))),
+            b.begin(sample_b, Some((length_b_m, wide_m))),
+        ];
+        let [judged_a, judged_b] = &judged;
+        // Their own openings are not used; their periods go on as the hardware's do.
+        a.openings(sample_a, judged_a);
+        b.openings(sample_b, judged_b);
+        let gauge_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
+        let gauge_pa = self.gauge_pa(gauge_pa);
+        self.watch(angle_rad, gauge_pa, &judged);
+        let fails = self.venting() != [Faults::NONE; 2] || self.latched != JointFaults::NONE;
+        if fails && (self.is_armed() || self.set_point != JointSetPoint::Vent) {
+            // Vents both in this step, whichever of the two, or the joint, has the fault.
+            self.disarm();
+        }
+        if judged.iter().all(Judged::is_checked) {
+            self.drive(angle_rad, &judged);
+        }
+        self.finish(angle_rad, gauge_pa, &samples, &judged)
+    }
+
+    fn gauge_pa(&self, pressure_pa: [f32; 2]) -> [f32; 2] {
+        let [a, b] = &self.config.muscles;
+        let [of_a, of_b] = pressure_pa;
+        [of_a - a.ambient.pressure_pa, of_b - b.ambient.pressure_pa]
+    }
+
+    /// Observer and faults of the joint.
+    fn watch(&mut self, angle_rad: f32, gauge_pa: [f32; 2], judged: &[Judged; 2]) {
+        let lost = judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
+        let mut present = JointFaults::ANGLE_SENSOR.when(lost);
+        if self.started {
+            self.controller.observe(angle_rad, gauge_pa);
+            present = present.with(self.guard.step(&Motions {
+                angle_rad,
+                torque_n_m: self.controller.torque_n_m(gauge_pa)
+                    + self.controller.gravity_n_m(angle_rad),
+                coulomb_n_m: self.controller.coulomb_n_m(),
+                disturbance_n_m: self.controller.disturbance_n_m(),
+            }));
+        }
+        self.present = present;
+        self.latched = self.latched.with(present);
+    }
+
+    /// The openings of this step. But for venting they change at the start of a PWM period only.
+    fn drive(&mut self, angle_rad: f32, judged: &[Judged; 2]) {
+        let [a, b] = &self.muscles;
+        let [config_a, config_b] = &self.config.muscles;
+        let [judged_a, judged_b] = judged;
+        let measured = [
+            Measured { config: config_a, chamber: a.chamber(), feedback: a.measured(judged_a) },
+            Measured { config: config_b, chamber: b.chamber(), feedback: b.measured(judged_b) },
+        ];
+        if self.set_point == JointSetPoint::Vent {
+            self.commands = self.controller.vent();
+            if a.begins_period() {
+                self.controller.measure(&measured);
+            }
+        } else if a.begins_period() {
+            if !self.started {
+                self.controller.restart(angle_rad, &measured);
+                self.guard.restart(angle_rad);
+                self.started = true;
+            }
+            self.commands = self.controller.period(&self.set_point, angle_rad, &measured);
+        }
+    }
+
+    /// Ends the step of both muscles.
+    fn finish(
+        &mut self,
+        angle_rad: f32,
+        gauge_pa: [f32; 2],
+        samples: &[Sample; 2],
+        judged: &[Judged; 2],
+    ) -> JointTelemetry {
+        let [sample_a, sample_b] = samples;
+        let [judged_a, judged_b] = judged;
+        let [command_a, command_b] = self.commands;
+        let [a, b] = &mut self.muscles;
+        let muscles = [a.end(sample_a, judged_a, command_a), b.end(sample_b, judged_b, command_b)];
+        JointTelemetry {
+            mode: self.mode(&muscles),
+            muscles,
+            angle_rad,
+            speed_rad_s: self.controller.speed_rad_s(),
+            reference_rad: self.controller.reference_rad(),
+            torque_n_m: self.controller.torque_n_m(gauge_pa),
+            stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
+            disturbance_n_m: self.controller.disturbance_n_m(),
+            limited: self.controller.limited(),
+            faults: self.latched,
+        }
+    }
+
+    fn mode(&self, [a, _]: &[Telemetry; 2]) -> JointMode {
+        match self.set_point {
+            _ if a.mode == crate::sample::Mode::StartupCheck => JointMode::StartupCheck,
+            JointSetPoint::Vent => JointMode::Vent,
+            JointSetPoint::Duty { .. } => JointMode::Duty,
+            JointSetPoint::Pressures { .. } => JointMode::Pressures,
+            JointSetPoint::Torque { .. } => JointMode::Torque,
+            JointSetPoint::Angle(_) if self.controller.holding() => JointMode::AngleHeld,
+            JointSetPoint::Angle(_) => JointMode::Angle,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sample::CODE_MAX;
+
+    /// 120 kPa in both muscles, at angle 0.
+    const HEALTHY: JointSample = JointSample {
+        pressure: [RawCode::Adc(AdcCode(7770)); 2],
+        gas: [RawCode::Adc(AdcCode(15_950)); 2],
+        angle: AdcCode(16_400),
+        emergency_stop: false,
+        heard: true,
+        flooded: false,
+        missed_steps: 0,
+    };
+    const FILLING: JointSetPoint = JointSetPoint::Duty { inlet: [0.5; 2], outlet: [0.0; 2] };
+
+    /// Codes that are alive.
+    fn alive(step: u16) -> JointSample {
+        let code = |code: u16| AdcCode(code + step % 2);
+        JointSample {
+            pressure: [code(7770).into(), code(7770).into()],
+            angle: code(16_400),
+            ..HEALTHY
+        }
+    }
+
+    /// A joint that fills both muscles.
+    fn filling() -> Joint {
+        let mut joint = Joint::new(&JointConfig::default()).unwrap();
+        while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+        joint.set(FILLING).unwrap();
+        for step in 0..30 {
+            joint.step(&alive(step));
+        }
+        assert_eq!(joint.step(&alive(0)).mode, JointMode::Duty);
+        joint
+    }
+
+    /// Steps until both vent with that sample. Until then neither does.
+    fn vents_after(joint: &mut Joint, broken: impl Fn(JointSample) -> JointSample) -> Option<u16> {
+        (0..200).find(|step| {
+            let [a, b] = joint.step(&broken(alive(*step))).commands();
+            assert_eq!(a == Command::VENT, b == Command::VENT, "step {step}");
+            a == Command::VENT
+        })
+    }
+
+    #[test]
+    fn what_vents_one_muscle_vents_both_in_the_same_step() {
+        for side in 0..2 {
+            let mut joint = filling();
+            let found = vents_after(&mut joint, |mut sample| {
+                sample.pressure[side] = AdcCode(0).into();
+                sample
+            });
+            assert_eq!(found, Some(9), "muscle {side}");
+            assert!(!joint.is_armed());
+            assert!(matches!(joint.set(FILLING), Err(JointError::Faults(..))));
+        }
+        let stop = |sample| JointSample { emergency_stop: true, ..sample };
+        assert_eq!(vents_after(&mut filling(), stop), Some(0));
+    }
+
+    #[test]
+    fn a_lost_angle_vents_and_stays_latched() {
+        let mut joint = filling();
+        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
+        assert_eq!(vents_after(&mut joint, open), Some(0));
+        let telemetry = joint.step(&HEALTHY);
+        assert_eq!(telemetry.faults, JointFaults::ANGLE_SENSOR);
+        assert!(joint.arm().is_err());
+        joint.clear_faults();
+        assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
+        assert_eq!(joint.arm(), Ok(()));
+        assert_eq!(joint.set(FILLING), Ok(()));
+    }
+
+    /// Nothing is driven before the sensors are tested, nor after it was disarmed.
+    #[test]
+    fn it_vents_until_it_may_drive() {
+        let mut joint = Joint::new(&JointConfig::default()).unwrap();
+        joint.set(FILLING).unwrap();
+        let first = joint.step(&HEALTHY);
+        assert_eq!(first.mode, JointMode::StartupCheck);
+        assert_eq!(first.commands(), [Command::VENT; 2]);
+        while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+        assert_ne!(joint.step(&HEALTHY).commands(), [Command::VENT; 2], "a set point waited");
+        joint.disarm();
+        assert_eq!(joint.step(&HEALTHY).commands(), [Command::VENT; 2]);
+        assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
+    }
+
+    #[test]
+    fn both_lengths_follow_from_the_angle() {
+        let mut joint = filling();
+        let telemetry = joint.step(&JointSample { angle: AdcCode(23_000), ..HEALTHY });
+        let [a, b] = telemetry.muscles.map(|muscle| muscle.length_m);
+        let way_m = 0.02 * telemetry.angle_rad;
+        assert!((0.4..0.5).contains(&telemetry.angle_rad), "{}", telemetry.angle_rad);
+        assert!((a - 0.27 + way_m).abs() < 1e-6 && (b - 0.27 - way_m).abs() < 1e-6, "{a} {b}");
+    }
+}

@@ -1,0 +1,121 @@
+//! Speed and disturbance of the joint, from its angle and the torque of its muscles.
+//!
+//! ```text
+//! J q'' = torque - gravity - viscous q' - friction + d
+//! ```
+//!
+//! A Luenberger observer of angle, speed and d with three equal poles. Dry friction is in its model, as a play: it
+//! grows with the way since the last turn, up to its Coulomb value, so that d has no part of it at a turn.
+
+use super::config::{JointTuning, Mechanism};
+use crate::math::limit;
+
+/// A step of the play changes the speed by no more than this share of what it was \[-\].
+const STIFFEST: f32 = 0.05;
+
+/// Dry friction of the whole joint, with presliding.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Friction {
+    /// Coulomb torque \[N m\].
+    pub coulomb_n_m: f32,
+    /// Torque per way after a turn \[N m/rad\].
+    pub presliding_n_m_rad: f32,
+}
+
+impl Friction {
+    /// Torque after a way \[rad\] from where it was `before_n_m` \[N m\], positive against growing angles.
+    pub fn after(&self, before_n_m: f32, way_rad: f32) -> f32 {
+        let torque_n_m = before_n_m + self.presliding_n_m_rad * way_rad;
+        limit(torque_n_m, -self.coulomb_n_m, self.coulomb_n_m)
+    }
+}
+
+/// State of the observer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Observer {
+    step_s: f32,
+    per_inertia: f32,
+    viscous_n_m_s: f32,
+    /// Stiffest play that a step resolves \[N m/rad\].
+    stiffest_n_m_rad: f32,
+    /// Of angle \[1/s\], speed \[1/s2\] and disturbance \[N m/(rad s)\].
+    gains: [f32; 3],
+    angle_rad: f32,
+    /// Speed \[rad/s\].
+    pub speed_rad_s: f32,
+    /// Torque that nothing configured explains, positive towards growing angles \[N m\].
+    pub disturbance_n_m: f32,
+    /// Friction along the observed motion \[N m\].
+    friction_n_m: f32,
+}
+
+impl Observer {
+    /// At rest.
+    pub fn new(mechanism: &Mechanism, tuning: &JointTuning, step_s: f32) -> Self {
+        let p = tuning.observer_rad_s;
+        let inertia_kg_m2 = mechanism.inertia_kg_m2;
+        Self {
+            step_s,
+            per_inertia: 1.0 / inertia_kg_m2,
+            viscous_n_m_s: mechanism.viscous_n_m_s,
+            stiffest_n_m_rad: STIFFEST * inertia_kg_m2 / (step_s * step_s),
+            gains: [3.0 * p, 3.0 * p * p, inertia_kg_m2 * p * p * p],
+            angle_rad: 0.0,
+            speed_rad_s: 0.0,
+            disturbance_n_m: 0.0,
+            friction_n_m: 0.0,
+        }
+    }
+
+    /// At rest at that angle \[rad\].
+    pub fn restart(&mut self, angle_rad: f32) {
+        *self =
+            Self { angle_rad, speed_rad_s: 0.0, disturbance_n_m: 0.0, friction_n_m: 0.0, ..*self };
+    }
+
+    /// One step, with the measured angle \[rad\] and the torque of muscles and gravity \[N m\].
+    pub fn step(&mut self, angle_rad: f32, torque_n_m: f32, friction: &Friction) {
+        let [of_angle, of_speed, of_disturbance] = self.gains;
+        let error_rad = angle_rad - self.angle_rad;
+        let presliding_n_m_rad = limit(friction.presliding_n_m_rad, 0.0, self.stiffest_n_m_rad);
+        let play = Friction { presliding_n_m_rad, ..*friction };
+        let way_rad = self.step_s * (self.speed_rad_s + of_angle * error_rad);
+        self.friction_n_m = play.after(self.friction_n_m, way_rad);
+        let net_n_m = torque_n_m - self.viscous_n_m_s * self.speed_rad_s - self.friction_n_m
+            + self.disturbance_n_m;
+        self.angle_rad += way_rad;
+        self.speed_rad_s += self.step_s * (self.per_inertia * net_n_m + of_speed * error_rad);
+        self.disturbance_n_m += self.step_s * of_disturbance * error_rad;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An arm on a spring of 20 N m/rad that carries 1.5 N m more than is believed, against dry friction.
+    #[test]
+    fn it_finds_the_speed_and_what_nothing_explains() {
+        let mechanism = Mechanism::default();
+        let mut observer = Observer::new(&mechanism, &JointTuning::default(), 1.0e-3);
+        let friction = Friction { coulomb_n_m: 0.4, presliding_n_m_rad: 60.0 };
+        let (mut angle, mut speed, mut held) = (0.1_f64, 0.0_f64, 0.0_f32);
+        observer.restart(angle as f32);
+        let mut worst = 0.0_f64;
+        for step in 0..3000 {
+            let t = f64::from(step) * 1.0e-3;
+            let torque = -20.0 * angle + 3.0 * (6.0 * t).sin() - 1.5;
+            observer.step(angle as f32, torque as f32, &friction);
+            let way = speed * 1.0e-3;
+            held = friction.after(held, way as f32);
+            let net = torque + 1.5 - 0.05 * speed - f64::from(held);
+            angle += way;
+            speed += 1.0e-3 * net / 0.02;
+            if step > 500 {
+                worst = worst.max((f64::from(observer.speed_rad_s) - speed).abs());
+                assert!((observer.disturbance_n_m - 1.5).abs() < 0.2, "{observer:?} at {t}");
+            }
+        }
+        assert!((1e-7..0.01).contains(&worst), "{worst} rad/s");
+    }
+}

@@ -1,0 +1,142 @@
+//! Set points of a joint: which of them it accepts, and its errors for the others.
+
+use super::config::JointConfig;
+use super::guard::JointFaults;
+use super::reference::Motion;
+use crate::sample::Faults;
+
+/// Fastest speed \[rad/s\] and acceleration \[rad/s2\] of a set point, beyond what muscles of any size do.
+const FASTEST_RAD_S: f32 = 1.0e3;
+const LARGEST_RAD_S2: f32 = 1.0e6;
+/// Largest torque \[N m\] and stiffness \[N m/rad\] of a set point.
+const LARGEST: f32 = 1.0e6;
+
+/// The quantity that a joint is asked to reach.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum JointSetPoint {
+    /// Both inlets closed, both outlets open.
+    #[default]
+    Vent,
+    /// Fixed openings of muscles a and b, as fractions of the PWM period.
+    Duty {
+        /// Inlets open, 0 to 1 \[-\].
+        inlet: [f32; 2],
+        /// Outlets open, 0 to 1 \[-\].
+        outlet: [f32; 2],
+    },
+    /// Absolute pressures of muscles a and b.
+    Pressures {
+        /// Pressures, 0 to the configured limit \[Pa\].
+        pressure_pa: [f32; 2],
+    },
+    /// A torque with a stiffness behind shut valves, at whatever angle.
+    Torque {
+        /// Torque, positive towards growing angles \[N m\].
+        torque_n_m: f32,
+        /// Stiffness \[N m/rad\].
+        stiffness_n_m_rad: f32,
+    },
+    /// An angle with a stiffness. With its speed and acceleration a motion is followed without lag; a step has none.
+    Angle(Motion),
+}
+
+/// Why a set point is not taken; what held before goes on.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum JointError {
+    /// A value is not a number, or out of its range.
+    Range {
+        /// Its key.
+        key: &'static str,
+        /// The refused value, in the unit of its key.
+        value: f32,
+        /// Smallest value allowed.
+        minimum: f32,
+        /// Largest value allowed.
+        maximum: f32,
+    },
+    /// Faults of muscles a and b, or of the joint, hold or are latched.
+    Faults([Faults; 2], JointFaults),
+    /// The joint has not been armed since a fault last made it vent.
+    NotArmed,
+}
+
+impl core::fmt::Display for JointError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Range { key, value, minimum, maximum } => {
+                write!(f, "{key} = {value}: must be from {minimum} to {maximum}")
+            }
+            Self::Faults([a, b], joint) => write!(
+                f,
+                "vents until this is cleared: muscle a: {a}; muscle b: {b}; joint: {joint}"
+            ),
+            Self::NotArmed => write!(f, "the joint is not armed: arm it first"),
+        }
+    }
+}
+
+impl core::error::Error for JointError {}
+
+impl JointSetPoint {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`JointError::Range`] names the first value that is none.
+    pub fn check(&self, config: &JointConfig) -> Result<(), JointError> {
+        let JointConfig { muscles, mechanism, .. } = config;
+        match self {
+            Self::Vent => Ok(()),
+            Self::Duty { inlet, outlet } => {
+                inlet.iter().try_for_each(|share| within("inlet", *share, 0.0, 1.0))?;
+                outlet.iter().try_for_each(|share| within("outlet", *share, 0.0, 1.0))
+            }
+            Self::Pressures { pressure_pa } => {
+                pressure_pa.iter().zip(muscles).try_for_each(|(pa, muscle)| {
+                    within("pressure_pa", *pa, 0.0, muscle.pressure_limit_pa)
+                })
+            }
+            Self::Torque { torque_n_m, stiffness_n_m_rad } => {
+                within("torque_n_m", *torque_n_m, -LARGEST, LARGEST)?;
+                within("stiffness_n_m_rad", *stiffness_n_m_rad, 0.0, LARGEST)
+            }
+            Self::Angle(motion) => {
+                let (least, most) = (mechanism.minimum_rad, mechanism.maximum_rad);
+                within("angle_rad", motion.angle_rad, least, most)?;
+                within("speed_rad_s", motion.speed_rad_s, -FASTEST_RAD_S, FASTEST_RAD_S)?;
+                let acceleration = motion.acceleration_rad_s2;
+                within("acceleration_rad_s2", acceleration, -LARGEST_RAD_S2, LARGEST_RAD_S2)?;
+                within("stiffness_n_m_rad", motion.stiffness_n_m_rad, 0.0, LARGEST)
+            }
+        }
+    }
+}
+
+fn within(key: &'static str, value: f32, minimum: f32, maximum: f32) -> Result<(), JointError> {
+    // Not a number fails both.
+    if value >= minimum && value <= maximum {
+        Ok(())
+    } else {
+        Err(JointError::Range { key, value, minimum, maximum })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_refusal_says_what_is_allowed() {
+        let config = JointConfig::default();
+        let refused = |set_point: JointSetPoint| set_point.check(&config).unwrap_err().to_string();
+        let angle = JointSetPoint::Angle(Motion::still(0.9, 14.0));
+        assert_eq!(refused(angle), "angle_rad = 0.9: must be from -0.8 to 0.8");
+        let torque = JointSetPoint::Torque { torque_n_m: f32::NAN, stiffness_n_m_rad: 1.0 };
+        assert!(refused(torque).starts_with("torque_n_m = NaN"));
+        let pressures = JointSetPoint::Pressures { pressure_pa: [2.0e5, 7.0e5] };
+        assert_eq!(refused(pressures), "pressure_pa = 700000: must be from 0 to 689500");
+        let duty = JointSetPoint::Duty { inlet: [0.0, 1.1], outlet: [0.0; 2] };
+        assert!(refused(duty).starts_with("inlet = 1.1"));
+        assert_eq!(JointSetPoint::Angle(Motion::still(0.5, 14.0)).check(&config), Ok(()));
+    }
+}
