@@ -2,8 +2,8 @@
 
 use super::covariance::{Covariance, Errors};
 use super::energy::Averaging;
+use super::per_zone::{PerZone, ZONES, scaled, total};
 use super::profile::Coefficient;
-use super::zones::{PerZone, ZONES, scaled, total};
 use crate::config::{Config, EstimatorConfig, Zones};
 use crate::math::{exp, limit, ln, sqrt};
 use crate::physics::chamber::{AnyChamber, Chamber};

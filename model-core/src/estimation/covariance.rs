@@ -1,6 +1,6 @@
 //! Covariance of the estimator's errors, and how it moves, a row at a time.
 
-use super::zones::{PerZone, ZONES, times, total};
+use super::per_zone::{PerZone, ZONES, times, total};
 use crate::math::limit;
 
 /// Number of errors: four zones, wall, housing, element, gas at the foil, and five parameters.

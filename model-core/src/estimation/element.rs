@@ -1,7 +1,8 @@
 //! The gas sensor's element in its housing, and whether its readings can be believed.
 
+use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
 use super::profile::Profile;
-use super::zones::{Exchange, PerZone, ZONES, minus, scaled, times, total};
+use super::zones::Exchange;
 use super::{Coefficients, HOTTEST_K};
 use crate::math::{absolute, limit, small_exp};
 use crate::sensing::GasReading;
@@ -136,9 +137,9 @@ impl Element {
         let place = c.place + self.place;
         let [before, at, after] =
             [-1.0, 0.0, 1.0].map(|way| interpolated(place + way * c.half_span));
-        let ends = super::zones::plus(&before, &after);
+        let ends = plus(&before, &after);
         // Simpson's rule over the foil.
-        self.weights = super::zones::plus(&scaled(&ends, 1.0 / 6.0), &scaled(&at, 4.0 / 6.0));
+        self.weights = plus(&scaled(&ends, 1.0 / 6.0), &scaled(&at, 4.0 / 6.0));
         let slope = minus(&interpolated(place + APART), &interpolated(place - APART));
         self.slope = scaled(&slope, 0.5 / APART);
     }
@@ -158,7 +159,7 @@ impl Element {
         self.gain = 1.0 + share * c.foil_settled;
     }
 
-    /// Moves housing and element by some steps with zones of those mean temperatures \[K\], .
+    /// Moves housing and element by some steps with zones of those mean temperatures \[K\].
     pub fn follow(
         &mut self,
         zones_k: &PerZone,
@@ -180,8 +181,7 @@ impl Element {
         response.housing_k += housing_k;
         response.element_k += element_k;
         response.mean_k += steps * (self.sensor_k - 0.5 * element_k);
-        response.zones_k =
-            super::zones::plus(&response.zones_k, &scaled(&seen_k, self.gain * steps));
+        response.zones_k = plus(&response.zones_k, &scaled(&seen_k, self.gain * steps));
     }
 
     /// The interval's reading, unless it is a frozen one.

@@ -2,9 +2,8 @@
 
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
 use super::element::Response;
-use super::zones::{
-    Faces, Flow, Moved, PerZone, Place, ZONES, Zones, minus, plus, scaled, times, total,
-};
+use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
+use super::zones::{Faces, Flow, Moved, Place, Zones};
 use super::{Balance, Coefficients, Estimator, Measurement};
 use crate::math::{CompensatedSum, absolute, limit, small_exp, sqrt};
 use crate::physics::chamber::Chamber;
@@ -122,16 +121,16 @@ pub(super) enum Work {
 impl Work {
     /// Parts that are left.
     fn parts(self) -> u16 {
-        const ROWS: u16 = super::interval::ROWS as u16;
+        let rows = u16::from(ROWS);
         match self {
             Self::Done => 0,
             Self::Deviation => 1,
             Self::Reduction => 2,
             Self::Correction => 3,
             Self::Drift => 4,
-            Self::Column(row) => 4 + ROWS - u16::from(row),
-            Self::Row(row) => 4 + 2 * ROWS - u16::from(row),
-            Self::Transition => 5 + 2 * ROWS,
+            Self::Column(row) => 4 + rows - u16::from(row),
+            Self::Row(row) => 4 + 2 * rows - u16::from(row),
+            Self::Transition => 5 + 2 * rows,
         }
     }
 }

@@ -57,6 +57,7 @@ mod covariance;
 mod element;
 mod energy;
 mod interval;
+mod per_zone;
 mod profile;
 mod trend;
 mod zones;

@@ -17,7 +17,7 @@
 //!
 //! The state is y_n = x_n less the mean, in which the source cancels: in the zones one number is enough.
 
-use super::zones::{PerZone, plus, scaled};
+use super::per_zone::{PerZone, plus, scaled};
 use crate::math::limit;
 use crate::physics::gas::Gas;
 

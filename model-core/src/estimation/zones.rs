@@ -13,47 +13,15 @@
 //! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
 
 use super::coefficients::Coefficients;
+use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
 use super::profile::{Conduction, SETTLED_CONDUCTION};
 use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
-/// Number of zones.
-pub const ZONES: usize = 4;
-/// One number for each zone.
-pub type PerZone = [f32; ZONES];
 /// Share of what crosses a face that comes from ahead \[-\].
 const AHEAD: f32 = 0.25;
 /// Least and most of a zone's mass, in shares of the mean \[-\].
 const LEAST: f32 = 0.3;
 const MOST: f32 = 3.0;
-
-/// Sum over the zones.
-pub fn total(values: &PerZone) -> f32 {
-    let [a, b, c, d] = values;
-    (a + b) + (c + d)
-}
-
-/// Product, zone by zone.
-pub fn times(a: &PerZone, b: &PerZone) -> PerZone {
-    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
-    [a0 * b0, a1 * b1, a2 * b2, a3 * b3]
-}
-
-/// All of them by a factor.
-pub fn scaled(a: &PerZone, by: f32) -> PerZone {
-    times(a, &[by; ZONES])
-}
-
-/// Sum, zone by zone.
-pub fn plus(a: &PerZone, b: &PerZone) -> PerZone {
-    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
-    [a0 + b0, a1 + b1, a2 + b2, a3 + b3]
-}
-
-/// Difference, zone by zone.
-pub fn minus(a: &PerZone, b: &PerZone) -> PerZone {
-    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
-    [a0 - b0, a1 - b1, a2 - b2, a3 - b3]
-}
 
 /// Heat transfer to the wall while it is kept: `per_k` of the gas's mean temperature, less `offset_j`, in one step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
