@@ -41,6 +41,7 @@ pub struct Coefficients {
     pub hysteresis: Law,
     pub leak: Leak,
     /// A field of its own: a comparison of numbers in every step is dear without an FPU.
+    pub leaks: bool,
     /// Still gas: whether buoyancy matters, the fourth powers of conduction, and of buoyancy over P^2 and difference.
     pub conduction4: f32,
     pub buoyancy4: f32,
@@ -102,7 +103,6 @@ impl Coefficients {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
-        let tuning = &config.estimator;
         let zones = &config.zones;
         let counts = StepCounts::new(config.step_s);
         let interval_s = f32::from(counts.update_steps) * config.step_s;
@@ -115,7 +115,7 @@ impl Coefficients {
         Self {
             counts,
             averaging: Averaging::new(&counts, config.pwm_period_steps),
-            tuning: *tuning,
+            tuning: config.estimator,
             gas: config.gas,
             ambient: config.ambient.into(),
             supply_k: config.supply.temperature_k,
@@ -123,6 +123,7 @@ impl Coefficients {
             friction: config.friction,
             hysteresis: Law::new(&config.hysteresis, move_s),
             leak: config.leak,
+            leaks: config.leak.leaks(),
             conduction4: fourth(config.heat.inner_w_m2_k),
             buoyancy4: buoyancy4(zones),
             jet: scaled(&jet, config.heat.inner_per_flow * ZONES as f32 / total(&jet)),
@@ -152,8 +153,8 @@ impl Coefficients {
             forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
-            forget: interval_s / tuning.memory_s,
-            keep: kept(tuning, interval_s),
+            forget: interval_s / config.estimator.memory_s,
+            keep: kept(&config.estimator, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),
             noise_pa,
             length_noise_m: sensors.length.resolution_m(),

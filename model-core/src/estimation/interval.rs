@@ -375,7 +375,7 @@ impl Estimator {
             return;
         }
         let c = self.coefficients;
-        if c.leak.leaks() {
+        if c.leaks {
             // No number where next to no gas is left.
             self.pending.leaked = limit(interval.leaked_j * self.per_enthalpy(), 0.0, 1.0);
         }
@@ -515,7 +515,7 @@ impl Estimator {
         let per_gas = 1.0 / self.gas_k;
         let alone = (square(tuning.zone_drift) * self.swing_k2) * per_gas * per_gas;
         let mut common = square(tuning.gas_drift_k * per_gas) * duration_s;
-        if c.leak.leaks() {
+        if c.leaks {
             common += LEAK_UNCERTAINTY_S * square(self.pending.leaked) / duration_s;
         }
         self.covariance.add_common(common);

@@ -439,7 +439,7 @@ impl Estimator {
             self.interval.flow.energy_j = self.energy.energy_j();
         }
         let mut closed_j = self.energy.energy_j() - work_j - heat_j;
-        if self.coefficients.leak.leaks() {
+        if self.coefficients.leaks {
             closed_j -= self.leak_j(pressure_pa);
         }
         let per_pa = volume_m3 * self.coefficients.per_k_minus_1;
@@ -503,7 +503,7 @@ impl Estimator {
 
     /// Mass that leaks in a step at that pressure \[Pa\].
     fn set_leak(&mut self, pressure_pa: f32) {
-        if !self.coefficients.leak.leaks() {
+        if !self.coefficients.leaks {
             return;
         }
         let c = &self.coefficients;
