@@ -225,6 +225,47 @@ impl Command {
     }
 }
 
+/// Operations on a set of faults, one bit each: a type with `NONE`, and `NAMES` in the order of the bits.
+macro_rules! fault_set {
+    ($set:ty) => {
+        impl $set {
+            /// These where a condition holds, otherwise none.
+            pub const fn when(self, condition: bool) -> Self {
+                if condition { self } else { Self::NONE }
+            }
+
+            /// Both together.
+            pub const fn with(self, other: Self) -> Self {
+                Self(self.0 | other.0)
+            }
+
+            /// Their names, in the order of the bits.
+            pub fn names(self) -> impl Iterator<Item = &'static str> {
+                let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
+                held.map(|(_, name)| *name)
+            }
+
+            /// Whether one of `other` is among them.
+            pub const fn intersects(self, other: Self) -> bool {
+                self.0 & other.0 != 0
+            }
+        }
+
+        impl core::fmt::Display for $set {
+            /// Their names, by commas.
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                for (i, name) in self.names().enumerate() {
+                    write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
+                }
+                Ok(())
+            }
+        }
+    };
+}
+pub(crate) use fault_set;
+
+fault_set!(Faults);
+
 /// Faults, one bit each; half of the bits are free. [`crate::safety::supervisor`] lists what follows
 /// from each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -294,16 +335,6 @@ impl Faults {
         (Self::GAS_LOST, "gas sensor lost"),
     ];
 
-    /// These where a condition holds, otherwise none.
-    pub const fn when(self, condition: bool) -> Self {
-        if condition { self } else { Self::NONE }
-    }
-
-    /// Both together.
-    pub const fn with(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
     /// The faults that are also in `other`.
     pub const fn of(self, other: Self) -> Self {
         Self(self.0 & other.0)
@@ -312,27 +343,6 @@ impl Faults {
     /// These, less the ones in `other`.
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
-    }
-
-    /// Their names, in the order of the bits.
-    pub fn names(self) -> impl Iterator<Item = &'static str> {
-        let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
-        held.map(|(_, name)| *name)
-    }
-
-    /// Whether one of `other` is among them.
-    pub const fn intersects(self, other: Self) -> bool {
-        self.0 & other.0 != 0
-    }
-}
-
-impl core::fmt::Display for Faults {
-    /// Their names, by commas.
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        for (i, name) in self.names().enumerate() {
-            write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
-        }
-        Ok(())
     }
 }
 

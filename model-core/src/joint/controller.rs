@@ -223,14 +223,15 @@ impl JointController {
     }
 
     /// Torque of gravity at an angle \[N m\].
-    pub fn gravity_n_m(&self, angle_rad: f32) -> f32 {
+    fn gravity_n_m(&self, angle_rad: f32) -> f32 {
         self.mechanism.gravity_n_m * sin(self.mechanism.gravity_angle_rad - angle_rad)
     }
 
-    /// One step of the observer.
-    pub fn observe(&mut self, angle_rad: f32, gauge_pa: [f32; 2]) {
+    /// One step of the observer; returns the torque of muscles and gravity \[N m\].
+    pub fn observe(&mut self, angle_rad: f32, gauge_pa: [f32; 2]) -> f32 {
         let torque_n_m = self.torque_n_m(gauge_pa) + self.gravity_n_m(angle_rad);
         self.observer.step(angle_rad, torque_n_m, &self.friction);
+        torque_n_m
     }
 
     /// Starts from what is measured: nothing jumps.

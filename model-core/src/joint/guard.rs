@@ -2,6 +2,7 @@
 
 use super::config::{JointConfig, Mechanism};
 use crate::math::absolute;
+use crate::sample::fault_set;
 use crate::step_counts::StepCounts;
 
 /// Way from where it was armed, after which the direction is judged: 3 deg \[rad\].
@@ -34,38 +35,9 @@ impl JointFaults {
         (Self::WRONG_WAY, "angle goes the wrong way"),
         (Self::TORQUE, "torque"),
     ];
-
-    /// These where a condition holds, otherwise none.
-    pub const fn when(self, condition: bool) -> Self {
-        if condition { self } else { Self::NONE }
-    }
-
-    /// Both together.
-    pub const fn with(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
-
-    /// Whether one of `other` is among them.
-    pub const fn intersects(self, other: Self) -> bool {
-        self.0 & other.0 != 0
-    }
-
-    /// Their names, in the order of the bits.
-    pub fn names(self) -> impl Iterator<Item = &'static str> {
-        let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
-        held.map(|(_, name)| *name)
-    }
 }
 
-impl core::fmt::Display for JointFaults {
-    /// Their names, by commas.
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        for (i, name) in self.names().enumerate() {
-            write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
-        }
-        Ok(())
-    }
-}
+fault_set!(JointFaults);
 
 /// State of the joint in one step.
 #[derive(Debug, Clone, Copy)]

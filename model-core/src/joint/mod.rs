@@ -347,11 +347,10 @@ impl Joint {
         let lost = judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
         if self.started {
-            self.controller.observe(angle_rad, gauge_pa);
+            let torque_n_m = self.controller.observe(angle_rad, gauge_pa);
             present = present.with(self.guard.step(&Motions {
                 angle_rad,
-                torque_n_m: self.controller.torque_n_m(gauge_pa)
-                    + self.controller.gravity_n_m(angle_rad),
+                torque_n_m,
                 coulomb_n_m: self.controller.coulomb_n_m(),
                 disturbance_n_m: self.controller.disturbance_n_m(),
             }));
