@@ -6,15 +6,16 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
-use thermyo_files::table::{Table, read_table};
+use thermyo_files::table::read_table;
 use thermyo_plant::joint::Arm;
 use thermyo_scenario::joint::{
     Joint, JointController, JointDocument, JointDrive, JointShape, is_joint,
 };
 use thermyo_scenario::profile::Profile;
+use thermyo_scenario::schema::Limits;
 use thermyo_scenario::{Document, PlantKind};
 use thermyo_setup::core_config::core_config;
-use thermyo_setup::{Loaded, assemble};
+use thermyo_setup::{Loaded, assemble, profile_in};
 
 /// Interval over which the motion of a profile is taken \[s\].
 const DIFFERENCE_S: f64 = 0.01;
@@ -51,17 +52,7 @@ impl JointLoaded {
 
     /// The plant's mechanism.
     pub fn arm(&self) -> Arm {
-        let joint = &self.joint;
-        Arm {
-            radius_m: joint.radius_m,
-            mid_length_m: [joint.mid_length_a_m, joint.mid_length_b_m],
-            inertia_kg_m2: joint.inertia_kg_m2,
-            gravity_n_m: joint.gravity_n_m,
-            gravity_angle_rad: joint.gravity_angle_rad,
-            viscous_n_m_s: joint.viscous_n_m_s,
-            friction_n_m: joint.friction_n_m,
-            stops_rad: [joint.minimum_rad, joint.maximum_rad],
-        }
+        arm(&self.joint)
     }
 
     /// The set point at a time \[s\].
@@ -78,6 +69,19 @@ impl JointLoaded {
     /// External torque at a time \[N m\].
     pub fn load_n_m(&self, time_s: f64) -> f64 {
         self.load.as_ref().map_or(0.0, |load| load.value(time_s))
+    }
+}
+
+fn arm(joint: &Joint) -> Arm {
+    Arm {
+        radius_m: joint.radius_m,
+        mid_length_m: [joint.mid_length_a_m, joint.mid_length_b_m],
+        inertia_kg_m2: joint.inertia_kg_m2,
+        gravity_n_m: joint.gravity_n_m,
+        gravity_angle_rad: joint.gravity_angle_rad,
+        viscous_n_m_s: joint.viscous_n_m_s,
+        friction_n_m: joint.friction_n_m,
+        stops_rad: [joint.minimum_rad, joint.maximum_rad],
     }
 }
 
@@ -140,10 +144,9 @@ pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
         Some([angle, _]) => angle.value(0.0),
         None => document.drive.angle_rad,
     };
-    let way_m = document.joint.radius_m * start_rad;
-    let lengths_m = [document.joint.mid_length_a_m - way_m, document.joint.mid_length_b_m + way_m];
+    let [length_a_m, length_b_m] = arm(&document.joint).lengths_m(start_rad);
     let [a, b] = &document.muscles;
-    let muscles = [muscle(&document, a, lengths_m[0])?, muscle(&document, b, lengths_m[1])?];
+    let muscles = [muscle(&document, a, length_a_m)?, muscle(&document, b, length_b_m)?];
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
@@ -245,34 +248,22 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
     let profile = match &document.drive.profile_csv {
         Some(path) => {
             let table = read("drive.profile_csv", path)?;
-            let angle = column(&table, "angle_rad", [minimum_rad, maximum_rad])?;
-            Some([angle, column(&table, "stiffness_n_m_rad", [0.0, 1.0e6])?])
+            let between_stops = Limits { min: minimum_rad, max: maximum_rad, unit: "rad" };
+            let angle = profile_in(&table, "angle_rad", (between_stops, ""))?;
+            let stiffness = Limits { min: 0.0, max: 1.0e6, unit: "N m/rad" };
+            Some([angle, profile_in(&table, "stiffness_n_m_rad", (stiffness, ""))?])
         }
         None => None,
     };
     let load = match &document.drive.load_csv {
         Some(path) => {
             let table = read("drive.load_csv", path)?;
-            Some(column(&table, "torque_n_m", [-1.0e6, 1.0e6])?)
+            let torque = Limits { min: -1.0e6, max: 1.0e6, unit: "N m" };
+            Some(profile_in(&table, "torque_n_m", (torque, ""))?)
         }
         None => None,
     };
     Ok((profile, load))
-}
-
-/// A column over `time_s`, within these limits.
-fn column(table: &Table, name: &str, [least, most]: [f64; 2]) -> Result<Profile, InputError> {
-    let (times, values) = (table.filled("time_s")?, table.filled(name)?);
-    let earlier = (1..times.len()).find(|row| times[*row] <= times[row - 1]);
-    if let Some(row) = earlier {
-        let allowed = format!("above {:?}, the time of the row before", times[row - 1]);
-        return Err(table.cell_error(row, "time_s", &allowed));
-    }
-    if let Some(row) = values.iter().position(|value| !(least..=most).contains(value)) {
-        return Err(table.cell_error(row, name, &format!("from {least} to {most}")));
-    }
-    let profile = Profile::new(times.into_iter().zip(values).collect());
-    profile.map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
 }
 
 #[cfg(test)]

@@ -87,6 +87,7 @@ pub struct Rig {
     faults: [InjectedFaults; 2],
     core: Core,
     scenarios: [Scenario; 2],
+    chambers: [Option<Box<dyn Chamber>>; 2],
     sensor_rad: [f64; 2],
     step: u64,
     inputs: Inputs,
@@ -115,6 +116,7 @@ impl Rig {
             adc: [VirtualAdc::new(of_a), VirtualAdc::new(of_b)],
             faults: [InjectedFaults::new(of_a), InjectedFaults::new(of_b)],
             core,
+            chambers: [chamber::of(of_a), chamber::of(of_b)],
             scenarios,
             sensor_rad: [joint.sensor_minimum_rad, joint.sensor_maximum_rad],
             step: 0,
@@ -199,9 +201,9 @@ impl Rig {
 
     /// K = r^2 sum(k P A^2/V + P_g dA/dL + k_b), with the gas of a muscle's tube.
     fn stiffness_n_m_rad(&self, truth: &JointTruth) -> f64 {
-        let springs = self.scenarios.iter().zip(&truth.muscles).map(|(scenario, muscle)| {
-            let Some(chamber) = chamber::of(scenario) else { return 0.0 };
-            let chamber: &dyn Chamber = chamber.as_ref();
+        let muscles = self.scenarios.iter().zip(&self.chambers).zip(&truth.muscles);
+        let springs = muscles.map(|((scenario, chamber), muscle)| {
+            let Some(chamber) = chamber else { return 0.0 };
             let tube_m3 = if scenario.moves_in_full() { scenario.tube.volume_m3 } else { 0.0 };
             let (length, pressure) = (muscle.length_m, muscle.pressure_pa);
             let area = chamber.force_area(length);

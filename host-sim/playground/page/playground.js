@@ -116,21 +116,27 @@ function showAddress() {
 function fromAddress() {
   const fields = new URLSearchParams(location.hash.slice(1));
   const index = Math.max(0, scenarios.findIndex(({ name }) => name === fields.get("run")));
-  $("choice").selectedIndex = index;
-  run(index);
   const known = new Set(KNOBS.map(([key]) => key));
   const values = [...fields].map(([key, text]) => [key, Number(text)]).filter(([key, value]) => known.has(key) && Number.isFinite(value));
+  start(index, values, fields.get("core") === "updated");
+}
+
+/** Starts a scenario of the list with keys turned, of the core too where it is configured with them. */
+function start(index, keys, configured) {
+  $("choice").selectedIndex = index;
+  if (!run(index)) return false;
   attempt(() => {
-    for (const [key, value] of values) {
-      simulation.turn(key, value, fields.get("core") === "updated");
+    for (const [key, value] of keys) {
+      simulation.turn(key, value, configured);
       turned.set(key, value);
     }
   });
   settings = simulation.settings();
-  unconfigured = turned.size > 0 && fields.get("core") !== "updated";
+  unconfigured = turned.size > 0 && !configured;
   makeKnobs();
   showExport();
   showAddress();
+  return true;
 }
 
 /** Starts a scenario of the list. */
@@ -157,23 +163,11 @@ let step = -1;
 function tour(to) {
   step = to;
   const { text: words, run: index, turn: keys, configured } = TOUR[step];
-  $("choice").selectedIndex = index;
-  if (!run(index)) return;
-  attempt(() => {
-    for (const [key, value] of Object.entries(keys)) {
-      simulation.turn(key, value, configured);
-      turned.set(key, value);
-    }
-    settings = simulation.settings();
-    unconfigured = turned.size > 0 && !configured;
-  });
+  if (!start(index, Object.entries(keys), configured)) return;
   $("tour-title").textContent = `Step ${step + 1} of ${TOUR.length}`;
   $("tour-text").textContent = words;
   $("tour-next").textContent = step + 1 < TOUR.length ? "Next" : "From the start";
   $("tour-back").hidden = step === 0;
-  makeKnobs();
-  showExport();
-  showAddress();
 }
 
 // From time zero

@@ -18,7 +18,7 @@ mod warnings;
 
 pub use load::{
     SET_POINT_COLUMNS, assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings,
-    set_points_in,
+    profile_in, set_points_in,
 };
 pub use loaded::Loaded;
 pub use render::render;

@@ -322,7 +322,11 @@ pub const SET_POINT_COLUMNS: [(&str, DriveKind); 4] = [
     ("duty", DriveKind::Duty),
 ];
 
-fn profile_in(
+/// A column of a table over `time_s`, with values within `allowed`, for the reason beside it.
+///
+/// # Errors
+/// [`InputError`] names the first cell that is not allowed, or is not later than the one before.
+pub fn profile_in(
     table: &CsvTable,
     column: &str,
     (allowed, why): (Limits, &str),
