@@ -448,8 +448,10 @@ impl Estimator {
         let [port_kg, ..] = moved.mass_kg;
         let closed = 1.0 - f32::from(moved.flowing_steps) / steps;
         let c = &self.coefficients;
-        let through_k = if moved.inflow_kg > moved.outflow_kg { c.supply_k } else { port_k };
-        let out_kg = limit(moved.outflow_kg - moved.inflow_kg, 0.0, 0.5 * port_kg);
+        // Less than the mass resolves is no inflow: its sign would be that of a subnormal number.
+        let net_kg = moved.inflow_kg - moved.outflow_kg;
+        let through_k = if net_kg > f32::EPSILON * port_kg { c.supply_k } else { port_k };
+        let out_kg = limit(-net_kg, 0.0, 0.5 * port_kg);
         let port = all.times((1.0 - closed) * c.per_cp / through_k).on(0, -out_kg);
         let per_j =
             ZONES as f32 * f32::from(moved.count) / (c.gas.heat_capacity_ratio * moved.energy_j);
