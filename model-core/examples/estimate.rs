@@ -30,6 +30,7 @@ fn main() {
                     charging: filling,
                     discharging: false,
                 },
+                length_trusted: true,
                 busy: false,
             },
         );

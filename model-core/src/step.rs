@@ -404,6 +404,7 @@ impl Core {
         let measurement = Measurement {
             pressure: self.supervisor.pressure_trusted().then_some(readings.pressure),
             length: Reading { value: length_m, ..readings.length },
+            length_trusted: !faults.intersects(Faults::LENGTH_SENSOR),
             gas,
             busy: self.controller.worked(),
             openings: Openings {
@@ -761,6 +762,7 @@ mod tests {
                         _ if step % 40 == 39 => sensing.take_gas(),
                         _ => None,
                     },
+                    length_trusted: true,
                     busy: step % 10 == 0,
                     openings: Openings {
                         turned: [1, 101, 151, 201].contains(&step),

@@ -67,6 +67,11 @@ impl Energy {
         self.energy_j
     }
 
+    /// As much gas of the same state as fills another volume.
+    pub fn scale(&mut self, by: f32) {
+        self.energy_j *= by;
+    }
+
     /// Whether what [`Self::step`] returned was flow.
     pub fn flowing(&self) -> bool {
         self.closed_steps < self.averaging.late_steps

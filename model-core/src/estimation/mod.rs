@@ -96,6 +96,8 @@ pub struct Measurement {
     pub pressure: Option<Reading>,
     /// Measured length \[m\], limited to what the chamber can have.
     pub length: Reading,
+    /// It is the sensor's; if not, the one at which the load balances.
+    pub length_trusted: bool,
     /// What the gas sensor has said, where the estimator [starts](Estimator::starts) or an interval
     /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
     pub gas: Option<GasReading>,
@@ -171,6 +173,7 @@ pub struct Estimator {
     missing_steps: u16,
     entering: bool,
     started: bool,
+    length_trusted: bool,
     energy: Energy,
     window: Window,
     interval: Interval,
@@ -219,6 +222,7 @@ impl Estimator {
     /// estimator.step(&muscle, &Measurement {
     ///     pressure: Some(Reading::exact(2.0e5)),
     ///     length: Reading::exact(0.28),
+    ///     length_trusted: true,
     ///     gas: Some(gas),
     ///     openings: Openings::default(),
     ///     busy: false,
@@ -265,6 +269,7 @@ impl Estimator {
             balance: None,
             pending: Pending::none(),
             started: false,
+            length_trusted: true,
         }
     }
 
@@ -293,7 +298,10 @@ impl Estimator {
         let length = &measurement.length;
         if !self.started {
             self.start(chamber, pressure_pa, measurement);
+        } else if self.length_trusted != measurement.length_trusted {
+            self.change_length(chamber, length.value);
         }
+        self.length_trusted = measurement.length_trusted;
         let uncertainty = uncertainty(length.wide, self.coefficients.length_noise_m);
         let flow_state = measurement.openings.flow_state(self.energy.flowing());
         let change_m = length.value - self.followed_m;
@@ -431,6 +439,23 @@ impl Estimator {
         self.set_leak(pressure_pa);
     }
 
+    /// The length comes from elsewhere from here on, and may jump although nothing has moved: no work was done, and
+    /// no gas came. The temperature stays, and mass and energy are those of the other volume.
+    fn change_length(&mut self, chamber: &impl Chamber, length_m: f32) {
+        let volume_m3 = chamber.volume_m3(length_m);
+        let factor = volume_m3 / self.volume_m3;
+        self.followed_m = length_m;
+        self.length_m = length_m;
+        self.motion = Trend::REST;
+        self.volume_m3 = volume_m3;
+        self.measured_j *= factor;
+        self.energy.scale(factor);
+        self.mass_kg = CompensatedSum::new(self.mass_kg.value() * factor);
+        self.zones.set_mass(self.mass_kg.value());
+        self.interval.void = true;
+        self.window.void = true;
+    }
+
     /// Mass and temperature over one step, from what pressure and volume did.
     fn propagate(&mut self, pressure_pa: f32, wide_pa: f32, volume_m3: f32, openings: Openings) {
         let heat_j = self.heat_per_k * self.gas_k - self.heat_offset_j;
@@ -557,6 +582,7 @@ mod tests {
         Measurement {
             pressure: (pressure_pa > 0.0).then_some(reading(pressure_pa)),
             length: reading(length_m),
+            length_trusted: true,
             gas: (gas_k > 0.0).then_some(GasReading {
                 value_k: gas_k,
                 noise_k2: 1.0e-4,
@@ -622,6 +648,24 @@ mod tests {
                 estimator.sensor_implausible()
             });
             assert_eq!(shown, implausible, "moved: {moved}");
+        }
+    }
+
+    /// A sensor that fails, or comes back, moves no muscle: a length that jumps with it neither cools nor warms the gas,
+    /// whatever the valves do.
+    #[test]
+    fn a_length_from_elsewhere_changes_no_temperature() {
+        for (jump_m, flow) in [(-0.03, 0), (0.015, 0), (-0.03, 1), (0.015, 2)] {
+            let mut estimator = Estimator::new(&Config::default());
+            let mut worst_k = 0.0_f32;
+            for step in 0..12_000_u16 {
+                let length_trusted = !(9_987..11_005).contains(&step);
+                let length_m = if length_trusted { 0.28 } else { 0.28 + jump_m };
+                let measurement = measurement(2.0e5, length_m, 298.0, flow);
+                estimator.step(&muscle(), &Measurement { length_trusted, ..measurement });
+                worst_k = worst_k.max((estimator.estimate().gas_k - 298.0).abs());
+            }
+            assert!(worst_k < 0.1, "{jump_m} m, {flow}: {worst_k} K");
         }
     }
 
