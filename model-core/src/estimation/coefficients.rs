@@ -24,6 +24,8 @@ pub const LOWEST_PA: f32 = 5.0e3;
 const NOISE_DEVIATIONS: f32 = 4.0;
 /// Averaging time of the mean square of the swing \[s\].
 const SWING_S: f32 = 8.0;
+/// Over how long corrections are added up that may follow a drift \[s\].
+const LED_S: f32 = 8.0;
 /// Housings faster than this are none \[s\].
 const LEAST_HOUSING_S: f32 = 1.0e-3;
 
@@ -85,6 +87,8 @@ pub struct Coefficients {
     pub swing_window: f32,
     /// Share of an innovation in each of two averages in series: half a second.
     pub smoothing: f32,
+    /// Share of the sum of corrections that an interval keeps.
+    pub led_kept: f32,
     /// Share of what has been learnt that an interval forgets, and what is kept of each error.
     pub forget: f32,
     pub keep: Errors<f32>,
@@ -103,11 +107,10 @@ impl Coefficients {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Self {
         let k = config.gas.heat_capacity_ratio;
-        let zones = &config.zones;
+        let (zones, sensors) = (&config.zones, &config.sensors);
         let counts = StepCounts::new(config.step_s);
         let interval_s = f32::from(counts.update_steps) * config.step_s;
         let move_s = f32::from(counts.move_steps) * config.step_s;
-        let sensors = &config.sensors;
         let (noise_pa, pressure_sd_pa) = noises(config);
         let length_m = AnyChamber::new(&config.chamber).rest_length_m();
         let (jet, recirculation) = jets(zones, length_m);
@@ -153,6 +156,7 @@ impl Coefficients {
             forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
+            led_kept: 1.0 - limit(interval_s * (1.0 / LED_S), 0.0, 1.0),
             forget: interval_s / config.estimator.memory_s,
             keep: kept(&config.estimator, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),

@@ -1,5 +1,6 @@
 //! The gas sensor's element in its housing, and whether its readings can be believed.
 
+use super::covariance::Errors;
 use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
 use super::profile::Profile;
 use super::zones::Exchange;
@@ -12,10 +13,38 @@ const UNMOVED_K: f32 = 0.3;
 /// Innovations that stay beyond so many deviations, averaged over half a second, show that the state is wrong and
 /// not the reading.
 const CONTRADICTION: f32 = 5.0;
+/// Corrections that lead beyond so many of their deviations are not the filter's noise.
+const LED: f32 = 2.5;
+/// Corrections of the wall \[K\], and of what the foil sees in its deviations, that are a drift when they add up to that
+/// much. Measured: healthy random muscles with heat, lag and wall configured wrong by two reach 1.6 K and 3.9.
+const LED_WALL_K: f32 = 2.5;
+const LED_FOIL: f32 = 5.5;
 /// How far the estimated lags and the foil's place may be from what is configured: by a factor, and a share of
 /// the length.
 const LAGS: f32 = 12.0;
 const PLACES: f32 = 0.4;
+
+/// Corrections of one error over some seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Led {
+    sum_k: f32,
+    variance_k2: f32,
+}
+
+impl Led {
+    /// Adds a correction \[K\] of that variance \[K2\].
+    fn add(&mut self, kept: f32, by_k: f32, variance_k2: f32) {
+        self.sum_k = kept * self.sum_k + by_k;
+        self.variance_k2 = kept * kept * self.variance_k2 + variance_k2;
+    }
+
+    /// Whether the square of the sum is above that \[K2\] and beyond its own deviations, and leads away from ambient;
+    /// `above_k`: what is led, above ambient \[K\].
+    fn beyond(&self, least_k2: f32, above_k: f32) -> bool {
+        let most_k2 = limit(LED * LED * self.variance_k2, least_k2, f32::MAX);
+        self.sum_k * above_k > 0.0 && self.sum_k * self.sum_k > most_k2
+    }
+}
 
 /// The element: T_s' = (T_h - T_s)/tau, T_h' = (T_f - T_h)/tau_h.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,6 +78,9 @@ pub struct Element {
     /// Innovations, averaged twice \[K\].
     smooth_k: f32,
     smoother_k: f32,
+    /// Where readings have led the wall, and what the foil sees.
+    led_wall: Led,
+    led_foil: Led,
 }
 
 /// What housing and element did in an interval.
@@ -106,6 +138,8 @@ impl Element {
             distrusted: false,
             smooth_k: 0.0,
             smoother_k: 0.0,
+            led_wall: Led::default(),
+            led_foil: Led::default(),
         };
         element.set_weights(c);
         element
@@ -124,6 +158,7 @@ impl Element {
         (self.lag_s, self.housing_lag_s, self.place, self.foil_k) =
             (c.lag_s, c.housing_s, 0.0, 0.0);
         (self.smooth_k, self.smoother_k) = (0.0, 0.0);
+        self.forget_led();
         self.set_weights(c);
     }
 
@@ -213,6 +248,38 @@ impl Element {
         self.smoother_k += c.smoothing * (self.smooth_k - self.smoother_k);
         self.smoother_k * self.smoother_k > CONTRADICTION * CONTRADICTION * variance_k2
             && self.contradict(c)
+    }
+
+    /// Watches where a correction leads. A reading that drifts takes the wall along, or what the foil sees, and no
+    /// innovation is large. But a wall warms and cools by the heat that the balance gives it, and what the foil sees
+    /// beside its zone comes and goes with the swing: corrections that add up to more, away from ambient, are a
+    /// drift. `above_k`: the wall above ambient; `foil_k2`: variance of what the foil sees.
+    pub fn watch(
+        &mut self,
+        c: &Coefficients,
+        gains: &Errors<f32>,
+        (innovation_k, variance_k2): (f32, f32),
+        (above_k, foil_k2): (f32, f32),
+    ) {
+        if self.contradicted_intervals > 0 {
+            self.forget_led();
+            return;
+        }
+        let variance_k2 = |gain: f32| gain * gain * variance_k2;
+        self.led_wall.add(c.led_kept, gains.wall * innovation_k, variance_k2(gains.wall));
+        self.led_foil.add(c.led_kept, gains.foil * innovation_k, variance_k2(gains.foil));
+        let seen_k = above_k + self.led_foil.sum_k;
+        if self.led_wall.beyond(LED_WALL_K * LED_WALL_K, above_k)
+            || self.led_foil.beyond(LED_FOIL * LED_FOIL * foil_k2, seen_k)
+        {
+            self.contradicted_intervals = c.counts.ten_seconds_intervals / 2;
+            self.distrusted = true;
+        }
+    }
+
+    /// Starts to watch from here where corrections lead.
+    pub fn forget_led(&mut self) {
+        (self.led_wall, self.led_foil) = (Led::default(), Led::default());
     }
 
     /// Readings and model cannot both be right. Gas in a muscle returns to its surroundings within seconds, and so

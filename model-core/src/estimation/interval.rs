@@ -5,6 +5,7 @@ use super::element::Response;
 use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
 use super::zones::{Faces, Flow, Moved, Place, Zones};
 use super::{Balance, Coefficients, Estimator, Measurement};
+use crate::config::EstimatorConfig;
 use crate::math::{CompensatedSum, absolute, limit, small_exp, sqrt};
 use crate::physics::chamber::Chamber;
 
@@ -523,7 +524,7 @@ impl Estimator {
         self.covariance.add_common(common);
         // First-order Gauss-Markov: an error that is not seen again returns to the configured value.
         let returned = 2.0 * c.forget;
-        let foil_k2 = square(tuning.foil_sd_k) + square(tuning.foil_swing) * self.swing_k2;
+        let foil_k2 = self.foil_k2();
         let parameters = c.parameters();
         self.covariance.add_variances(&Errors {
             zones: [alone * duration_s; ZONES],
@@ -550,6 +551,12 @@ impl Estimator {
         }
     }
 
+    /// Variance of what the foil sees beside its zone \[K2\].
+    fn foil_k2(&self) -> f32 {
+        let EstimatorConfig { foil_sd_k, foil_swing, .. } = self.coefficients.tuning;
+        foil_sd_k * foil_sd_k + foil_swing * foil_swing * self.swing_k2
+    }
+
     /// Takes the interval's innovation; whether it has corrected anything.
     fn take_innovation(&mut self) -> bool {
         let Some(innovation_k) = self.pending.innovation_k.take() else { return false };
@@ -565,6 +572,16 @@ impl Estimator {
         }
         (self.pending.gains, self.pending.left) = self.covariance.gains(reading_k2);
         self.correct(innovation_k);
+        if self.length_trusted {
+            let above_k = self.zones.mean_wall_k() - self.coefficients.ambient.temperature_k;
+            let foil_k2 = self.foil_k2();
+            self.element.watch(
+                &self.coefficients,
+                &self.pending.gains,
+                (innovation_k, variance_k2),
+                (above_k, foil_k2),
+            );
+        }
         true
     }
 

@@ -454,6 +454,7 @@ impl Estimator {
         self.zones.set_mass(self.mass_kg.value());
         self.interval.void = true;
         self.window.void = true;
+        self.element.forget_led();
     }
 
     /// Mass and temperature over one step, from what pressure and volume did.
@@ -691,6 +692,29 @@ mod tests {
         let (estimator, estimate) = contradicted(318.0, 318.0);
         assert!(estimator.sensor_implausible());
         assert!((315.0..320.0).contains(&estimate.gas_k), "the state: {estimate:?}");
+    }
+
+    /// A reading that drifts from 20 s on at rest \[K/s\]: after how long it is found \[s\].
+    fn drift_found_s(rate_k_s: f32) -> Option<f32> {
+        let mut estimator = Estimator::new(&Config::default());
+        (0..60_000_u16).find_map(|step| {
+            let after_s = 1.0e-3 * f32::from(step) - 20.0;
+            let gas_k = 293.15 + rate_k_s * limit(after_s, 0.0, 100.0);
+            estimator.step(&muscle(), &measurement(2.0e5, 0.28, gas_k, 0));
+            estimator.sensor_implausible().then_some(after_s)
+        })
+    }
+
+    /// In a muscle that stands still a reading that drifts more slowly may be taken for a long lag.
+    #[test]
+    fn a_reading_that_drifts_leads_neither_wall_nor_foil_away() {
+        for rate_k_s in [1.0, -1.0, 2.0, -2.0, 3.0, -3.0] {
+            let found_s = drift_found_s(rate_k_s);
+            let found = found_s.is_some_and(|found_s| (1.0..15.0).contains(&found_s));
+            assert!(found, "{rate_k_s} K/s: {found_s:?}");
+        }
+        // A room, or the sun.
+        assert_eq!([0.05, -0.05].map(drift_found_s), [None; 2]);
     }
 
     /// A shut muscle whose pressure falls by 2 % a second, slowly enough that the gas keeps the temperature of its
