@@ -5,15 +5,15 @@
 //           interrupt calls it too, 0 for none; the two arguments of that call
 // response: the function's result; its cycles, without those of the interrupt
 //
-// Ends with exit code 1 when a function does not leave registers and stack as it found them.
+// Ends with exit code 1 as `calling.mjs` says.
 
 import { readSync, writeSync } from 'node:fs';
+import { call } from './calling.mjs';
 import { Chip } from './chip.mjs';
 import { load } from './image.mjs';
 
 const RAM = 0x20000000;
 const RAM_END = 0x20040000;
-const RETURN = 0; // no function lies there: the call is over
 const STACK = 0x20040000;
 const REQUEST_BYTES = 24;
 const REQUESTS = 4096;
@@ -42,7 +42,7 @@ for (;;) {
   for (let i = 0; i < whole; i++) {
     const word = (n) => input.readUInt32LE(i * REQUEST_BYTES + 4 * n);
     const interrupt = word(3) === 0 ? undefined : { after: word(3), arguments: [word(4), word(5)] };
-    const { result, cycles } = call(word(0), [word(1), word(2)], interrupt);
+    const { result, cycles } = call(core, word(0), [word(1), word(2)], interrupt);
     output.writeUInt32LE(result, 8 * i);
     output.writeUInt32LE(cycles, 8 * i + 4);
   }
@@ -52,34 +52,4 @@ for (;;) {
   }
   input.copy(input, 0, whole * REQUEST_BYTES, filled);
   filled -= whole * REQUEST_BYTES;
-}
-
-function call(address, values, interrupt) {
-  // Registers that a function must preserve: r4 to r11 and the stack pointer.
-  for (let i = 4; i < 12; i++) {
-    core.registers[i] = 0x9e3779b9 * (i + values[0]);
-  }
-  const kept = core.registers.slice(4, 14);
-  core.registers[0] = values[0];
-  core.registers[1] = values[1];
-  core.LR = RETURN | 1;
-  core.PC = address & ~1;
-  let cycles = 0;
-  for (let instructions = 0; core.PC !== RETURN; instructions++) {
-    if (instructions === interrupt?.after) {
-      const registers = core.registers.slice();
-      const flags = core.APSR;
-      call(address, interrupt.arguments);
-      core.registers.set(registers);
-      core.APSR = flags;
-    }
-    cycles += core.executeInstruction();
-  }
-  for (const i of [4, 5, 6, 7, 8, 9, 10, 11, 13]) {
-    if (core.registers[i] !== kept[i - 4]) {
-      process.stderr.write(`the function at 0x${address.toString(16)} changes r${i}\n`);
-      process.exit(1);
-    }
-  }
-  return { result: core.registers[0], cycles };
 }

@@ -1,6 +1,7 @@
 //! Common code of the system tests: running `thermyo` in this process and reading its files.
 
 pub mod float_pairs;
+pub mod joint_guest;
 pub mod log;
 pub mod m33;
 pub mod parity;

@@ -10,6 +10,7 @@ mod emulated_flash;
 mod emulated_float;
 mod emulated_hosts;
 mod emulated_image;
+mod emulated_joint;
 mod emulated_monitor;
 mod emulated_parity;
 mod emulated_safety;

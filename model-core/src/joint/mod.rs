@@ -35,6 +35,7 @@ use crate::step::{Core, Judged};
 
 /// Everything that one step of a joint takes in. Arrays are of muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointSample {
     /// Pressures.
     pub pressure: [RawCode; 2],
@@ -72,6 +73,7 @@ impl JointSample {
 
 /// Mode of a joint.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum JointMode {
     /// Startup check: it vents and tests the sensors.
     StartupCheck,
@@ -104,6 +106,7 @@ impl JointMode {
 
 /// Everything that one step of a joint leaves behind.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointTelemetry {
     /// Both muscles: their mode and set point only show that the joint drives them.
     pub muscles: [Telemetry; 2],

@@ -5,6 +5,7 @@ use crate::math::{absolute, limit};
 
 /// Wanted motion and stiffness.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion {
     /// Angle \[rad\].
     pub angle_rad: f32,

@@ -13,6 +13,7 @@ const LARGEST: f32 = 1.0e6;
 
 /// The quantity that a joint is asked to reach.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum JointSetPoint {
     /// Both inlets closed, both outlets open.
     #[default]

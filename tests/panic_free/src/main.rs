@@ -1,4 +1,4 @@
-//! Every call of the firmware into model-core, on inputs unknown to the compiler.
+//! Every call of the firmware into model-core, and those that a joint needs, on inputs unknown to the compiler.
 //!
 //! The panic handler calls a function that does not exist: if the optimiser leaves one way to a panic,
 //! this does not link.
@@ -7,6 +7,7 @@
 #![no_main]
 
 use core::ptr::{read_volatile, write_volatile};
+use model_core::joint::{Joint, JointConfig, JointSample, JointSetPoint, JointTelemetry};
 use model_core::{Config, Core, Sample, SetPoint, Telemetry};
 use thermyo_protocol::{Decoder, HostCommand, Message, Request, encode};
 
@@ -55,7 +56,31 @@ extern "C" fn _start() -> ! {
             }
         }
     }
+    joint();
     loop {
         core::hint::spin_loop();
+    }
+}
+
+/// The same of a joint.
+fn joint() {
+    // SAFETY: linked, never run.
+    let config = unsafe { read_volatile(MEMORY as *const JointConfig) };
+    let Ok(mut joint) = Joint::new(&config) else { return };
+    loop {
+        // SAFETY: as above.
+        let (sample, set_point) = unsafe {
+            (
+                read_volatile((MEMORY + 0x2000) as *const JointSample),
+                read_volatile((MEMORY + 0x3000) as *const JointSetPoint),
+            )
+        };
+        let _ = joint.set(set_point);
+        let _ = joint.arm();
+        joint.clear_faults();
+        joint.disarm();
+        let telemetry = joint.step(&sample);
+        // SAFETY: as above.
+        unsafe { write_volatile((MEMORY + 0x4000) as *mut JointTelemetry, telemetry) };
     }
 }
