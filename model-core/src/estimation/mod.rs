@@ -350,7 +350,10 @@ impl Estimator {
         self.mass_kg = CompensatedSum::new(LEAST_KG);
         self.zones = Zones::at(ambient_k, LEAST_KG);
         self.port_ratio = 1.0;
+        (self.heat_per_k, self.heat_offset_j) = (0.0, 0.0);
+        self.exchange = Exchange::default();
         self.interval = Interval { steps: self.interval.steps, void: true, ..Interval::default() };
+        self.pending = Pending::none();
         self.give_up();
     }
 

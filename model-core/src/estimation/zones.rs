@@ -362,7 +362,7 @@ impl Coefficients {
     /// where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in proportion to the
     /// Rayleigh number.
     fn still_w_m2_k(&self, pressure_pa: f32, difference_k: f32) -> f32 {
-        if self.buoyancy4 <= 0.0 {
+        if self.buoyancy4 < f32::MIN_POSITIVE {
             return self.heat.inner_w_m2_k;
         }
         let buoyancy = self.buoyancy4 * pressure_pa * pressure_pa * absolute(difference_k);
