@@ -264,6 +264,31 @@ class Board:
         """Telemetry as it arrives, one dict per `every` steps (1 to 65535), with time_s since the first; without end
         if there is no duration. A board has one stream: a second one ends it, and the next dict requested from it
         raises `BoardError`."""
+    def record(self, duration_s: float, every: int = 1) -> Run:
+        """Records for `duration_s`, a row per `every` steps, what the board does meanwhile; the set point is sent before.
+
+        The columns are the names of `read`, with `time_s` since the first row. "mode" and "faults" are lists of words and of
+        lists; "summary" has duration_s, rows and the first faults."""
+    def tune(self, scenario: Scenario, most_pa: Optional[float] = None) -> dict[str, Any]:
+        """Tunes friction, valves and gains by the experiment of `thermyo tune`: it arms the board up to `most_pa` [Pa]
+        (4 bar, or less where supply or limit are lower), moves the muscle for minutes, and vents.
+
+        Returns the content of summary.json of `thermyo tune`, and under "scenario" the tuned scenario as TOML. The board has
+        the tuned values, unsaved, if "adopted" is true, otherwise its former ones."""
+    def measure_stop(
+        self,
+        stops: int = 8,
+        *,
+        wait_s: Optional[float] = None,
+        period_s: float = 5.0,
+        most_pa: Optional[float] = None,
+        seed: int = 1,
+        arm: bool = False,
+    ) -> dict[str, Any]:
+        """Measures gas temperature and heat transfer without a wire, as `thermyo measure stop`, with 3 to 100 stops, valves
+        shut for `wait_s` (6 to 3600 s; four time constants of gas and sensor if None) in a cycle of `period_s`
+        (0.5 to 120 s); vents. Returns the content of summary.json. Raises `BoardError` where fewer than three stops
+        can be used."""
     def close(self) -> None:
         """Vents a driven board and closes the port."""
     def __enter__(self) -> Board: ...

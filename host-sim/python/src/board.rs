@@ -2,7 +2,8 @@
 
 use crate::core::telemetry_dict;
 use crate::error::{self, BoardError};
-use crate::run::plain;
+use crate::experiments;
+use crate::run::{plain, results};
 use crate::scenario;
 use crate::set_point::set_point;
 use model_core::Telemetry;
@@ -17,8 +18,10 @@ use std::time::{Duration, Instant};
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
 use thermyo_boards::port::EMULATED;
 use thermyo_boards::service;
+use thermyo_scenario::short;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::parse;
+use thermyo_studies::stops::Asked;
 
 /// A board that sends nothing for this long is reported as gone.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -42,8 +45,17 @@ impl Board {
         py: Python<'_>,
         ask: impl FnOnce(&mut LiveBoard) -> Result<T, thermyo_simulation::board::BoardError> + Send,
     ) -> PyResult<T> {
+        self.use_board(py, |board| ask(board).map_err(error::board))
+    }
+
+    /// Uses the board without holding the interpreter's lock.
+    fn use_board<T: Send>(
+        &self,
+        py: Python<'_>,
+        using: impl FnOnce(&mut LiveBoard) -> PyResult<T> + Send,
+    ) -> PyResult<T> {
         py.detach(|| match self.lock().as_mut() {
-            Some(board) => ask(board).map_err(error::board),
+            Some(board) => using(board),
             None => Err(BoardError::new_err("the board is closed")),
         })
     }
@@ -149,11 +161,64 @@ impl Board {
         let (number, step_s) = board.ask(py, |live| {
             let number = board.streams.fetch_add(1, Ordering::Relaxed) + 1;
             live.telemetry_anew(steps)?;
-            Ok((number, f64::from(live.config()?.step_s)))
+            // As decimals: in f32 steps of 1 ms, 2 s end a little after 2 s, and their last row would be lost.
+            Ok((number, short(live.config()?.step_s)))
         })?;
         let patience = PATIENCE + Duration::from_secs_f64(f64::from(steps) * step_s);
         let first = Mutex::new(None);
         Ok(Stream { board: this.unbind(), number, step_s, patience, duration_s, first })
+    }
+
+    /// Records the board while it does what it does: columns as those of a run.
+    #[pyo3(signature = (duration_s, every = 1))]
+    fn record<'py>(
+        this: Bound<'py, Self>,
+        duration_s: f64,
+        every: i64,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = this.py();
+        let stream = Self::stream(this, Some(duration_s), every)?;
+        results(py)?.getattr("recorded")?.call1((stream,))
+    }
+
+    /// Tunes friction, valves and gains by the experiment of `thermyo tune`, and vents.
+    #[pyo3(signature = (scenario, most_pa = None))]
+    fn tune<'py>(
+        &self,
+        py: Python<'py>,
+        scenario: &Bound<'_, PyAny>,
+        most_pa: Option<f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let (loaded, file) = (scenario::load(scenario, None)?, scenario::name(scenario));
+        let tuned =
+            self.use_board(py, |live| experiments::tune_on(live, &loaded, &file, most_pa))?;
+        experiments::tuned(py, &tuned)
+    }
+
+    /// Measures gas temperature and heat transfer by the stops of `thermyo measure stop`, and vents.
+    #[pyo3(signature = (stops = 8, *, wait_s = None, period_s = 5.0, most_pa = None, seed = 1, arm = false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn measure_stop<'py>(
+        &self,
+        py: Python<'py>,
+        stops: usize,
+        wait_s: Option<f64>,
+        period_s: f64,
+        most_pa: Option<f64>,
+        seed: u64,
+        arm: bool,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let within = |name: &str, value: f64, least: f64, most: f64| {
+            let text = format!("{name} = {value}: must be from {least} to {most}");
+            let allowed = (least..=most).contains(&value);
+            allowed.then_some(()).ok_or_else(|| PyValueError::new_err(text))
+        };
+        within("stops", stops as f64, 3.0, 100.0)?;
+        within("period_s", period_s, 0.5, 120.0)?;
+        within("wait_s", wait_s.unwrap_or(6.0), 6.0, 3600.0)?;
+        let asked = Asked { stops, wait_s, period_s, highest_pa: most_pa, seed };
+        let findings = self.use_board(py, |live| experiments::measure_stop(live, &asked, arm))?;
+        plain(py, &findings)
     }
 
     /// Vents a driven board and closes the port.

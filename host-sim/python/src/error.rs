@@ -67,7 +67,26 @@ pub fn board(error: board::BoardError) -> PyErr {
         board::BoardError::Refused(Refusal::SetPoint(NotArmed)) => ": board.arm()",
         _ => "",
     };
+    if let board::BoardError::Pressure { pressure_pa, least_pa, most_pa } = error {
+        let text = pressure_range(pressure_pa, least_pa, most_pa);
+        return BoardError::new_err(text);
+    }
     BoardError::new_err(format!("{error}{remedy}"))
+}
+
+/// The allowed pressures by the keyword's name and in its unit.
+fn pressure_range(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
+    // Rounded inwards: what is printed is allowed.
+    let (least, most) = (least_pa.ceil(), most_pa.floor());
+    let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
+        let meant_pa = pressure_pa * unit_pa;
+        let can_be = (least_pa..=most_pa).contains(&meant_pa);
+        can_be.then(|| format!("; {pressure_pa} {unit} is pressure_pa={meant_pa:.0}"))
+    });
+    format!(
+        "pressure_pa = {pressure_pa}: must be from {least} (ambient, as the board is configured) to {most}{}",
+        meant.unwrap_or_default()
+    )
 }
 
 pub fn silent(asked: &'static str) -> PyErr {

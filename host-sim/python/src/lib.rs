@@ -5,6 +5,7 @@
 mod board;
 mod core;
 mod error;
+mod experiments;
 mod identify;
 mod muscle;
 mod run;

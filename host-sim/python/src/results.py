@@ -2,7 +2,12 @@
 
 SUMMARY = "summary"
 # Panels of a plot: columns over each other.
-PANELS = (("pressure_pa",), ("gas_temperature_k", "sensor_gas_k", "estimate_k"), ("length_m",), ("duty_in", "duty_out"))
+PANELS = (
+    ("pressure_pa", "measured_pressure_pa"),
+    ("gas_temperature_k", "sensor_gas_k", "estimate_k"),
+    ("length_m", "measured_length_m"),
+    ("duty_in", "duty_out"),
+)
 
 
 class Run(dict):
@@ -30,8 +35,10 @@ class Run(dict):
         if unknown:
             raise KeyError(f"{unknown[0]}: must be one of {', '.join(self.columns)}")
         panels = [(name,) for name in columns] or PANELS
-        # A vessel has no length.
-        panels = [names for names in panels if not all(numpy.isnan(self[name]).all() for name in names)]
+        # A vessel has no length, and a board no true values.
+        has = lambda name: name in self and not numpy.isnan(self[name]).all()
+        panels = [tuple(filter(has, names)) for names in panels]
+        panels = [names for names in panels if names]
         figure, axes = plt.subplots(len(panels), 1, sharex=True, squeeze=False, layout="constrained")
         for names, axis in zip(panels, axes[:, 0]):
             symbol, factor = self._units.get(names[0], ("", 1.0))
@@ -46,6 +53,22 @@ class Run(dict):
     def __repr__(self):
         rows = len(self["time_s"])
         return f"<thermyo.Run of {rows} rows and {len(self.columns)} columns>"
+
+
+def recorded(stream):
+    import numpy
+
+    rows = list(stream)
+    if not rows:
+        raise ValueError("nothing was recorded: duration_s is too short")
+    words = ("mode", "faults")
+    table = {"time_s": None}
+    for name in rows[0]:
+        values = [row[name] for row in rows]
+        table[name] = values if name in words else numpy.array(values, dtype=numpy.float64)
+    vented = [row["faults"] for row in rows if row["faults"]]
+    table[SUMMARY] = {"duration_s": rows[-1]["time_s"], "rows": len(rows), "faults": vented[0] if vented else []}
+    return Run(table)
 
 
 def record(header, row):
