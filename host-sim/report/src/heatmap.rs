@@ -27,7 +27,7 @@ const HALF_BAR: (f64, f64) = (66.0, 12.0);
 /// Preferred and least number of significant digits in a cell.
 const DIGITS: [usize; 2] = [3, 2];
 /// Least distance of the values of two cells \[px\].
-const BETWEEN: f64 = 6.0;
+const BETWEEN: f64 = 3.0;
 
 /// A map of cells. Axis labels contain their unit.
 #[derive(Debug, Clone)]
