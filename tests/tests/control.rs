@@ -4,9 +4,11 @@
 use thermyo_evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
 use thermyo_evaluate::control_observed::{late_pulses, load_steps, rms_mm, unexpected};
 use thermyo_evaluate::pid::PidBoard;
+use thermyo_record::trace::Row;
 use thermyo_scenario::{DriveKind, LoadKind, PlantModel, Scenario};
-use thermyo_setup::Loaded;
+use thermyo_setup::{Loaded, parse};
 use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run;
 
 fn nominal() -> Loaded {
     full(&thermyo_evaluate::nominal().unwrap())
@@ -79,6 +81,27 @@ fn what_is_not_as_believed_is_observed() {
         assert_within("back after a load step, s", steps.back_s, (0.1, most_s));
         assert_within("error after a load step, %", steps.error_percent, (0.05, 0.4));
     }
+}
+
+/// A load of 8 kg swings at 20 Hz on the gas of a short, wide muscle: faster than a lead could damp it, which drove it
+/// into a limit cycle of 28 mm at 10 Hz.
+#[test]
+fn a_load_faster_than_the_lead_comes_to_rest() {
+    let text = "[plant]\nmodel = \"full\"\n[muscle]\npreset = \"none\"\nrest_length_m = 0.1856\n\
+         diameter_m = 0.0379\nbraid_angle_deg = 21.8\nbladder_stiffness_n_m = 1836.0\n\
+         [valve]\nconductance_m3_s_pa = 2.8e-8\n[friction]\nforce_n = 28.4\n\
+         [load]\nforce_n = 390.0\nmass_kg = 7.8\n";
+    let wide = parse(text, "a wide muscle".as_ref()).unwrap();
+    let points = vec![(0.0, 0.17), (2.0, 0.17), (2.001, 0.047), (6.0, 0.047)];
+    let wide = wide.driven(DriveKind::Contraction, points);
+    let mut last = 0.0;
+    let mut observer = |row: &Row| {
+        last = 1.0 - row.truth.length_m / 0.1856;
+        Ok(())
+    };
+    let summary = run::run(&wide, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    assert_eq!(summary.limit_cycle, None);
+    assert_within("contraction", last, (0.0445, 0.0495));
 }
 
 #[test]

@@ -271,14 +271,12 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
 /// `model-core/src/control/contraction.rs`.
 const WAKES_AT_ZONES: f64 = 1.5;
 
-/// Why a loop cannot come to rest: `docs/background/control.md`, "Where the loop cannot come to rest", derives both
-/// conditions.
+/// Why a loop cannot come to rest: `docs/background/control.md`, "Where the loop cannot come to rest", derives the
+/// condition.
 ///
 /// The shortest pulse moves a mass dm, which changes the pressure by k R T dm/V and moves the end
 /// by A dP over the stiffness of gas and spring, k P A^2/V + K. If that leads from one end of the
-/// zone in which the loop rests beyond the other, the loop never rests. The lead on the speed,
-/// late by a PWM period and the valve, also drives a gas spring that is faster than that delay:
-/// the swing grows beyond the amplitude at which friction takes less.
+/// zone in which the loop rests beyond the other, the loop never rests.
 fn restless(s: &Scenario) -> Option<Unrest> {
     let moving = chamber::of(s)?;
     let config = core_config(s);
@@ -286,7 +284,7 @@ fn restless(s: &Scenario) -> Option<Unrest> {
         DriveKind::Pressure => coarse_pressure(s, &config, moving.as_ref()),
         DriveKind::Contraction => {
             let spring = Spring::at_the_goal(s, &config, moving.as_ref());
-            coarse_contraction(&config, &spring).or_else(|| late_lead(s, &config, &spring))
+            coarse_contraction(&config, &spring)
         }
         _ => None,
     }
@@ -331,8 +329,6 @@ fn coarse_pressure(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Optio
 
 /// The gas and the elastic forces as a spring, where the loop of contraction rests.
 struct Spring {
-    gas_n_m: f64,
-    stiffness_n_m: f64,
     /// Movement by the shortest pulse.
     step_m: f64,
     zone_m: f64,
@@ -355,8 +351,6 @@ impl Spring {
         let stiffness_n_m = gas_n_m + moving.elastic_slope(length_m).abs();
         let step_pa = shortest_pulse_j(s, config) / volume_m3;
         Self {
-            gas_n_m,
-            stiffness_n_m,
             step_m: (step_pa * area_m2).abs() / stiffness_n_m,
             zone_m: f64::from(config.controller.contraction_dead_zone) * rest_m,
         }
@@ -373,35 +367,6 @@ fn coarse_contraction(config: &Config, spring: &Spring) -> Option<Unrest> {
             1e3 * zone_m
         );
         too_large_a_valve(config, why)
-    })
-}
-
-fn late_lead(s: &Scenario, config: &Config, spring: &Spring) -> Option<Unrest> {
-    let (tuning, valve) = (&config.controller, &config.valve);
-    let mass_kg = f64::from(config.moving_mass_kg);
-    let lead_s = f64::from(tuning.length_lead_s) * f64::from(tuning.length_gain);
-    if mass_kg <= 0.0 || lead_s <= 0.0 {
-        return None;
-    }
-    let swing = (spring.stiffness_n_m / mass_kg).sqrt();
-    let closes = 1.0 / f64::from(tuning.length_loop_s);
-    // The speed from a difference is late by half a period, and a pulse by another half.
-    let late_s = f64::from(config.pwm_period_steps) * s.run.step_s
-        + f64::from(valve.dead_time_s)
-        + 0.5 * f64::from(valve.switch_time_s);
-    let beyond = (swing * late_s + math::atan2(swing, closes) - 0.5 * PI).min(0.5 * PI);
-    let pushes_n_m = spring.gas_n_m * lead_s * closes * swing / math::hypot(swing, closes)
-        * math::sin(beyond.max(0.0));
-    let grows_from_m = 4.0 / PI * s.friction.force_n / pushes_n_m;
-    (grows_from_m < WAKES_AT_ZONES * spring.zone_m).then(|| {
-        let why = format!(
-            "the load swings at {:.0} Hz on its gas, too fast for a lead that is {:.0} ms late: from {:.2} mm on the loop \
-             pushes more than friction takes, and may never come to rest; a smaller lead, or a higher valve.pwm_hz",
-            swing / (2.0 * PI),
-            1e3 * late_s,
-            1e3 * grows_from_m
-        );
-        ("controller.length_lead_s", format!("{:?}", tuning.length_lead_s), why)
     })
 }
 

@@ -38,6 +38,10 @@ const STOP_M: f32 = 3.0e-4;
 const WAITS: f32 = 0.0043;
 /// Gas for less way than this, as a share of the rest length, may come a period early to keep a valve open.
 const EARLY: f32 = 0.0017;
+/// Swing of the load on its gas spring that friction has to end, as a share of the rest length: assumed, what a step or
+/// a blow leaves.
+const SWING: f32 = 0.01;
+const FOUR_PER_PI: f32 = 4.0 / core::f32::consts::PI;
 /// Share of an open period's mass up to which two periods' fit into one.
 const FITS: f32 = 0.5;
 
@@ -51,6 +55,12 @@ pub struct Gains {
     per_target_speed: f32,
     /// Share of an error of the gas mass that one period closes \[-\].
     closes: f32,
+    /// Square of the frequency of the load on its gas spring up to which the lead damps it \[1/s2\]: its force is behind
+    /// the speed by w theta + atan(w tau), theta the delay and tau the loop's time, and a quarter of a turn is reached at
+    /// w^2 = 1/(theta (tau + theta/3)), cot y = 1/y - y/3 being within 1 % there.
+    damped_per_s2: f32,
+    /// Configured lead over the loop's time \[-\].
+    lead_closes: f32,
     /// Slip and creep over a period.
     law: Law,
 }
@@ -62,13 +72,53 @@ impl Gains {
         let w = tuning.reference_rad_s;
         let wt = w * period_s;
         let keeps = 1.0 / (1.0 + wt * (2.0 + wt));
+        // The speed of a difference is late by half a period, and a pulse by another half.
+        let late_s = period_s + config.valve.dead_time_s + 0.5 * config.valve.switch_time_s;
         Self {
             keeps,
             per_error: keeps * wt * w,
             per_target_speed: keeps * 2.0 * wt,
             closes: limit(period_s / tuning.length_loop_s, 0.0, 1.0),
+            damped_per_s2: 1.0 / (late_s * (tuning.length_loop_s + late_s * (1.0 / 3.0))),
+            lead_closes: tuning.length_gain * tuning.length_lead_s / tuning.length_loop_s,
             law: Law::new(&config.hysteresis, period_s),
         }
+    }
+
+    /// Share of the lead for a load on its gas spring \[-\]. Faster than that frequency the lead pushes the swing, by
+    /// up to the force that its gas has for an amplitude of `swing_m`: as much of it is left as friction takes, 4/pi of
+    /// the Coulomb force. Without a mass, which is not configured then, all of it.
+    fn lead(&self, spring: &GasSpring, swing_m: f32, mass_kg: f32, coulomb_n: f32) -> f32 {
+        let damped_n_m = self.damped_per_s2 * mass_kg;
+        if damped_n_m <= 0.0 || spring.stiffness_n_m <= damped_n_m {
+            return 1.0;
+        }
+        let late = 1.0 - damped_n_m / spring.stiffness_n_m;
+        let pushes_n = spring.gas_n_m * self.lead_closes * late * swing_m;
+        let takes_n = FOUR_PER_PI * coulomb_n;
+        if takes_n < pushes_n { takes_n / pushes_n } else { 1.0 }
+    }
+}
+
+/// Stiffness behind shut valves \[N/m\]: of the gas, k P A^2/V, and with braid and bladder.
+struct GasSpring {
+    gas_n_m: f32,
+    stiffness_n_m: f32,
+}
+
+impl GasSpring {
+    fn new(
+        config: &Config,
+        chamber: &impl Chamber,
+        feedback: &Feedback,
+        port: &ChamberPort,
+        slope_m2: f32,
+    ) -> Self {
+        let Feedback { pressure_pa, length_m, .. } = *feedback;
+        let gas_n_m =
+            config.gas.heat_capacity_ratio * pressure_pa * slope_m2 * slope_m2 / port.volume_m3;
+        let gauge_pa = pressure_pa - config.ambient.pressure_pa;
+        Self { gas_n_m, stiffness_n_m: gas_n_m + chamber.stiffness_n_m(gauge_pa, length_m) }
     }
 }
 
@@ -273,9 +323,11 @@ impl ContractionLoop {
 
         // What is missing of the gas that has been given.
         // Ahead of its reference by that much when the pulse acts: damps the load on its gas spring.
-        let lead_s = config.controller.length_lead_s;
-        let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * lead_s;
         let slope_m2 = chamber.volume_slope_m2(feedback.length_m);
+        let spring = GasSpring::new(config, chamber, feedback, port, slope_m2);
+        let lead_s =
+            config.controller.length_lead_s * self.lead(config, &spring, SWING * rest_m, softening);
+        let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * lead_s;
         let missing_m3 = self.given_m3 - port.volume_m3 - slope_m2 * ahead_m;
         let missing_m3 = missing_m3 * config.controller.length_gain;
         let missing_pa = self.given_pa - feedback.pressure_pa;
@@ -291,6 +343,14 @@ impl ContractionLoop {
         let per_rest_kg = absolute(port.mass_kg(0.0, slope_m2 * rest_m));
         let ahead_m3 = self.reference.volume_m3 - start_m3;
         Some(self.spare(port, wanted_kg, open_kg, per_rest_kg, ahead_m3))
+    }
+
+    /// Share of the lead that damps, or that friction can take \[-\].
+    fn lead(&self, config: &Config, spring: &GasSpring, swing_m: f32, softening: f32) -> f32 {
+        let configured_kg = config.moving_mass_kg;
+        let mass_kg = if configured_kg > 0.0 { configured_kg + self.observer.mass_kg } else { 0.0 };
+        let coulomb_n = self.observer.coulomb_n(configured_coulomb_n(config, softening));
+        self.gains.lead(spring, swing_m, mass_kg, coulomb_n)
     }
 
     /// One period of the observer and of the integral, for the error \[m\] and the way since the period before
@@ -528,6 +588,27 @@ mod tests {
             assert!((last.speed_m_s - speed_m_s).abs() < 1e-4);
             assert!(last.acceleration_m_s2.abs() < 1e-2);
         }
+    }
+
+    /// The lead ends where its force is a quarter of a turn behind the speed. Beyond, it is what friction takes: 4/pi of
+    /// 15 N against 10 kN/m of gas, 10/14 of it led, half of that pushing, over 3 mm; without a mass it is whole.
+    #[test]
+    fn a_lead_that_comes_too_late_to_damp_is_left_to_friction() {
+        let config = plain();
+        let gains = Gains::new(&config, PERIOD_S);
+        let late_s = PERIOD_S + config.valve.dead_time_s + 0.5 * config.valve.switch_time_s;
+        let swing = gains.damped_per_s2.sqrt();
+        let behind = swing * late_s + (swing * config.controller.length_loop_s).atan();
+        assert!((behind / core::f32::consts::FRAC_PI_2 - 1.0).abs() < 0.01, "{behind} rad");
+        let lead = |share: f32, mass_kg: f32| {
+            let stiffness_n_m = share * gains.damped_per_s2 * 2.0;
+            let spring = GasSpring { gas_n_m: 1.0e4, stiffness_n_m };
+            gains.lead(&spring, 3.0e-3, mass_kg, 15.0)
+        };
+        assert_eq!([lead(1.0, 2.0), lead(100.0, 0.0)], [1.0; 2]);
+        let half = 19.1 / (1.0e4 * 10.0 / 14.0 * 0.5 * 3.0e-3);
+        assert!((lead(2.0, 2.0) - limit(half, 0.0, 1.0)).abs() < 1e-2);
+        assert!(lead(50.0, 2.0) < 0.95, "{}", lead(50.0, 2.0));
     }
 
     /// 30/s2 and 0.7/s of 0.3 m: at most 9 m/s2 while it gains speed, at most 0.21 m/s, and not past

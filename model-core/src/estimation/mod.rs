@@ -673,6 +673,23 @@ mod tests {
         }
     }
 
+    /// A jet that brings the gas to the wall's temperature faster than the zones move: the temperature must not ring.
+    #[test]
+    fn gas_that_is_stirred_hard_keeps_to_its_wall() {
+        let mut config = Config::default();
+        (config.heat.inner_per_flow, config.zones.stirring_decay_s) = (1.0e8, 0.0);
+        config.zones.forced_flow_kg_s = 0.0;
+        let mut estimator = Estimator::new(&config);
+        for step in 0..1_200_u16 {
+            let filling_ms = step.saturating_sub(1_000);
+            let pressure_pa = 2.0e5 + 2.0e3 * f32::from(filling_ms);
+            let measurement = measurement(pressure_pa, 0.28, 298.0, u8::from(filling_ms > 0));
+            estimator.step(&muscle(), &measurement);
+            let gas_k = estimator.estimate().gas_k;
+            assert!((297.9..307.0).contains(&gas_k), "{gas_k} K after {filling_ms} ms");
+        }
+    }
+
     /// Ten seconds at rest at 25 degC with a gas sensor that says 25 degC and then `reads_k`; the last
     /// estimate.
     fn contradicted(ambient_k: f32, reads_k: f32) -> (Estimator, Estimate) {

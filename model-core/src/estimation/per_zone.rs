@@ -33,3 +33,10 @@ pub fn minus(a: &PerZone, b: &PerZone) -> PerZone {
     let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
     [a0 - b0, a1 - b1, a2 - b2, a3 - b3]
 }
+
+/// The smaller one, zone by zone.
+pub fn least(a: &PerZone, b: &PerZone) -> PerZone {
+    let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
+    let least = |a: f32, b: f32| if a < b { a } else { b };
+    [least(*a0, *b0), least(*a1, *b1), least(*a2, *b2), least(*a3, *b3)]
+}

@@ -13,7 +13,7 @@
 //! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
 
 use super::coefficients::Coefficients;
-use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
+use super::per_zone::{PerZone, ZONES, least, minus, plus, scaled, times, total};
 use super::profile::{Conduction, SETTLED_CONDUCTION};
 use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
@@ -184,6 +184,8 @@ impl Zones {
         let jet = scaled(&c.jet, c.forced(self.stirring_in));
         let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
         let stirred_j_k = scaled(&stirred, share * stirring);
+        // Within one movement no zone passes the temperature of its wall.
+        let stirred_j_k = least(&stirred_j_k, &scaled(&self.mass_kg, c.quickest_j_kg_k));
         let formed_j_k = share * still;
         let (mut still_j_k, mut settled_j_k) = (formed_j_k, formed_j_k);
         let mut profile_j = [0.0; ZONES];
@@ -238,7 +240,7 @@ impl Zones {
         self.set_mass(place.mass_kg);
         self.warm_walls(c, place, &heat_j, duration_s);
         let stirring = |flow_kg: f32, stirs: f32| {
-            stirs + c.stirring_share * (flow_kg * (1.0 / duration_s) - stirs)
+            stirs + c.stirring_share * (limit(flow_kg, 0.0, f32::MAX) * (1.0 / duration_s) - stirs)
         };
         self.stirring_in = stirring(flow.inflow_kg, self.stirring_in);
         self.stirring_out = stirring(flow.outflow_kg, self.stirring_out);
