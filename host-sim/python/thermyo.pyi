@@ -7,7 +7,7 @@ with their unit.
 
 from os import PathLike
 from types import TracebackType
-from typing import Any, Iterator, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Iterator, Literal, Mapping, Optional, Sequence, Union
 
 import numpy
 import numpy.typing
@@ -289,6 +289,22 @@ class Board:
         shut for `wait_s` (6 to 3600 s; four time constants of gas and sensor if None) in a cycle of `period_s`
         (0.5 to 120 s); vents. Returns the content of summary.json. Raises `BoardError` where fewer than three stops
         can be used."""
+    def calibrate(
+        self,
+        sensor: Literal["pressure", "length", "gas"],
+        reference: Callable[[str], Union[str, float]] = input,
+        hold_pa: Optional[float] = None,
+    ) -> dict[str, Any]:
+        """Calibrates a sensor at two points, as `thermyo board PORT calibrate`: the first one vented and at rest, the
+        second one held at `hold_pa` [Pa, absolute] by the armed board, or steered to by `reference`; vents.
+
+        `reference` gets each question and returns what the reference instrument reads: a number in Pa, m or K, or
+        text that may have a unit ("101.3 kPa"). The board is kept alive meanwhile, and `reference` may use it, such as
+        `board.set(pressure_pa=2.5e5)` before the second point. A refused answer is asked for again, with the reason
+        above the question.
+
+        Returns "shifts", the corrections at the two points in "unit", "config_name" and "config_checksum". The board
+        has the calibration, unsaved. Raises `BoardError` where a point is refused three times. Any exception vents."""
     def close(self) -> None:
         """Vents a driven board and closes the port."""
     def __enter__(self) -> Board: ...

@@ -4,6 +4,10 @@
 use model_core::SetPoint;
 use serde_json::json;
 use std::fs;
+use std::net::{TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::thread;
 use thermyo_protocol::{HostCommand, Request, encode};
 
 use crate::board_support::{Bench, repository, skip_emulator};
@@ -49,11 +53,14 @@ fn a_board_is_configured_armed_driven_and_queried() {
     let mean_pa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
     assert!((128_000.0..132_000.0).contains(&mean_pa), "{si}");
     assert!(held.contains(" degC +- ") && !si.contains("degC"), "{held}{si}");
+    let shortest = bench.refused("thermyo board emulated set contraction 90%");
+    assert!(shortest.contains(": a contraction of 90 %: must be from 0 to 37."), "{shortest}");
     let info = bench.ok("thermyo board emulated info");
     assert!(
         info.contains("contraction, ") && info.contains("armed:         up to 200.0"),
         "{info}"
     );
+    assert!(info.contains(" RP2040, firmware "), "{info}");
 
     assert_configurations_are_returned(&bench);
     assert_a_drive_is_recorded(&bench);
@@ -130,6 +137,49 @@ fn assert_a_drive_is_recorded(bench: &Bench) {
 
 fn json(text: String) -> serde_json::Value {
     serde_json::from_str(&text).unwrap()
+}
+
+/// A busy emulated board closes connections: the line is opened again, until patience ends.
+#[test]
+fn a_connection_that_is_closed_is_opened_again() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = Bench::new();
+    bench.ok("thermyo board emulated plug");
+    let card = fs::read_dir(bench.path("")).unwrap().map(|file| file.unwrap().path());
+    let card = card.into_iter().find(|file| file.extension().is_none() && file.is_file()).unwrap();
+    let real = fs::read_to_string(&card).unwrap();
+    let (port, build) = real.split_once(' ').unwrap();
+    let door = TcpListener::bind("127.0.0.1:0").unwrap();
+    let before_it = format!("{} {build}", door.local_addr().unwrap().port());
+    let board = TcpStream::connect(("127.0.0.1", port.parse().unwrap())).unwrap();
+    let turned_away = Arc::new(AtomicU32::new(0));
+    let count = Arc::clone(&turned_away);
+    // It closes the first connections, and connects the next one with the board.
+    thread::spawn(move || {
+        for client in door.incoming().map_while(Result::ok) {
+            if count.fetch_add(1, Ordering::Relaxed) < 3 {
+                continue;
+            }
+            for (mut from, mut to) in [(&client, &board), (&board, &client)]
+                .map(|(from, to)| (from.try_clone().unwrap(), to.try_clone().unwrap()))
+            {
+                thread::spawn(move || std::io::copy(&mut from, &mut to));
+            }
+        }
+    });
+    // The board looks at its card every half a second while it has a client.
+    fs::write(&card, before_it).unwrap();
+    assert!(bench.ok("thermyo board emulated info").contains(" RP2040, firmware "));
+    assert!(turned_away.load(Ordering::Relaxed) > 3);
+
+    // One that accepts and is silent: no wiring is to blame.
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    fs::write(&card, format!("{} {build}", silent.local_addr().unwrap().port())).unwrap();
+    let message = bench.refused("thermyo board emulated info");
+    assert!(message.contains("the emulated board does not answer (version): "), "{message}");
+    assert!(!message.contains("wiring") && message.contains("board emulated plug"), "{message}");
 }
 
 #[test]

@@ -229,6 +229,7 @@ fn a_drive_that_is_cut_reports_it() {
     let text = String::from_utf8_lossy(&cut.stdout).into_owned();
     assert!(text.contains(" s of 60 s driven, "), "{text}");
     assert!(message(&cut).contains("thermyo: stopped at "), "{}", message(&cut));
+    assert_eq!(format!("{text}{}", message(&cut)).matches("stopped").count(), 1, "{text}");
     let summary = fs::read(bench.path("out/drive/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
     assert_eq!(summary["stopped_of_s"], 60.0, "{summary}");
@@ -252,7 +253,9 @@ fn a_set_point_that_expires_is_reported() {
     let cut = child.wait_with_output().unwrap();
     assert_eq!(cut.status.code(), Some(130), "{}", message(&cut));
     assert!(message(&cut).contains(" s of 60 s\n"), "{}", message(&cut));
-    assert!(String::from_utf8_lossy(&cut.stdout).contains("it vents"));
+    let text = String::from_utf8_lossy(&cut.stdout).into_owned();
+    assert!(text.contains("it vents") && !text.contains("stopped"), "{text}");
+    assert_eq!(message(&cut).matches("stopped").count(), 1, "{}", message(&cut));
     assert!(bench.ok("thermyo board emulated info").contains("  vent\n"));
 }
 
@@ -278,10 +281,13 @@ impl AtTerminal {
         self.keys.write_all(keys.as_bytes()).unwrap();
     }
 
-    /// Reads the output, so that the command does not block.
-    fn look(&mut self) {
-        let mut picture = [0; 65_536];
-        while self.keys.read(&mut picture).is_ok_and(|count| count > 0) {}
+    /// Reads the output, so that the command does not block; returns it.
+    fn look(&mut self) -> String {
+        let (mut picture, mut shown) = ([0; 65_536], String::new());
+        while let Ok(count @ 1..) = self.keys.read(&mut picture) {
+            shown += &String::from_utf8_lossy(&picture[..count]);
+        }
+        shown
     }
 }
 
@@ -305,6 +311,13 @@ fn the_monitors_keys_arm_drive_and_vent() {
         }
     };
     rows(&mut monitor, &|rows| rows.len() > 20, "it records");
+    // Its refusal has the key that helps.
+    monitor.press("\x1b[C");
+    let mut shown = String::new();
+    until("it is refused", || {
+        shown += &monitor.look();
+        shown.contains("not armed: arm it first; a arms it")
+    });
     monitor.press("a");
     // 25 kPa up from ambient, in steps of 5 kPa, then 5 more.
     monitor.press("\x1b[C");
@@ -333,6 +346,39 @@ fn the_monitors_keys_arm_drive_and_vent() {
     assert_eq!(monitor.child.wait().unwrap().code(), Some(130));
 }
 
+/// Without a time it says how it ends, and a terminal has one line of it.
+#[test]
+fn a_set_point_without_a_time_says_how_it_ends() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = configured();
+    let set = bench.command("thermyo board emulated set pressure 130000 --arm");
+    let mut held = AtTerminal::new(set);
+    let mut shown = String::new();
+    until("it holds", || {
+        shown += &held.look();
+        shown.matches("kPa").count() > 5
+    });
+    held.press("\x03");
+    signal(&held.child, "-INT");
+    until("it is stopped", || {
+        shown += &held.look();
+        held.child.try_wait().unwrap().is_some()
+    });
+    let output = held.child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    assert!(message(&output).contains("Ctrl-C ends it, and vents\n"), "{}", message(&output));
+    assert!(!message(&output).contains("60"), "{}", message(&output));
+    // The readings, in one line again and again, and the sentence at the end.
+    let lines: Vec<&str> = shown.trim().split('\n').collect();
+    assert!(
+        lines[0].matches("\r\u{1b}").count() + lines[0].matches("\u{1b}[K").count() > 4,
+        "{shown:?}"
+    );
+    assert!(lines.len() <= 2, "{shown:?}");
+}
+
 #[test]
 fn a_monitor_without_a_screen_records() {
     if skip_emulator() {
@@ -354,14 +400,31 @@ fn a_monitor_without_a_screen_records() {
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
     assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
     assert!(fs::metadata(bench.path("out/monitor/trace.csv")).unwrap().len() > 20_000);
+    // A row of every tenth step is no record of every sample, and the message has the option.
+    let gaps = bench.refused("thermyo replay out/monitor --out out/again");
+    assert!(gaps.contains("`thermyo monitor PORT --every 1`"), "{gaps}");
 
-    let child = start("thermyo monitor emulated --json --out out/monitor");
+    let child = start("thermyo monitor emulated --every 1 --json --out out/monitor");
     bench.ok("thermyo board emulated unplug");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", message(&output));
     assert!(message(&output).contains("the line to the board is gone"), "{}", message(&output));
     let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(json["rows"].as_u64().unwrap() > 20, "{json}");
+    assert_the_record_replays(&bench);
+}
+
+/// What a monitor records begins at any step of the core: it was refused.
+fn assert_the_record_replays(bench: &Bench) {
+    let rows = fs::read_to_string(bench.path("out/monitor/trace.csv")).unwrap().lines().count() - 1;
+    let replayed = bench.ok("thermyo replay out/monitor --out out/again");
+    let note = replayed.lines().find(|line| line.contains("replayed from")).expect(&replayed);
+    assert!(note.contains(&format!(" of {rows} rows")), "{replayed}");
+    let json = bench.ok("thermyo replay out/monitor/trace.csv --json --out out/again");
+    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let part = ["rows_before", "steps", "rows_after"].map(|key| json[key].as_u64().unwrap());
+    assert_eq!(part.iter().sum::<u64>(), rows as u64, "{json}");
+    assert!(part[1] > 20, "{json}");
 }
 
 fn recorded(trace: &str) -> Vec<Vec<String>> {

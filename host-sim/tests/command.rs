@@ -329,6 +329,42 @@ fn figures_are_in_practical_units_and_in_si_on_request() {
     assert!(printed(&both).contains("pressure_pa            RMS 0 Pa, mean 0 Pa"));
 }
 
+/// Runs that cannot be compared as a whole are, with a warning.
+#[test]
+fn runs_of_another_kind_are_compared_with_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, text: &str| {
+        let (file, out) = (scenario(folder.path(), text), folder.path().join(name));
+        let out = out.display().to_string();
+        let output = thermyo(&["run", &file, "--quiet", "--out", &out]);
+        assert!(output.status.success(), "{}", stderr_of(&output));
+        out
+    };
+    let muscle = run("muscle", "[run]\nduration_s = 0.2\n[plant]\nmodel = \"lumped\"\n");
+    let short = run("short", "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n");
+    let text = "[run]\nduration_s = 0.2\n[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 6e5\n\
+                [drive]\nkind = \"discharge\"\n";
+    let vessel = run("vessel", text);
+    let out = folder.path().join("compared").display().to_string();
+    for (other, warning) in [
+        (
+            &vessel,
+            format!(
+                "{vessel} has plant.kind = \"vessel\" and {muscle} \"muscle\": another kind of"
+            ),
+        ),
+        (
+            &short,
+            format!("{short} lasts 0.1 s and {muscle} 0.2 s: only the common time is compared"),
+        ),
+    ] {
+        let output = thermyo(&["compare", &muscle, other, "--quiet", "--out", &out]);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+        let said = stderr_of(&output);
+        assert!(said.contains(&format!("thermyo: warning: {warning}")), "{said}");
+    }
+}
+
 #[test]
 fn quiet_leaves_notes_out() {
     let folder = tempfile::tempdir().unwrap();

@@ -478,6 +478,9 @@ fn a_slow_page_loses_frames_and_the_record_none() {
     let times: Vec<f64> =
         trace.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap()).collect();
     assert!(times.len() >= 3000, "{} rows", times.len());
+    // It began while the core ran, and is replayed from there on.
+    let replayed = served.bench.ok("thermyo replay out/serve/record-1 --out out/again");
+    assert!(replayed.contains("the record has no start of the core: replayed from its step "));
     assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 1e-3).abs() < 1e-9));
 
     // A page that controls but does not acknowledge counts as lost: the muscle is unattended.
@@ -669,6 +672,8 @@ fn the_page_in_a_browser() {
     assert_eq!(seen["most"][0], "150.0", "{seen}");
     let most = seen["most"][1].as_str().unwrap();
     assert!(most.starts_with("1500.0 kPa: must be from 101.3 to 660.1 kPa."), "{seen}");
+    assert_eq!(seen["most"][2], "400.0", "{seen}");
+    assert_the_page_is_of_a_piece(&seen);
     let in_bar = &seen["in_bar"];
     let pressure_bar = in_bar["pressure"].as_f64().unwrap();
     assert!((3.2..3.4).contains(&pressure_bar), "{seen}");
@@ -708,8 +713,19 @@ fn the_page_in_a_browser() {
     assert_eq!(seen["narrow_px"], 390, "{seen}");
     assert_eq!(seen["temperature_above"], true, "{seen}");
     assert_eq!(seen["serious"], json!([]), "{seen}");
-    assert_eq!(seen["ends"][0], seen["ends"][1], "the muscle's colours: {seen}");
     assert_eq!(seen["killed"], json!({ "armed": "was armed", "set": false }), "{seen}");
+}
+
+/// Colours, units and widths of the page's parts.
+fn assert_the_page_is_of_a_piece(seen: &Value) {
+    assert_eq!(seen["palette"][0], seen["palette"][1], "{seen}");
+    let calibrates = seen["calibrates"].as_str().unwrap();
+    assert!(calibrates.contains("The reference reads 101.30 kPa, the sensor 10"), "{seen}");
+    for room_px in seen["table_px"].as_array().unwrap() {
+        assert!((0.0..60.0).contains(&room_px.as_f64().unwrap()), "{seen}");
+    }
+    assert!(seen["palette"][0].as_array().unwrap().iter().all(Value::is_string), "{seen}");
+    assert_eq!(seen["ends"][0], seen["ends"][1], "the muscle's colours: {seen}");
 }
 
 /// A record at 1 kHz over ten minutes, or `THERMYO_SERVE_S` seconds.

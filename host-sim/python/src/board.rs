@@ -1,8 +1,10 @@
 //! A flashed board, or the emulated one.
 
+use crate::calibrate;
 use crate::core::telemetry_dict;
 use crate::error::{self, BoardError};
 use crate::experiments;
+use crate::held::Held;
 use crate::run::{plain, results};
 use crate::scenario;
 use crate::set_point::set_point;
@@ -13,7 +15,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
 use thermyo_boards::port::EMULATED;
@@ -29,35 +31,19 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// A board. It vents when it is closed.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Board {
-    live: Mutex<Option<LiveBoard>>,
+    live: Held,
     /// Number of streams so far; only the latest gets telemetry.
     streams: AtomicU32,
 }
 
 impl Board {
-    fn lock(&self) -> MutexGuard<'_, Option<LiveBoard>> {
-        self.live.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
     /// Sends a request without holding the interpreter's lock.
     fn ask<T: Send>(
         &self,
         py: Python<'_>,
         ask: impl FnOnce(&mut LiveBoard) -> Result<T, thermyo_simulation::board::BoardError> + Send,
     ) -> PyResult<T> {
-        self.use_board(py, |board| ask(board).map_err(error::board))
-    }
-
-    /// Uses the board without holding the interpreter's lock.
-    fn use_board<T: Send>(
-        &self,
-        py: Python<'_>,
-        using: impl FnOnce(&mut LiveBoard) -> PyResult<T> + Send,
-    ) -> PyResult<T> {
-        py.detach(|| match self.lock().as_mut() {
-            Some(board) => using(board),
-            None => Err(BoardError::new_err("the board is closed")),
-        })
+        self.live.with(py, |board| ask(board).map_err(error::board))
     }
 }
 
@@ -83,7 +69,7 @@ impl Board {
             }
             LiveBoard::open(port).map_err(error::board)
         })?;
-        Ok(Self { live: Mutex::new(Some(live)), streams: AtomicU32::new(0) })
+        Ok(Self { live: Held::new(live), streams: AtomicU32::new(0) })
     }
 
     /// Identity and configuration of the board.
@@ -191,7 +177,7 @@ impl Board {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (loaded, file) = (scenario::load(scenario, None)?, scenario::name(scenario));
         let tuned =
-            self.use_board(py, |live| experiments::tune_on(live, &loaded, &file, most_pa))?;
+            self.live.with(py, |live| experiments::tune_on(live, &loaded, &file, most_pa))?;
         experiments::tuned(py, &tuned)
     }
 
@@ -217,13 +203,28 @@ impl Board {
         within("period_s", period_s, 0.5, 120.0)?;
         within("wait_s", wait_s.unwrap_or(6.0), 6.0, 3600.0)?;
         let asked = Asked { stops, wait_s, period_s, highest_pa: most_pa, seed };
-        let findings = self.use_board(py, |live| experiments::measure_stop(live, &asked, arm))?;
+        let findings = self.live.with(py, |live| experiments::measure_stop(live, &asked, arm))?;
         plain(py, &findings)
+    }
+
+    /// Calibrates a sensor at two points, and vents.
+    #[pyo3(signature = (sensor, reference = None, hold_pa = None))]
+    fn calibrate<'py>(
+        &self,
+        py: Python<'py>,
+        sensor: &str,
+        reference: Option<Bound<'py, PyAny>>,
+        hold_pa: Option<f32>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let reference =
+            reference.map_or_else(|| py.import("builtins")?.getattr("input"), PyResult::Ok)?;
+        let calibrated = calibrate::calibrate(py, &self.live, sensor, reference, hold_pa)?;
+        plain(py, &calibrated)
     }
 
     /// Vents a driven board and closes the port.
     fn close(&self, py: Python<'_>) {
-        py.detach(|| drop(self.lock().take()));
+        py.detach(|| drop(self.live.lock().take()));
     }
 
     fn __enter__(this: Bound<'_, Self>) -> Bound<'_, Self> {

@@ -71,7 +71,13 @@ pub fn board(error: board::BoardError) -> PyErr {
         let text = pressure_range(pressure_pa, least_pa, most_pa);
         return BoardError::new_err(text);
     }
-    BoardError::new_err(format!("{error}{remedy}"))
+    match error {
+        // By the keyword's name and in its unit.
+        board::BoardError::Refused(Refusal::SetPoint(range @ SetPointError::Range { .. })) => {
+            BoardError::new_err(range.to_string())
+        }
+        error => BoardError::new_err(format!("{error}{remedy}")),
+    }
 }
 
 /// The allowed pressures by the keyword's name and in its unit.

@@ -16,18 +16,18 @@ use thermyo_studies::stops::{Asked, Findings, LiveRows, Plan, Record, RowBench, 
 use thermyo_studies::tune::{self, TuneError, Tuned};
 
 /// Ends an experiment at Ctrl-C.
-struct Watch(RefCell<Signals>);
+pub struct Watch(RefCell<Signals>);
 
 impl Watch {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self(RefCell::new(Signals::new()))
     }
 
-    fn stopped(&self) -> bool {
+    pub fn stopped(&self) -> bool {
         self.0.borrow_mut().go_on().is_err()
     }
 
-    fn raise(self) -> PyResult<()> {
+    pub fn raise(self) -> PyResult<()> {
         self.0.into_inner().raise()
     }
 }

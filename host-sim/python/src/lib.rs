@@ -3,9 +3,11 @@
 //! `thermyo.pyi` documents the interface. Long calls release the interpreter's lock.
 
 mod board;
+mod calibrate;
 mod core;
 mod error;
 mod experiments;
+mod held;
 mod identify;
 mod muscle;
 mod run;

@@ -113,6 +113,86 @@ def test_a_board_is_recorded(board):
 
 
 @emulated
+def test_a_sensor_is_calibrated_by_what_a_function_reads(board):
+    board.arm()
+    before = board.info()["config_checksum"]
+    asked = []
+
+    def reference(question):
+        asked.append(question)
+        # Longer than the link's timeout: the board is kept alive.
+        time.sleep(0.7)
+        if len(asked) == 3:
+            # It may use the board: it steers to the second point by itself.
+            board.set(pressure_pa=2.5e5)
+            time.sleep(2.0)
+        return ["101,3", 101325.0, "2.525 bar"][len(asked) - 1]
+
+    found = board.calibrate("pressure", reference)
+    assert asked[0].startswith("first point, vented and at rest: what does the reference read? (Pa, kPa, ")
+    assert asked[1].startswith('"101,3": the reference must be a number in Pa, or one with its unit: ')
+    assert asked[1].endswith(asked[0])
+    assert asked[2].startswith("the sensor reads 101.") and "\nsecond point, at another value" in asked[2]
+    assert abs(found["shifts"][0]) < 1e3 and 1.0e3 < found["shifts"][1] < 4.0e3 and found["unit"] == "Pa"
+    info = board.info()
+    assert info["config_checksum"] == found["config_checksum"] != before
+    assert info["armed_pa"] is None and board.read()["mode"] in ("startup check", "vent")
+
+
+@emulated
+def test_the_board_holds_the_second_point(board):
+    with pytest.raises(thermyo.BoardError, match=r"^the board is not armed: board.arm\(\)$"):
+        board.calibrate("pressure", lambda _: pytest.fail("it asks nothing"), hold_pa=2.5e5)
+    board.arm()
+    asked = []
+
+    def reference(question):
+        asked.append(question)
+        return [101325.0, board.read()["measured_pressure_pa"]][len(asked) - 1]
+
+    found = board.calibrate("pressure", reference, hold_pa=2.5e5)
+    assert "\nit holds 250.0 kPa\nsecond point, " in asked[1]
+    assert max(map(abs, found["shifts"])) < 2e3, found
+
+
+@emulated
+def test_a_calibration_that_ends_vents(board):
+    with pytest.raises(ValueError, match='^sensor = "force": must be one of pressure, length, gas$'):
+        board.calibrate("force", input)
+    with pytest.raises(TypeError, match="^reference: must be a function "):
+        board.calibrate("gas", 101325.0)
+    board.arm()
+    asked = []
+
+    def wrong(question):
+        board.set(pressure_pa=2e5)
+        asked.append(question)
+        return 101325.0
+
+    # The muscle does not vent, and it does not get better.
+    with pytest.raises(thermyo.BoardError, match="^not calibrated: the muscle does not vent: "):
+        board.calibrate("pressure", wrong)
+    assert len(asked) == 3
+    vented = board.read()
+    assert vented["mode"] == "vent" and vented["faults"] == []
+
+    def broken(question):
+        board.set(pressure_pa=2e5)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        board.calibrate("length", broken)
+    assert board.read()["mode"] == "vent"
+
+    def closes(question):
+        board.close()
+        return 101325.0
+
+    with pytest.raises(thermyo.BoardError, match="^the board is closed$"):
+        board.calibrate("pressure", closes)
+
+
+@emulated
 def test_stops_are_measured(board):
     with pytest.raises(thermyo.BoardError, match=r"^the board is not armed: board.arm\(\)$"):
         board.measure_stop()

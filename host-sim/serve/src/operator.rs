@@ -28,6 +28,7 @@ use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
+use thermyo_studies::calibrate;
 use thermyo_studies::drive::LiveBench;
 use thermyo_studies::stops;
 use thermyo_studies::stops::{Asked, LiveRows, Plan, Record, RowBench};
@@ -377,7 +378,7 @@ impl Operator {
 
     fn calibrate(&mut self, telemetry: &Telemetry) {
         let Some(Guided::Calibration(calibration)) = &mut self.guided else { return };
-        let vents = matches!(telemetry.mode, Mode::Vent | Mode::StartupCheck);
+        let vents = calibrate::vents(telemetry.mode);
         let Step::Calibrated(config, [first, second]) = calibration.see(&telemetry.sample, vents)
         else {
             return;

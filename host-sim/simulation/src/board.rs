@@ -1,6 +1,6 @@
 //! Boards that run the core. The one here runs it in this process.
 
-use model_core::control::Mode;
+use model_core::control::{Mode, SetPointField};
 use model_core::{Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use std::io;
 use std::path::PathBuf;
@@ -190,6 +190,26 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     )
 }
 
+/// A value outside of its range, in a practical unit, and how to write it if per cent were meant.
+fn outside(field: SetPointField, value: f32, [least, most]: [f32; 2]) -> String {
+    let (name, unit, factor) = match field {
+        SetPointField::Inlet => ("a duty of the inlet", "%", 100.0),
+        SetPointField::Outlet => ("a duty of the outlet", "%", 100.0),
+        SetPointField::Contraction => ("a contraction", "%", 100.0),
+        SetPointField::Flow => ("a mass flow", "g/s", 1e3),
+        SetPointField::Period => ("a period", "s", 1.0),
+        SetPointField::Pressure => ("a pressure", "kPa", 1e-3),
+        SetPointField::Armed => ("a highest pressure", "kPa", 1e-3),
+        other => (other.key(), "", 1.0),
+    };
+    let in_per_cent = unit == "%" && value >= 1.0 && (least..=most).contains(&(value / 100.0));
+    let meant = if in_per_cent { format!("; use {value}%") } else { String::new() };
+    // Rounded inwards: what is printed is allowed.
+    let lowest = (f64::from(least) * f64::from(factor) * 1e3).ceil() / 1e3;
+    let highest = (f64::from(most) * f64::from(factor) * 1e3).floor() / 1e3;
+    format!("{name} of {} {unit}: must be from {lowest} to {highest} {unit}{meant}", value * factor)
+}
+
 fn refused(refusal: &Refusal) -> String {
     match refusal {
         Refusal::NotConfigured
@@ -197,6 +217,11 @@ fn refused(refusal: &Refusal) -> String {
             "the board does not know its muscle yet".to_owned()
         }
         Refusal::SetPoint(SetPointError::NotArmed) => "the board is not armed".to_owned(),
+        Refusal::SetPoint(SetPointError::Range { field, value, minimum, maximum })
+            if minimum < maximum =>
+        {
+            outside(*field, *value, [*minimum, *maximum])
+        }
         refusal => format!("the board refused: {refusal}"),
     }
 }
@@ -279,5 +304,26 @@ mod tests {
         );
         assert!(said(150.0).ends_with("; use 150kPa, which is 150000 Pa"));
         assert!(said(-3000.0).ends_with("to 689.5 kPa") && said(9e5).ends_with("to 689.5 kPa"));
+    }
+
+    /// The largest contraction was printed as 0.37278953.
+    #[test]
+    fn a_value_that_is_refused_is_in_a_practical_unit() {
+        let said = |field, value, minimum, maximum| {
+            let range = SetPointError::Range { field, value, minimum, maximum };
+            BoardError::Refused(Refusal::SetPoint(range)).to_string()
+        };
+        assert_eq!(
+            said(SetPointField::Contraction, 0.9, 0.0, 0.372_789_53),
+            "a contraction of 90 %: must be from 0 to 37.278 %"
+        );
+        assert!(said(SetPointField::Contraction, 5.0, 0.0, 0.372_789_53).ends_with(" %; use 5%"));
+        assert!(said(SetPointField::Inlet, -0.1, 0.0, 1.0).ends_with("must be from 0 to 100 %"));
+        assert_eq!(
+            said(SetPointField::Flow, 0.9, -0.001_234_9, 0.001_234_9),
+            "a mass flow of 900 g/s: must be from -1.234 to 1.234 g/s"
+        );
+        let still = said(SetPointField::Contraction, 0.1, 0.0, 0.0);
+        assert!(still.contains("this chamber does not move"), "{still}");
     }
 }

@@ -27,7 +27,8 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let mut runs = Vec::new();
     for path in &args.runs {
-        runs.push(Run::new(&name(path), &read_record(&trace_in(path), stderr)?)?);
+        let trace = trace_in(path);
+        runs.push(Run::new(&name(path), kind_of(&trace), &read_record(&trace, stderr)?)?);
     }
     let Some((first, others)) = runs.split_first() else { return Ok(()) };
     let compared: Vec<Compared> = others.iter().map(|run| run.compared(first)).collect();
@@ -61,6 +62,12 @@ pub(super) fn run(
         print(stdout, &tracking(&run.name, control, units))?;
     }
     print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+}
+
+/// `plant.kind` of the scenario beside a trace; none without one.
+fn kind_of(trace: &Path) -> Option<&'static str> {
+    let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml")).ok()?;
+    Some(loaded.plant.plant.kind.word())
 }
 
 /// `control` of the summary beside a trace; null without one.

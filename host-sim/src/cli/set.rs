@@ -197,7 +197,9 @@ fn hold(
     let chamber = scenario.and_then(|scenario| chamber::of(&scenario.scenario.believed));
     let rest_m = chamber.map_or(f64::NAN, |chamber| chamber.rest_length());
     let columns = terminal::size().ok().filter(|_| io::stdout().is_terminal());
-    let columns = columns.map(|(columns, _)| usize::from(columns));
+    // A terminal that states no width gets whole lines.
+    let columns =
+        columns.map(|(columns, _)| usize::from(columns).checked_sub(1).unwrap_or(usize::MAX));
     let (mut next_line_s, mut held) = (0.0, Vec::new());
     let stopped = loop {
         if interrupt::is_requested() {
@@ -223,7 +225,7 @@ fn hold(
             match columns {
                 // The same line again: a longer one would not return to its start.
                 Some(columns) => {
-                    let cut: String = text.chars().take(columns.saturating_sub(1)).collect();
+                    let cut: String = text.chars().take(columns).collect();
                     print(&mut io::stdout(), &format!("\r{cut}\x1b[K"))?;
                 }
                 None => print(out, &format!("{text}\n"))?,

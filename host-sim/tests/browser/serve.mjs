@@ -99,6 +99,9 @@ const ends = [await page.$$eval("#muscle svg > text", (all) => all.map((text) =>
 const watcher = await open(wide, "dark");
 await until(watcher, () => document.getElementById("watching").hidden === false);
 const watching = await watcher.$eval("#steer .main", (button) => button.disabled);
+// A page that is opened later shows the limit for which the board is armed.
+await until(watcher, () => document.getElementById("most").value !== "");
+most.push(await watcher.$eval("#most", (field) => field.value));
 await watcher.close();
 // Other units, of readings and fields alike.
 await page.select("#unit-Pa", "bar");
@@ -164,8 +167,15 @@ ends.push(await page.$$eval("#muscle svg > text", (all) => all.map((text) => tex
 await page.click("#record-button");
 await until(page, () => document.querySelector("#results a"));
 const report = await page.$eval("#results a", (link) => link.href);
+// Estimate and sensor have their colours on every page.
+const colours = (page) => page.evaluate(() => ["estimate", "sensor"].map((name) => {
+  const drawn = document.querySelector(`.c-${name}`);
+  return drawn && getComputedStyle(drawn).getPropertyValue("--c").trim();
+}));
+const palette = [await colours(page)];
 const opened = await open(wide);
 await opened.goto(report);
+palette.push(await colours(opened));
 if (!(await opened.$("figure .plot.live"))) problems.push("the report's charts are not live");
 await opened.close();
 await page.bringToFront();
@@ -174,6 +184,31 @@ serious.push(...await findings(page));
 await page.click("[data-calibrate=pressure]");
 await until(page, () => !document.getElementById("reference").hidden);
 await page.screenshot({ path: `${screenshots}-guide.png`, fullPage: true });
+// The first point, in the page's unit, once the muscle has vented.
+await until(page, () => parseFloat(document.getElementById("r-pressure").textContent) < 103);
+await type(page, "reference-value", "101.3");
+await page.keyboard.press("Enter");
+await until(page, () => document.getElementById("guide-text").textContent.includes("second point"));
+const calibrates = await text(page, "guide-text");
+await page.click("#leave");
+await until(page, () => document.getElementById("guided").hidden);
+// The table of a tuning fits its box.
+const table_px = [];
+for (const width of [1280, 390]) {
+  await page.setViewport({ ...wide, width });
+  await until(page, (width) => innerWidth === width, width);
+  table_px.push(await page.evaluate(() => {
+    const [guided, table] = ["guided", "guide-table"].map((id) => document.getElementById(id));
+    table.tBodies[0].innerHTML = "<tr><th>friction.viscous_n_s_m</th><td>90.0 N s/m</td><td>101 ± 12 N s/m</td></tr>" +
+      "<tr><th>valve.conductance_m3_s_pa</th><td>4.00×10⁻⁹ m³/(s Pa)</td><td>(3.79 ± 0.02)×10⁻⁹ m³/(s Pa)</td></tr>";
+    guided.hidden = table.hidden = false;
+    const room = document.getElementById("guide").clientWidth - table.scrollWidth;
+    guided.hidden = table.hidden = true;
+    return room;
+  }));
+}
+await page.setViewport(wide);
+await until(page, () => innerWidth === 1280);
 
 // The link, lost and restored, from the loss of the board on.
 const plugged = (how) => execFileSync(thermyo, ["board", "emulated", how, "--quiet"], { env: { ...process.env, TMPDIR: place } });
@@ -200,4 +235,4 @@ process.kill(Number(server), "SIGKILL");
 await link("no server");
 const killed = { armed: await text(page, "armed"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
 await browser.close();
-console.log(JSON.stringify({ problems, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, serious }));
+console.log(JSON.stringify({ problems, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, table_px, serious }));

@@ -20,6 +20,8 @@ const SAME_LENGTH: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub struct Run {
     pub name: String,
+    /// `plant.kind` of its scenario, where that is known: a vessel's trace has a length too.
+    kind: Option<&'static str>,
     time_s: Vec<f64>,
     /// Columns that have a value in any row; NaN where a cell is empty.
     columns: BTreeMap<&'static str, Vec<f64>>,
@@ -48,9 +50,11 @@ pub struct Compared {
 }
 
 impl Run {
+    /// The record of a plant of this `kind`.
+    ///
     /// # Errors
     /// When `time_s` is missing in a row, or times fall.
-    pub fn new(name: &str, table: &Table) -> Result<Self, InputError> {
+    pub fn new(name: &str, kind: Option<&'static str>, table: &Table) -> Result<Self, InputError> {
         let time_s = table.filled("time_s")?;
         if let Some(row) = (1..time_s.len()).find(|row| time_s[*row] < time_s[row - 1]) {
             let allowed = format!("at least {:?}, the time of the row before", time_s[row - 1]);
@@ -65,7 +69,7 @@ impl Run {
                 column.cells.iter().any(Option::is_some).then_some((name, values))
             })
             .collect();
-        Ok(Self { name: name.to_owned(), time_s, columns })
+        Ok(Self { name: name.to_owned(), kind, time_s, columns })
     }
 
     fn column(&self, name: &str) -> Option<&[f64]> {
@@ -89,6 +93,13 @@ impl Run {
         let has_length = |run: &Self| run.columns.contains_key("length_m");
         let length_s = |run: &Self| run.time_s[run.time_s.len() - 1] - run.time_s[0];
         let (own, other) = (&self.name, &first.name);
+        if let (Some(own_kind), Some(other_kind)) = (self.kind, first.kind)
+            && own_kind != other_kind
+        {
+            return Some(format!(
+                "{own} has plant.kind = \"{own_kind}\" and {other} \"{other_kind}\": another kind of plant"
+            ));
+        }
         if has_length(self) != has_length(first) {
             let [with, without] = if has_length(self) { [own, other] } else { [other, own] };
             return Some(format!(
@@ -155,7 +166,7 @@ mod tests {
     use super::*;
 
     fn run(name: &str, text: &str) -> Run {
-        Run::new(name, &Table::parse(text, "t.csv".as_ref()).unwrap()).unwrap()
+        Run::new(name, None, &Table::parse(text, "t.csv".as_ref()).unwrap()).unwrap()
     }
 
     #[test]

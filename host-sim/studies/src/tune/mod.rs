@@ -16,6 +16,8 @@ mod force;
 mod gains;
 mod page;
 mod regression;
+#[cfg(test)]
+mod tests;
 mod valve;
 
 pub use check::Figures;

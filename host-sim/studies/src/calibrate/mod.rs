@@ -1,6 +1,11 @@
-//! `thermyo board PORT calibrate`, also on the page of `thermyo serve`: gain and offset of a sensor
-//! from two points with a reference reading.
+//! `thermyo board PORT calibrate`, also in Python and on the page of `thermyo serve`: gain and offset
+//! of a sensor from two points with a reference reading.
 
+mod procedure;
+
+pub use procedure::{CalibrateError, Calibrated, Dialogue, calibrate, wait};
+
+use model_core::control::Mode;
 use model_core::{Config, Sample};
 use thermyo_files::units::{Unit, Unread, Wanted};
 
@@ -186,6 +191,11 @@ impl Guide {
         format!("{number} point, {how} and at rest: what does the reference read?")
     }
 
+    /// The current question, and the units in which it may be answered.
+    pub fn question_with_units(&self) -> String {
+        format!("{} ({}) ", self.question(), Wanted::new(self.sensor.unit()).names())
+    }
+
     /// Sets the reference of the current point, an SI number or one with its unit, and starts
     /// averaging the sensor.
     ///
@@ -240,6 +250,11 @@ impl Guide {
 pub struct NoValue {
     typed: String,
     why: Unread,
+}
+
+/// Whether a first point may be read in this mode.
+pub fn vents(mode: Mode) -> bool {
+    matches!(mode, Mode::Vent | Mode::StartupCheck)
 }
 
 /// The configuration without any calibration.

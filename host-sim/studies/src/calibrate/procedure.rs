@@ -1,0 +1,170 @@
+//! The calibration of a board's sensor, from the first question to the board's new configuration.
+
+use super::{Guide, Implausible, Point, Sensor, vents};
+use model_core::safety::supervisor::VENTING;
+use model_core::{Faults, SetPoint, SetPointError, Telemetry};
+use serde::Serialize;
+use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
+use thermyo_protocol::{ConfigSource, Refusal};
+use thermyo_simulation::board::BoardError;
+
+/// Steps that the muscle gets to settle at a held pressure.
+const SETTLING_STEPS: u32 = 3000;
+
+/// The board, and the person who reads the reference.
+pub trait Dialogue {
+    /// Uses the board. The closure gets the board, and whether it has to stop early.
+    fn board<T: Send>(
+        &mut self,
+        using: impl FnOnce(&mut LiveBoard, &dyn Fn() -> bool) -> Result<T, BoardError> + Send,
+    ) -> Result<T, BoardError>;
+
+    /// Asks what the reference reads, and keeps the board alive until the answer. `refused` is why
+    /// the last answer was not taken. None where there are no further answers.
+    fn ask(&mut self, question: &str, refused: Option<&str>) -> Result<Option<String>, BoardError>;
+
+    fn say(&mut self, text: &str);
+}
+
+/// Result of a calibration, which the board has, unsaved.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Calibrated {
+    #[serde(skip)]
+    pub sensor: Sensor,
+    /// Corrections at the two points, in `unit`.
+    pub shifts: [f64; 2],
+    /// SI symbol.
+    pub unit: &'static str,
+    pub config_name: String,
+    pub config_checksum: u32,
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum CalibrateError {
+    #[error(transparent)]
+    Board(#[from] BoardError),
+    /// The answers ended before both points were known.
+    #[error("not calibrated: {0}")]
+    Unfinished(String),
+}
+
+/// Asks for the reference at two points, the second one at `hold_pa` where that is given, and
+/// configures the board, which vents then.
+///
+/// # Errors
+/// [`CalibrateError`]. The board may still drive: the caller vents it.
+pub fn calibrate(
+    dialogue: &mut impl Dialogue,
+    sensor: Sensor,
+    hold_pa: Option<f32>,
+) -> Result<Calibrated, CalibrateError> {
+    let (before, config) = dialogue.board(|board, _| {
+        let status = board.status()?;
+        if status.config_source == ConfigSource::Defaults {
+            return Err(BoardError::Refused(Refusal::NotConfigured));
+        }
+        if hold_pa.is_some() && status.armed_pa.is_none() {
+            return Err(BoardError::Refused(Refusal::SetPoint(SetPointError::NotArmed)));
+        }
+        Ok((status, board.config()?))
+    })?;
+    let mut guide = Guide::new(sensor, config);
+    two_points(dialogue, &mut guide, hold_pa)?;
+    let (calibrated, shifts) = guide.calibrated().unwrap_or((config, [0.0; 2]));
+    let status = dialogue.board(|board, _| {
+        board.stop()?;
+        board.configure(&calibrated, before.config_name.as_str())
+    })?;
+    Ok(Calibrated {
+        sensor,
+        shifts,
+        unit: sensor.unit(),
+        config_name: status.config_name.as_str().to_owned(),
+        config_checksum: status.config_checksum,
+    })
+}
+
+/// Asks until both points are known.
+fn two_points(
+    dialogue: &mut impl Dialogue,
+    guide: &mut Guide,
+    mut hold_pa: Option<f32>,
+) -> Result<(), CalibrateError> {
+    let mut refused: Option<String> = None;
+    while guide.calibrated().is_none() {
+        let Some(answer) = dialogue.ask(&guide.question_with_units(), refused.as_deref())? else {
+            let why = refused.unwrap_or_else(|| "the input has ended".to_owned());
+            return Err(CalibrateError::Unfinished(why));
+        };
+        let seen = match guide.answer(&answer) {
+            Err(unread) => Err(unread.to_string()),
+            Ok(()) => {
+                let point = dialogue.board(|board, stopped| averaged(board, guide, stopped))?;
+                point.map_err(|why| why.to_string())
+            }
+        };
+        refused = match seen {
+            Err(why) => Some(why),
+            Ok(Point { reading, .. }) => {
+                dialogue.say(&format!("the sensor reads {}", guide.sensor.text(reading)));
+                if let Some(pressure_pa) = hold_pa.take() {
+                    hold(dialogue, pressure_pa)?;
+                }
+                None
+            }
+        };
+    }
+    Ok(())
+}
+
+fn hold(dialogue: &mut impl Dialogue, pressure_pa: f32) -> Result<(), BoardError> {
+    let first = dialogue.board(|board, _| board.set(SetPoint::Pressure { pressure_pa }))?;
+    dialogue.say(&format!("it holds {:.1} kPa", pressure_pa / 1e3));
+    dialogue.board(|board, stopped| {
+        wait(board, stopped, |now| now.step.saturating_sub(first) >= SETTLING_STEPS)
+    })
+}
+
+/// The point that the guide averages, or why it is refused.
+fn averaged(
+    board: &mut LiveBoard,
+    guide: &mut Guide,
+    stopped: &dyn Fn() -> bool,
+) -> Result<Result<Point, Implausible>, BoardError> {
+    // Another rate may have been requested meanwhile, and what was sent before is not of now.
+    board.telemetry_anew(VIEW_DIVIDER)?;
+    loop {
+        let mut point = None;
+        wait(board, stopped, |telemetry| {
+            point = guide.see(&telemetry.sample, vents(telemetry.mode)).transpose();
+            point.is_some()
+        })?;
+        if let Some(point) = point {
+            return Ok(point);
+        }
+    }
+}
+
+/// Keeps the board alive until `done`, which gets the telemetry.
+///
+/// # Errors
+/// [`BoardError::Interrupted`] once `stopped`, [`BoardError::Vented`] where a fault vents.
+pub fn wait(
+    board: &mut LiveBoard,
+    stopped: &dyn Fn() -> bool,
+    mut done: impl FnMut(&Telemetry) -> bool,
+) -> Result<(), BoardError> {
+    loop {
+        if stopped() {
+            return Err(BoardError::Interrupted);
+        }
+        let Some(telemetry) = board.poll()? else { continue };
+        let faults = telemetry.faults.of(VENTING);
+        if faults != Faults::NONE {
+            return Err(BoardError::Vented(faults));
+        }
+        if done(&telemetry) {
+            return Ok(());
+        }
+    }
+}
