@@ -65,8 +65,6 @@ pub struct Coefficients {
     pub interval_s: f32,
     pub per_k_minus_1: f32,
     pub per_cp: f32,
-    /// Conductance for which a movement's steps bring gas to the wall's temperature, per mass \[J/(kg K)\].
-    pub quickest_j_kg_k: f32,
     pub per_cp_supply: f32,
     pub per_cv: f32,
     /// R T of the supply \[J/kg\].
@@ -144,7 +142,6 @@ impl Coefficients {
             interval_s,
             per_k_minus_1: 1.0 / (k - 1.0),
             per_cp: 1.0 / config.gas.cp_j_kg_k(),
-            quickest_j_kg_k: config.gas.cp_j_kg_k() / f32::from(counts.move_steps),
             per_cp_supply: 1.0 / (config.gas.cp_j_kg_k() * config.supply.temperature_k),
             per_cv: (k - 1.0) / config.gas.gas_constant_j_kg_k,
             supply_r_j_kg: config.gas.gas_constant_j_kg_k * config.supply.temperature_k,

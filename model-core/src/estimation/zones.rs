@@ -185,7 +185,8 @@ impl Zones {
         let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
         let stirred_j_k = scaled(&stirred, share * stirring);
         // Within one movement no zone passes the temperature of its wall.
-        let stirred_j_k = least(&stirred_j_k, &scaled(&self.mass_kg, c.quickest_j_kg_k));
+        let most_j_kg_k = c.gas.cp_j_kg_k() * c.per_move * ZONES as f32;
+        let stirred_j_k = least(&stirred_j_k, &scaled(&self.mass_kg, most_j_kg_k));
         let formed_j_k = share * still;
         let (mut still_j_k, mut settled_j_k) = (formed_j_k, formed_j_k);
         let mut profile_j = [0.0; ZONES];
