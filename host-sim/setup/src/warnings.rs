@@ -6,8 +6,6 @@ use super::tree::{same, tree, value};
 use crate::core_config::{core_config, pressure_limit_pa};
 use model_core::Config;
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
-use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
