@@ -1,7 +1,7 @@
 //! The control task: sample, step, drive.
 
 use crate::black_box::BlackBox;
-use crate::board::Valves;
+use crate::board::{Modulation, Valves};
 use crate::shared::{Answer, Message, Order, Requester, Shared, Tally};
 use crate::source::Source;
 use core::sync::atomic::Ordering;
@@ -118,7 +118,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         self.black_box.note(Phase::Driving);
         let checking = telemetry.mode == Mode::StartupCheck;
         if self.fresh && !checking {
-            self.valves.restart(self.core.config().pwm_period_steps, telemetry.command);
+            self.valves.restart(Modulation::of(self.core.config()), telemetry.command);
             self.fresh = false;
         } else {
             self.valves.drive(telemetry.command);

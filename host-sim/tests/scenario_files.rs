@@ -205,6 +205,18 @@ fn messages_on_wrong_values_state_the_allowed_ones() {
             "scenario.toml:2: valve.critical_ratio = 1.0: must be a number from 0.01 to 0.99",
         ),
         (
+            "[valve]\nkind = \"servo\"",
+            "scenario.toml:2: valve.kind = \"servo\": must be one of \"switching\", \"proportional\"",
+        ),
+        (
+            "[valve]\nkind = \"proportional\"\ndead_band = 1",
+            "scenario.toml:3: valve.dead_band = 1: must be a number from 0 to 0.9",
+        ),
+        (
+            "[valve]\nkind = \"proportional\"\nbandwidth_hz = -50.0",
+            "scenario.toml:3: valve.bandwidth_hz = -50.0: must be a number from 1 to 10000 Hz",
+        ),
+        (
             "[believed.gas]\ngas_constant_j_kg_k = [1,\n2]",
             "scenario.toml:2: believed.gas.gas_constant_j_kg_k = [1,\\n2]: \
              must be a number from 50 to 5000 J/(kg K)",
@@ -680,6 +692,27 @@ fn implausible_values_are_reported() {
         (
             "[plant]\nmodel = \"lumped\"\n[muscle]\nzones = 3",
             "scenario.toml:4: muscle.zones = 3: not used: plant.model is not \"full\", or it is a vessel",
+        ),
+        (
+            "[valve]\ndead_band = 0.1",
+            "scenario.toml:2: valve.dead_band = 0.1: not used: valve.kind is not \"proportional\"",
+        ),
+        (
+            "[believed.valve]\nbandwidth_hz = 20",
+            "scenario.toml:2: believed.valve.bandwidth_hz = 20: not used: valve.kind is not \"proportional\"",
+        ),
+        (
+            "[valve]\nkind = \"proportional\"\nswitch_time_s = 0.001",
+            "scenario.toml:3: valve.switch_time_s = 0.001: not used: valve.kind is not \"switching\"",
+        ),
+        (
+            "[valve]\nkind = \"proportional\"\n[drive]\nkind = \"contraction\"\n[controller]\nminimum_pulse_s = 0.002",
+            "scenario.toml:6: controller.minimum_pulse_s = 0.002: not used: valve.kind is not \"switching\"",
+        ),
+        (
+            "[plant]\nmodel = \"lumped\"\n[valve]\nkind = \"proportional\"",
+            "scenario.toml:4: valve.kind = \"proportional\": not used: plant.model is not \"full\", or it is a \
+             vessel: its valves are ideal",
         ),
         (
             "[ambient]\npressure_pa = 1.013",

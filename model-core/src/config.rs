@@ -8,7 +8,7 @@ use crate::physics::gas::{Gas, Reservoir};
 use crate::physics::heat::{Heat, Wall};
 use crate::physics::hysteresis::Hysteresis;
 use crate::physics::leak::Leak;
-use crate::physics::valve::Valve;
+use crate::physics::valve::{Valve, ValveKind};
 use crate::sensing::{Sensing, Sensors};
 
 /// Fixed step of the core.
@@ -53,7 +53,9 @@ pub struct Config {
     pub moving_mass_kg: f32,
     /// Inlet and outlet valve.
     pub valve: Valve,
-    /// Period of the valves' PWM, in steps of the core \[-\].
+    /// How a command opens them.
+    pub valve_kind: ValveKind,
+    /// Period of the valves' PWM, or for which an analogue command is held, in steps of the core \[-\].
     pub pwm_period_steps: u16,
     /// The sensors and their converter.
     pub sensors: Sensors,
@@ -207,6 +209,7 @@ impl Default for Config {
             load: Load::Isotonic { force_n: 100.0 },
             moving_mass_kg: 0.0,
             valve: Valve::default(),
+            valve_kind: ValveKind::default(),
             pwm_period_steps: 10,
             sensors: Sensors::default(),
             estimator: EstimatorConfig::default(),
@@ -227,6 +230,18 @@ impl Config {
     /// From the working limit to the one at which the muscle vents \[Pa\].
     pub fn pressure_margin_pa(&self) -> f32 {
         0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
+    }
+
+    /// Steps for which a valve may still pass gas after it was driven last. A pulse ends at most one period
+    /// after its duty; of an exponential 0.7 % are left after five time constants.
+    pub fn passing_steps(&self) -> u16 {
+        let after_steps = match self.valve_kind {
+            ValveKind::Switching => 0,
+            ValveKind::Proportional(spool) => {
+                ((self.valve.dead_time_s + 5.0 * spool.lag_s()) / self.step_s) as u16
+            }
+        };
+        self.pwm_period_steps.max(after_steps).saturating_add(1)
     }
 
     /// The configured sensors, before their first reading.
@@ -269,6 +284,7 @@ impl Config {
         let period_s = f32::from(self.pwm_period_steps) * self.step_s * 1.000_001;
         let slowest_s = limit(period_s, 0.0, SLOWEST_S);
         within("valve.switch_time_s", self.valve.switch_time_s, 0.0, slowest_s)?;
+        self.valve_kind.check()?;
         self.sensors.check()?;
         self.estimator.check()?;
         self.controller.check()?;

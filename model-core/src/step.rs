@@ -25,6 +25,8 @@ pub struct Core {
     /// Steps for which the inlet, and the outlet, may still pass gas after their last duty.
     inlet_steps: u16,
     outlet_steps: u16,
+    /// That many after a step that drives.
+    passing_steps: u16,
     /// The last step's openings were others than those of the one before.
     turned: bool,
     /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: it takes none.
@@ -103,6 +105,7 @@ impl Core {
             turned: false,
             inlet_steps: 0,
             outlet_steps: 0,
+            passing_steps: config.passing_steps(),
             step: 0,
             armed_pa: Some(config.working_limit_pa()),
         })
@@ -439,10 +442,9 @@ impl Core {
 
     /// Takes these openings for the ones of this step.
     fn follow(&mut self, command: Command) {
-        // A pulse ends late, at most one PWM period after its duty.
-        let period = self.config.pwm_period_steps;
+        let passing_steps = self.passing_steps;
         let passing = |duty: Duty, steps: u16| {
-            if duty > Duty::ZERO { period.saturating_add(1) } else { steps.saturating_sub(1) }
+            if duty > Duty::ZERO { passing_steps } else { steps.saturating_sub(1) }
         };
         self.monitor.drive(command);
         self.inlet_steps = passing(command.inlet, self.inlet_steps);

@@ -1,8 +1,11 @@
 //! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds
 //! on both sides: a figure far better than it can be is a broken measurement.
 
-use thermyo_evaluate::control::{USUAL_GAINS, full, pressure_step, rest, sine};
+use thermyo_evaluate::control::{
+    USUAL_GAINS, full, pressure_step, pressure_step_between, rest, sine,
+};
 use thermyo_evaluate::control_observed::{late_pulses, load_steps, rms_mm, unexpected};
+use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
 use thermyo_evaluate::pid::PidBoard;
 use thermyo_record::trace::Row;
 use thermyo_scenario::{DriveKind, LoadKind, PlantModel, Scenario};
@@ -141,6 +144,25 @@ fn pressure_as_fast_as_the_valve() {
         let step = pressure_step(&loaded, &mut CoreBoard::default()).unwrap();
         assert_within("times the open valve", step.times_open_valve, (1.0, 1.3));
         assert_within("overshoot %", step.overshoot_percent, (0.0, 2.0));
+    }
+}
+
+/// Whether their dead band is as wide as believed, or not.
+#[test]
+fn proportional_valves_do_not_hunt() {
+    for believed in [0.7, 1.0, 1.3] {
+        let loaded = proportional(nominal(), believed);
+        let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut CoreBoard::default());
+        let step = step.unwrap();
+        assert_within("times the open valve", step.times_open_valve, (1.0, 1.3));
+        assert_within("overshoot %", step.overshoot_percent, (0.2, 2.0));
+        let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
+        assert_within("error %", held.error_percent, (0.1, 0.4));
+        assert_within("ripple %", held.ripple_percent, (0.05, 0.5));
+        // Creep needs a command now and then.
+        assert_within("driven", held.driven, (0.0, 0.121));
+        let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
+        assert_within("error at 0.5 Hz, % of stroke", slow.rms_percent, (0.1, 0.5));
     }
 }
 

@@ -3,7 +3,8 @@
 
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
-use thermyo_evaluate::control::{full, pressure_step, rest};
+use thermyo_evaluate::control::{full, pressure_step, pressure_step_between, rest};
+use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
 
 /// One core step takes 113 us in the mean for pressure, 120 us for contraction, and 371 us at worst.
 fn assert_on_time(board: &mut EmulatedBoard) {
@@ -40,5 +41,20 @@ fn pressure_as_fast_as_the_valve() {
     println!("{step:?}");
     assert!((1.0..1.3).contains(&step.times_open_valve), "{step:?}");
     assert!((0.0..2.0).contains(&step.overshoot_percent), "{step:?}");
+    assert_on_time(&mut board);
+}
+
+/// The pins carry 25 kHz, whose mean is the command.
+#[test]
+fn proportional_valves_hold_a_pressure() {
+    if skip_emulator() {
+        return;
+    }
+    let loaded = proportional(full(&thermyo_evaluate::nominal().unwrap()), 1.0);
+    let mut board = EmulatedBoard::new().unwrap();
+    let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut board).unwrap();
+    println!("{step:?}");
+    assert!((1.0..1.3).contains(&step.times_open_valve), "{step:?}");
+    assert!((0.2..1.0).contains(&step.overshoot_percent), "{step:?}");
     assert_on_time(&mut board);
 }

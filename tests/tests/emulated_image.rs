@@ -10,9 +10,9 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
-/// Flash of the image \[bytes\]; 149.0 KiB are reached, 140 aimed at.
-const FLASH: RangeInclusive<u64> = 144 * 1024..=151 * 1024;
-/// Static memory of the image, its code and constants left out \[bytes\]; 28.6 KiB are reached, up to one more
+/// Flash of the image \[bytes\]; 152.3 KiB are reached, 140 aimed at. Proportional valves are 2.3 of them.
+const FLASH: RangeInclusive<u64> = 147 * 1024..=154 * 1024;
+/// Static memory of the image, its code and constants left out \[bytes\]; 28.7 KiB are reached, up to one more
 /// where a table is aligned.
 const RAM: RangeInclusive<u64> = 27 * 1024..=30 * 1024;
 /// Cycles of the RP2040 in a millisecond.

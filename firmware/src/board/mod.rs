@@ -33,7 +33,8 @@ use embassy_time::Duration;
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
-use model_core::Command;
+use model_core::physics::valve::ValveKind;
+use model_core::{Command, Config};
 use thermyo_protocol::Chip;
 
 pub trait Board: Sized {
@@ -138,11 +139,32 @@ pub trait Adc {
 /// Both valves' PWM. One call sets both, so that they change together; `embedded-hal`'s
 /// `SetDutyCycle` has one channel at a time.
 pub trait Valves {
-    /// Begins a period of another length [`PWM_DELAY`] from now, with these duties.
-    fn restart(&mut self, period_steps: u16, command: Command);
+    /// Begins another modulation with these duties; a period of pulses [`PWM_DELAY`] from now.
+    fn restart(&mut self, modulation: Modulation, command: Command);
     /// Sets the duties from the next period on; [`Command::VENT`] acts at once and cuts a pulse.
     fn drive(&mut self, command: Command);
 }
+
+/// How the duties leave the pins.
+#[derive(Clone, Copy)]
+pub enum Modulation {
+    /// Pulses for switching valves, one in a period of so many steps.
+    Pulses { period_steps: u16 },
+    /// A carrier whose mean, behind a filter, is the command of a proportional valve.
+    Carrier,
+}
+
+impl Modulation {
+    pub fn of(config: &Config) -> Self {
+        match config.valve_kind {
+            ValveKind::Switching => Self::Pulses { period_steps: config.pwm_period_steps },
+            ValveKind::Proportional(_) => Self::Carrier,
+        }
+    }
+}
+
+/// Frequency of the carrier: above hearing, and a hundred times what the filter and a valve follow \[Hz\].
+pub const CARRIER_HZ: u32 = 25_000;
 
 /// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
 /// may take longer and must not miss it.

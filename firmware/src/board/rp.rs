@@ -13,7 +13,9 @@
 
 use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice};
 use super::rp_flash::StoreFlash;
-use super::{Adc, Board, Channel, PWM_DELAY, Parts, Reset, Valves, WATCHDOG};
+use super::{
+    Adc, Board, CARRIER_HZ, Channel, Modulation, PWM_DELAY, Parts, Reset, Valves, WATCHDOG,
+};
 use crate::source::STEP_US;
 use core::marker::PhantomData;
 use embassy_executor::{InterruptExecutor, SendSpawner};
@@ -236,8 +238,8 @@ impl Adc for Converter {
 /// milliseconds at 125 MHz and at 150 MHz.
 const TICKS: u16 = 50_000;
 
-/// PWM slice 0. Its counter runs from 0 to [`TICKS`] - 1: the full duty is above the counter's top,
-/// always on.
+/// PWM slice 0. Its counter runs from 0 to [`TICKS`] - 1, or over as many clocks as a period of the carrier has:
+/// the full duty is above the counter's top, always on.
 pub struct Slice {
     pwm: Pwm<'static>,
     config: PwmConfig,
@@ -268,19 +270,27 @@ impl Slice {
 
     fn set_coils(&mut self, command: Command) {
         let (inlet, outlet) = command.coils();
-        self.config.compare_a = inlet.ticks(TICKS);
-        self.config.compare_b = outlet.ticks(TICKS);
+        let ticks = self.config.top + 1;
+        self.config.compare_a = inlet.ticks(ticks);
+        self.config.compare_b = outlet.ticks(ticks);
     }
 }
 
 impl Valves for Slice {
-    fn restart(&mut self, period_steps: u16, command: Command) {
+    fn restart(&mut self, modulation: Modulation, command: Command) {
         self.config.enable = false;
         self.pwm.set_config(&self.config);
-        self.config.divider = fixed::FixedU16::from_bits(divider_sixteenths(period_steps) as u16);
-        let period_us = u32::from(period_steps.max(1)) * STEP_US;
-        let ticks = u32::from(TICKS);
-        let delay = ticks * PWM_DELAY.as_micros() as u32 / period_us;
+        let (ticks, sixteenths, delay) = match modulation {
+            Modulation::Pulses { period_steps } => {
+                let period_us = u32::from(period_steps.max(1)) * STEP_US;
+                let ticks = u32::from(TICKS);
+                let delay = ticks * PWM_DELAY.as_micros() as u32 / period_us;
+                (ticks, divider_sixteenths(period_steps), delay)
+            }
+            Modulation::Carrier => (clk_sys_freq() / CARRIER_HZ, 16, 1),
+        };
+        self.config.top = (ticks - 1) as u16;
+        self.config.divider = fixed::FixedU16::from_bits(sixteenths as u16);
         self.pwm.set_counter((ticks - delay.max(1)) as u16);
         self.config.enable = true;
         self.pwm.set_config(&self.config);

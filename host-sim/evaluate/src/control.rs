@@ -276,8 +276,8 @@ pub struct Step {
     pub overshoot_percent: f64,
 }
 
-/// Pressures before and after the step \[Pa\].
-const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
+/// Pressures before and after a step \[Pa\].
+pub(super) const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
 
 /// Pressure over the time since a step, with the loop closed and with the valve simply open.
 pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
@@ -286,11 +286,11 @@ pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
 /// rest.
 pub(super) fn pressure_step_traces(
     loaded: &Loaded,
+    [low, high]: [f64; 2],
     board: &mut dyn Board,
 ) -> Result<StepTraces, RunError> {
     const STEP_S: f64 = 1.5;
     const OPEN_S: f64 = 0.1;
-    let [low, high] = STEP_PA;
     let since = |points: Vec<Point>, start_s: f64| -> Vec<(f64, f64)> {
         points.iter().map(|point| (point.time_s - start_s, point.value)).collect()
     };
@@ -306,8 +306,16 @@ pub(super) fn pressure_step_traces(
 
 /// A step of the pressure from 2 to 4 bar, compared with the open valve on the same plant.
 pub fn pressure_step(loaded: &Loaded, board: &mut dyn Board) -> Result<Step, RunError> {
-    let [low, high] = STEP_PA;
-    let (closed, open) = pressure_step_traces(loaded, board)?;
+    pressure_step_between(loaded, STEP_PA, board)
+}
+
+/// [`pressure_step`] between two absolute pressures \[Pa\].
+pub fn pressure_step_between(
+    loaded: &Loaded,
+    [low, high]: [f64; 2],
+    board: &mut dyn Board,
+) -> Result<Step, RunError> {
+    let (closed, open) = pressure_step_traces(loaded, [low, high], board)?;
     let band = 0.02 * (high - low);
     let late = closed.iter().filter(|(since_s, _)| *since_s >= 0.0);
     let settled_s = late

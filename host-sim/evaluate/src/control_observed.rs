@@ -202,7 +202,9 @@ fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
 
 fn jobs(full: &Loaded) -> Vec<Job<'_>> {
     let observed = [sines(full), loads(full), resting(full), relaxing(full)];
-    super::control::jobs(full).into_iter().chain(observed.into_iter().flatten()).collect()
+    let proportional = super::control_proportional::jobs(full);
+    let others = observed.into_iter().flatten().chain(proportional);
+    super::control::jobs(full).into_iter().chain(others).collect()
 }
 
 /// Runs every case of control on `full`, on all cores. When stopped, returns the lines of the finished cases.

@@ -2,7 +2,8 @@
 //! `docs/background/control-trials.md`, each as a file, and a page with all of them.
 
 use super::control::{
-    self, Change, ambient, configured, for_the_room, load, pressure_step_traces, sine_trace,
+    self, Change, STEP_PA, ambient, configured, for_the_room, load, pressure_step_traces,
+    sine_trace,
 };
 use super::{CaseFigures, figures, opened, tune};
 use thermyo_report::Colour;
@@ -55,7 +56,7 @@ pub fn page(nominal: &Loaded, lines: &[CaseFigures], plots: &[Plot]) -> String {
 
 fn pressure_step(full: &Loaded) -> Result<Plot, TuneError> {
     let loaded = load(full.clone(), 100.0);
-    let (closed, open) = pressure_step_traces(&loaded, &mut CoreBoard::default())?;
+    let (closed, open) = pressure_step_traces(&loaded, STEP_PA, &mut CoreBoard::default())?;
     let within = |points: &[(f64, f64)]| -> (Vec<f64>, Vec<f64>) {
         let shown = points.iter().filter(|(time_s, _)| (-0.02..=0.3).contains(time_s));
         shown.map(|(time_s, pa)| (1e3 * time_s, pa / 1e5)).unzip()

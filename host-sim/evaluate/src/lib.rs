@@ -3,6 +3,7 @@
 pub mod control;
 pub mod control_observed;
 pub mod control_page;
+pub mod control_proportional;
 pub mod estimator;
 pub mod faults;
 pub mod joint;

@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Component, Path};
 
 /// Files of the folder `scenarios/`.
-const FILES: [(&str, &str); 11] = [
+const FILES: [(&str, &str); 12] = [
     ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
     ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),
     ("bellows.toml", include_str!("../../../scenarios/bellows.toml")),
@@ -13,6 +13,7 @@ const FILES: [(&str, &str); 11] = [
     ("joint.toml", include_str!("../../../scenarios/joint.toml")),
     ("motion.toml", include_str!("../../../scenarios/motion.toml")),
     ("nominal.toml", include_str!("../../../scenarios/nominal.toml")),
+    ("proportional.toml", include_str!("../../../scenarios/proportional.toml")),
     ("reproduce.toml", include_str!("../../../scenarios/reproduce.toml")),
     ("sensor.toml", include_str!("../../../scenarios/sensor.toml")),
     ("static_map.toml", include_str!("../../../scenarios/static_map.toml")),

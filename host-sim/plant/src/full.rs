@@ -18,10 +18,10 @@ use super::local_power::LocalPower;
 use super::ode::Rk4;
 use super::piping::{Disturbance, Piping};
 use super::pull::{Pressed, Pull, Softening};
-use super::pwm::PwmValve;
 use super::radial::Place;
 use super::sensors::{Exposure, Sensors};
 use super::start::Start;
+use super::valve::DrivenValve;
 use super::zones::Stirring;
 use super::{
     Actuation, BuildError, Diverged, DrivenEnd, Ledger, Plant, Substeps, Truth, check_gas,
@@ -822,8 +822,8 @@ pub struct Full<C> {
     integrator: Rk4,
     power: LocalPower,
     air: AirNow,
-    inlet: PwmValve,
-    outlet: PwmValve,
+    inlet: DrivenValve,
+    outlet: DrivenValve,
     /// Pressure \[Pa\] and volume \[m3\] now.
     place: (f64, f64),
     truth: Truth,
@@ -850,8 +850,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
             falling: None,
             power: LocalPower::new(-closure.exponent(), start.volume),
             air: AirNow::new(&constants, &state, (start.pressure, start.volume)),
-            inlet: PwmValve::new(&scenario.valve),
-            outlet: PwmValve::new(&scenario.valve),
+            inlet: DrivenValve::new(&scenario.valve),
+            outlet: DrivenValve::new(&scenario.valve),
             place: (start.pressure, start.volume),
             state,
             truth: Truth::default(),

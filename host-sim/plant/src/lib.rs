@@ -22,11 +22,13 @@ mod local_power;
 mod lumped;
 mod ode;
 mod piping;
+mod proportional;
 mod pull;
 mod pwm;
 mod radial;
 mod sensors;
 mod start;
+mod valve;
 mod vessel;
 pub mod zones;
 

@@ -5,7 +5,7 @@ use model_core::physics::chamber::{ChamberConfig, Vessel};
 use model_core::physics::friction::Friction;
 use model_core::physics::heat::{Heat, Wall};
 use model_core::physics::hysteresis::Hysteresis;
-use model_core::physics::valve::Valve;
+use model_core::physics::valve::{Spool, Valve, ValveKind};
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasSensor;
 use thermyo_plant::chamber::{self, Chamber};
@@ -96,6 +96,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         },
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
         valve: valve(s),
+        valve_kind: valve_kind(s),
         pwm_period_steps: pwm_period_steps(s),
         sensors: Sensors {
             adc: s.adc.core(),
@@ -154,7 +155,21 @@ fn valve(s: &Scenario) -> Valve {
     }
     // In series both pass no more than either.
     let conductance_m3_s_pa = s.valve.conductance_m3_s_pa.min(s.tube.conductance_m3_s_pa) as f32;
-    Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() }
+    let valve = Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() };
+    match s.valve.kind {
+        thermyo_scenario::ValveKind::Switching => valve,
+        thermyo_scenario::ValveKind::Proportional => Valve { switch_time_s: 0.0, ..valve },
+    }
+}
+
+fn valve_kind(s: &Scenario) -> ValveKind {
+    if !s.moves_in_full() || s.valve.kind == thermyo_scenario::ValveKind::Switching {
+        return ValveKind::Switching;
+    }
+    ValveKind::Proportional(Spool {
+        dead_band: s.valve.dead_band as f32,
+        bandwidth_hz: s.valve.bandwidth_hz as f32,
+    })
 }
 
 fn gas_sensor(s: &Scenario, effective: &Effective) -> GasSensor {
@@ -273,7 +288,11 @@ fn dead_time_s(s: &Scenario) -> f64 {
     let gas = IdealGas::new(&s.gas);
     let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
     let period_s = f64::from(pwm_period_steps(s)) * s.run.step_s;
-    let longest_s = (period_s - valve.switch_time_s).min(limits("valve.dead_time_s").max);
+    let stroke_s = match valve.kind {
+        thermyo_scenario::ValveKind::Switching => valve.switch_time_s,
+        thermyo_scenario::ValveKind::Proportional => 0.0,
+    };
+    let longest_s = (period_s - stroke_s).min(limits("valve.dead_time_s").max);
     (valve.dead_time_s + length_m / sound_m_s).min(longest_s.max(valve.dead_time_s))
 }
 

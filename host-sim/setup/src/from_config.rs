@@ -6,6 +6,7 @@ use super::{Loaded, parse, render};
 use model_core::Config;
 use model_core::config::Load;
 use model_core::physics::chamber::{ChamberConfig, Vessel};
+use model_core::physics::valve;
 use model_core::sensing::gas::{GasElement, Pt1000};
 use model_core::sensing::pressure::PressurePart;
 use std::f64::consts::PI;
@@ -13,7 +14,7 @@ use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_scenario::{
-    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
+    GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario, ValveKind,
     ZonesSource, short, with_numbers,
 };
 
@@ -62,6 +63,7 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
         Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
         Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
     };
+    set_valve(&mut s, config);
     let effective = Effective::of(&s);
     let step_s = short(config.step_s);
     let pt1000 = set_sensors(&mut s, config)?;
@@ -76,6 +78,14 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
     s.estimator = config.estimator;
     s.controller = config.controller;
     Ok(s)
+}
+
+fn set_valve(s: &mut Scenario, config: &Config) {
+    if let valve::ValveKind::Proportional(spool) = config.valve_kind {
+        s.valve.kind = ValveKind::Proportional;
+        s.valve.dead_band = short(spool.dead_band);
+        s.valve.bandwidth_hz = short(spool.bandwidth_hz);
+    }
 }
 
 /// Refuses a kind that no scenario written here can have.
@@ -227,6 +237,7 @@ mod tests {
              [valve]\npwm_hz = 62.5\n[leak]\nconductance_m3_s_pa = 3.7e-12\ncritical_ratio = 0.21\n[load]\nkind = \"isometric\"\nlength_m = 0.2\n",
             "[muscle]\nbladder_saturation_n = 41.3\nbladder_strain = 0.031\nslack_m = 0.0043\n\
              [estimator]\nfoil_sd_k = 0.15\n",
+            "[valve]\nkind = \"proportional\"\ndead_band = 0.13\nbandwidth_hz = 31.7\n",
             "[sensor.gas]\nkind = \"ntc\"\n[sensor.ntc]\nbeta_k = 3435.0\n",
             "[sensor.gas]\nkind = \"max31865\"\n[sensor.max31865]\nreference_ohm = 402.0\n\
              [sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n[sensor.mpr]\ntimeout_s = 0.03\n",

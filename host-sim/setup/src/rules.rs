@@ -8,6 +8,7 @@ use thermyo_scenario::schema::{Limits, fittable, fittable_paths, limits};
 use thermyo_scenario::violation::{Violation, within};
 use thermyo_scenario::{
     Drive, DriveKind, HeatModel, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Shape, Tube,
+    ValveKind,
 };
 use thermyo_scenario::{number, short};
 
@@ -46,7 +47,7 @@ pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     // With a small margin: 1/(1000 step) is rounded.
     let why = "a period of at most 1000 times run.step_s";
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
-    if scenario.moves_in_full() {
+    if scenario.moves_in_full() && scenario.valve.kind == ValveKind::Switching {
         // All other plants have ideal valves.
         let period_s = f64::from(pwm_period_steps(scenario)) * scenario.run.step_s;
         let slowest = limits("valve.switch_time_s").max.min(period_s);

@@ -6,8 +6,6 @@ use super::tree::{same, tree, value};
 use crate::core_config::{core_config, pressure_limit_pa};
 use model_core::Config;
 use std::collections::BTreeMap;
-use std::f64::consts::PI;
-use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
@@ -17,7 +15,7 @@ use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
     DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
-    Shape, ZonesSource,
+    Shape, ValveKind, ZonesSource,
 };
 
 /// Tables that neither plant nor core uses, each with the value that causes it.
@@ -138,6 +136,17 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
             Some("heat.model is not \"correlation\": the gas has no profile")
         }
         "tube.diameter_m" if scenario.tube.line().is_none() => Some("tube.length_m is 0"),
+        "valve.kind" | "valve.dead_band" | "valve.bandwidth_hz" if !scenario.moves_in_full() => {
+            Some("plant.model is not \"full\", or it is a vessel: its valves are ideal")
+        }
+        "valve.dead_band" | "valve.bandwidth_hz" => {
+            let switches = scenario.valve.kind == ValveKind::Switching;
+            switches.then_some("valve.kind is not \"proportional\"")
+        }
+        "valve.switch_time_s" | "controller.minimum_pulse_s" => {
+            let in_proportion = scenario.valve.kind == ValveKind::Proportional;
+            in_proportion.then_some("valve.kind is not \"switching\"")
+        }
         path if IN_FULL.contains(&path) && !scenario.moves_in_full() => {
             Some("plant.model is not \"full\", or it is a vessel")
         }
@@ -297,7 +306,14 @@ type Unrest = (&'static str, String, String);
 fn shortest_pulse_j(s: &Scenario, config: &Config) -> f64 {
     let (tuning, valve) = (&config.controller, &config.valve);
     let [pulse_s, switch_s] = [tuning.minimum_pulse_s, valve.switch_time_s].map(f64::from);
-    let opening_s = if pulse_s < switch_s { pulse_s * pulse_s / switch_s } else { pulse_s };
+    let opening_s = if s.valve.kind == ValveKind::Proportional {
+        // It opens by as little as is wanted.
+        0.0
+    } else if pulse_s < switch_s {
+        pulse_s * pulse_s / switch_s
+    } else {
+        pulse_s
+    };
     let gas = IdealGas::new(&s.gas);
     let conductance = f64::from(valve.conductance_m3_s_pa);
     let open = Iso6358::valve(conductance, s.valve.critical_ratio, &gas);

@@ -377,9 +377,9 @@ impl JointController {
             + gain_n_m_rad * error_rad
             + self.integral_n_m
             - observer_share * self.observer.disturbance_n_m;
-        // A pulse is late by the valve's dead time and half of its stroke.
+        // A pulse is late by the valve's dead time and half of its stroke; an analogue command by its lag.
         let [Measured { config, .. }, _] = muscles;
-        let late_s = config.valve.dead_time_s + 0.5 * config.valve.switch_time_s;
+        let late_s = config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
         let lengths_m = self.mechanism.lengths_m(next.angle_rad + late_s * next.speed_rad_s);
         let mut lines = self.lines;
         for (((line, side), muscle), length_m) in

@@ -4,7 +4,7 @@
 //! rho0 the density at the reference atmosphere (ANR: 100 kPa, 293.15 K).
 
 use crate::math::{inverse_sqrt, limit, sqrt};
-use crate::parameter::parameters;
+use crate::parameter::{ConfigError, parameters};
 use crate::physics::gas::{Gas, Reservoir};
 
 /// Reference atmosphere (ISO 8778, ANR): pressure \[Pa\].
@@ -29,6 +29,64 @@ parameters! {
         critical_ratio: 0.3, "", 0.01 to 0.99, "critical pressure ratio b";
         switch_time_s: 0.002, "s", 0.0 to 0.1, "from closed to open, and from open to closed";
         dead_time_s: 0.001, "s", 0.0 to 0.1, "between the pin and the first movement";
+    }
+}
+
+parameters! {
+    /// How a proportional valve opens over its command.
+    "valve": Spool {
+        dead_band: 0.2, "", 0.0 to 0.9, "command of a proportional valve up to which it stays shut, share of the largest one";
+        bandwidth_hz: 50.0, "Hz", 1.0 to 10000.0, "frequency at which a proportional valve's opening has fallen by 3 dB";
+    }
+}
+
+impl Spool {
+    /// Command \[-\] for an opening \[-\]: the inverse of a straight line from the dead band's end, shut, to the
+    /// largest command, open.
+    pub fn command(&self, opening: f32) -> f32 {
+        if opening > 0.0 { self.dead_band + (1.0 - self.dead_band) * opening } else { 0.0 }
+    }
+
+    /// Opening \[-\] at rest for a command \[-\].
+    pub fn opening(&self, command: f32) -> f32 {
+        limit((command - self.dead_band) / (1.0 - self.dead_band), 0.0, 1.0)
+    }
+
+    /// Time constant of the first-order lag with this bandwidth \[s\].
+    pub fn lag_s(&self) -> f32 {
+        1.0 / (core::f32::consts::TAU * self.bandwidth_hz)
+    }
+}
+
+/// How a command opens both valves.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ValveKind {
+    /// On or off: the command is the pulse's share of a PWM period.
+    #[default]
+    Switching,
+    /// Opens in proportion: the command is an analogue value, held for a period.
+    Proportional(Spool),
+}
+
+impl ValveKind {
+    /// Time by which the valve acts later than its command, beside the dead time \[s\].
+    pub fn late_s(&self, valve: &Valve) -> f32 {
+        match self {
+            Self::Switching => 0.5 * valve.switch_time_s,
+            Self::Proportional(spool) => spool.lag_s(),
+        }
+    }
+
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// The first value that is not a number or lies outside of its range.
+    pub fn check(&self) -> Result<(), ConfigError> {
+        match self {
+            Self::Switching => Ok(()),
+            Self::Proportional(spool) => spool.check(),
+        }
     }
 }
 
@@ -91,6 +149,17 @@ mod tests {
     }
 
     proptest! {
+        #[test]
+        fn the_command_gives_its_opening(
+            dead_band in 0.0_f32..0.9, bandwidth_hz in 1.0_f32..1.0e4, opening in 0.0_f32..1.0
+        ) {
+            let spool = Spool { dead_band, bandwidth_hz };
+            let command = spool.command(opening);
+            prop_assert!(command <= 1.0 + 1e-6 && (opening == 0.0 || command >= dead_band));
+            prop_assert!((spool.opening(command) - opening).abs() < 1e-5, "{command}");
+            prop_assert_eq!(spool.opening(0.999 * dead_band), 0.0);
+        }
+
         #[test]
         fn flow_function_is_monotonic_and_continuous(
             b in 0.05_f32..0.95, r in 0.0_f32..1.2

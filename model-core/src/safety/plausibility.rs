@@ -35,7 +35,7 @@ use crate::config::{Config, Load};
 use crate::estimation::Balance;
 use crate::math::{absolute, is_above, limit};
 use crate::physics::chamber::Chamber;
-use crate::physics::valve::reference_density_kg_m3;
+use crate::physics::valve::{ValveKind, reference_density_kg_m3};
 use crate::sample::{Command, Duty, Faults};
 use crate::step_counts::StepCounts;
 
@@ -53,6 +53,8 @@ const BURST_PER_S: f32 = 1.0;
 const WRONG: f32 = 4.0;
 /// How wrong a believed load may be \[-\].
 const WRONG_LOAD: f32 = 3.0;
+/// A proportional valve's dead band may be wider than believed by this factor (assumption) \[-\].
+const WIDER_DEAD_BAND: f32 = 1.5;
 /// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
 const EMPTY: f32 = 1.15;
 /// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
@@ -81,6 +83,8 @@ struct Limits {
     part_s: f32,
     /// Parts of a duty whose pulse is as long as the valve's stroke \[-\].
     stroke_parts: u32,
+    /// Parts of a command that open no valve \[-\].
+    dead_parts: u32,
     /// The load, and what friction may add \[N\]; none where the force is not known.
     load_n: Option<(f32, f32)>,
 }
@@ -89,7 +93,10 @@ impl Limits {
     /// Parts of a step for which a duty opens its valve. A pulse shorter than the stroke opens it in proportion to
     /// its length, for w^2/t_s of w.
     fn opened_parts(&self, duty: Duty) -> u32 {
-        let parts = u32::from(duty.0);
+        // At most 65 535^2, which is below 2^32.
+        let full = u32::from(Duty::FULL.0);
+        let beyond = u32::from(duty.0).saturating_sub(self.dead_parts) * full;
+        let parts = beyond.checked_div(full - self.dead_parts).unwrap_or(0);
         if parts < self.stroke_parts {
             let nearest = parts.saturating_mul(parts).saturating_add(self.stroke_parts / 2);
             let opened = nearest.checked_div(self.stroke_parts);
@@ -201,6 +208,10 @@ impl PlausibilityMonitor {
             Load::Isometric { .. } => None,
         };
         let counts = StepCounts::new(config.step_s);
+        let dead_band = match config.valve_kind {
+            ValveKind::Switching => 0.0,
+            ValveKind::Proportional(spool) => limit(WIDER_DEAD_BAND * spool.dead_band, 0.0, 0.95),
+        };
         Self {
             limits: Limits {
                 window_s: f32::from(counts.interval_steps) * config.step_s,
@@ -217,6 +228,7 @@ impl PlausibilityMonitor {
                 stroke_parts: (config.valve.switch_time_s * f32::from(Duty::FULL.0)
                     / (f32::from(config.pwm_period_steps) * config.step_s))
                     as u32,
+                dead_parts: u32::from(Duty::from_share(dead_band).0),
                 load_n,
             },
             command: Command::CLOSED,

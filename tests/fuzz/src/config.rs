@@ -7,6 +7,7 @@ use model_core::ConfigError;
 use model_core::config::Load;
 use model_core::physics::chamber::table::{MOST_ROWS, Row};
 use model_core::physics::chamber::{ChamberConfig, Cylinder, Table, Vessel};
+use model_core::physics::valve::{Spool, ValveKind};
 use model_core::sensing::Sensors;
 use model_core::sensing::gas::GasElement;
 use model_core::sensing::pressure::{Mpr, PressurePart};
@@ -117,6 +118,7 @@ pub fn differences(config: &Config) -> String {
     let names = [
         &["muscle", "vessel", "cylinder", "table"][..],
         &["isotonic", "isometric"][..],
+        &["switching", "proportional"][..],
         GasElementKind::WORDS,
         PressureKind::WORDS,
     ];
@@ -138,7 +140,9 @@ fn kinds() -> &'static [Kind] {
             Config { chamber: bellows(), load: Load::Isotonic { force_n: -40.0 }, ..muscle };
         let bases = [muscle, held(muscle), vessel, held(vessel), cylinder, held(cylinder)];
         // Last, so that the cases of the corpus keep their kinds.
-        let bases: [&[Config]; 2] = [&bases, &[bellows, held(bellows)]];
+        let valve_kind = ValveKind::Proportional(Spool::default());
+        let metered = Config { valve_kind, ..muscle };
+        let bases: [&[Config]; 3] = [&bases, &[bellows, held(bellows)], &[metered, held(metered)]];
         let parts = [PressurePart::Ratiometric, PressurePart::Mpr(Mpr::default())];
         let mut kinds = Vec::new();
         for bases in bases {
@@ -278,7 +282,10 @@ mod tests {
     #[test]
     fn no_bytes_are_the_default() {
         assert_eq!(from_bytes(&mut Unstructured::new(&[])), Config::default());
-        assert_eq!(differences(&Config::default()), "muscle, isotonic, pt1000, ratiometric: ");
+        assert_eq!(
+            differences(&Config::default()),
+            "muscle, isotonic, switching, pt1000, ratiometric: "
+        );
     }
 
     /// In the scenario the rows are a file's.

@@ -1,8 +1,8 @@
-//! Both valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1: the full duty is above the
-//! counter's top, always on.
+//! Both valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1, or over the clocks of a period of the
+//! carrier: the full duty is above the counter's top, always on.
 
 use super::CLOCK_HZ;
-use crate::board::{PWM_DELAY, Valves};
+use crate::board::{CARRIER_HZ, Modulation, PWM_DELAY, Valves};
 use crate::source::STEP_US;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::OutputType;
@@ -44,6 +44,8 @@ pub struct Timer3 {
     /// Kept, because dropping them releases the pins.
     _pins: (PwmPin<'static, TIM3, Ch1>, PwmPin<'static, TIM3, Ch2>),
     forced_low: bool,
+    /// Counts per period.
+    ticks: u16,
 }
 
 impl Timer3 {
@@ -64,7 +66,7 @@ impl Timer3 {
         timer.generate_update_event();
         let pins =
             (PwmPin::new(inlet, OutputType::PushPull), PwmPin::new(outlet, OutputType::PushPull));
-        Self { timer, _pins: pins, forced_low: false }
+        Self { timer, _pins: pins, forced_low: false, ticks: TICKS }
     }
 
     /// Sets the compare values of both channels, which take effect together.
@@ -72,20 +74,27 @@ impl Timer3 {
         let (inlet, outlet) = command.coils();
         let cr1 = self.timer.regs_core().cr1();
         cr1.modify(|cr1| cr1.set_udis(true));
-        self.timer.set_compare_value(Channel::Ch1, inlet.ticks(TICKS));
-        self.timer.set_compare_value(Channel::Ch2, outlet.ticks(TICKS));
+        self.timer.set_compare_value(Channel::Ch1, inlet.ticks(self.ticks));
+        self.timer.set_compare_value(Channel::Ch2, outlet.ticks(self.ticks));
         cr1.modify(|cr1| cr1.set_udis(false));
     }
 }
 
 impl Valves for Timer3 {
-    fn restart(&mut self, period_steps: u16, command: Command) {
-        let steps = u32::from(period_steps.max(1));
-        let full = u32::from(TICKS);
-        let delay = full * PWM_DELAY.as_micros() as u32 / (steps * STEP_US);
+    fn restart(&mut self, modulation: Modulation, command: Command) {
+        let (full, clocks, delay) = match modulation {
+            Modulation::Pulses { period_steps } => {
+                let steps = u32::from(period_steps.max(1));
+                let delay = u32::from(TICKS) * PWM_DELAY.as_micros() as u32 / (steps * STEP_US);
+                (u32::from(TICKS), CLOCKS_PER_STEP * steps, delay)
+            }
+            Modulation::Carrier => (CLOCK_HZ / CARRIER_HZ, 1, 1),
+        };
+        self.ticks = full as u16;
         let registers = self.timer.regs_core();
         self.timer.stop();
-        registers.psc().write_value((CLOCKS_PER_STEP * steps - 1) as u16);
+        registers.psc().write_value((clocks - 1) as u16);
+        registers.arr().write(|top| top.set_arr(self.ticks - 1));
         // Loads the prescaler and sets the counter to zero.
         self.timer.generate_update_event();
         registers.cnt().write(|counter| counter.set_cnt((full - delay.max(1)) as u16));

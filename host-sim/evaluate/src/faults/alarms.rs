@@ -13,11 +13,12 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-const SHIPPED: [&str; 6] = [
+const SHIPPED: [&str; 7] = [
     "air_discharge.toml",
     "contraction.toml",
     "gas_spring.toml",
     "nominal.toml",
+    "proportional.toml",
     "reproduce.toml",
     "sensor.toml",
 ];

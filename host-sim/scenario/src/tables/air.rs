@@ -1,7 +1,9 @@
 //! Supply, valves, tube, nozzle and ambient.
 
-use crate::declare::table;
+use crate::declare::{choice, parameter, table};
 use crate::preset::ValvePreset;
+use model_core::parameter::Parameter;
+use model_core::physics::valve::Spool;
 use model_core::{config, physics};
 
 /// Highest pressure at which gas is taken as ideal \[Pa\]. Against reference equations of state air and nitrogen then end
@@ -34,15 +36,33 @@ table! {
     }
 }
 
+/// Dead band of a proportional valve, as the core declares it.
+pub const DEAD_BAND: Parameter = parameter(Spool::PARAMETERS, "dead_band");
+/// Bandwidth of a proportional valve, as the core declares it.
+pub const BANDWIDTH_HZ: Parameter = parameter(Spool::PARAMETERS, "bandwidth_hz");
+
+choice! {
+    /// How a command opens a valve.
+    ValveKind {
+        /// On or off, by pulses.
+        Switching = "switching",
+        /// In proportion to an analogue command.
+        Proportional = "proportional",
+    }
+}
+
 table! {
     "valve", "inlet and outlet valve (ISO 6358)", believed, physical;
     Valve as physics::valve::Valve {
         preset: choice ValvePreset::None, "a valve by its data sheet; a key in the file stands above its value";
+        kind: choice ValveKind::Switching, "on or off by pulses, or opened in proportion (full)";
         core conductance_m3_s_pa;
         core critical_ratio;
         core switch_time_s;
         core dead_time_s;
-        pwm_hz: real 100.0, "Hz", 0.01 to 1.0e5, "PWM frequency";
+        dead_band: from DEAD_BAND;
+        bandwidth_hz: from BANDWIDTH_HZ;
+        pwm_hz: real 100.0, "Hz", 0.01 to 1.0e5, "PWM frequency; of a proportional valve, how often its command changes";
     }
 }
 

@@ -29,6 +29,7 @@ use check::Checked;
 use experiment::{Plan, Record, during};
 use force::Force;
 use gains::{Basis, LoopGains, Noise};
+use model_core::physics::valve::ValveKind;
 use model_core::{Config, Faults};
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
@@ -89,6 +90,11 @@ pub enum Refusal {
          that is going to be moved"
     )]
     NothingMoves,
+    #[error(
+        "valve.kind = \"proportional\": the experiment measures pulses of switching valves; set dead band and \
+         bandwidth by the data sheet, and measure the muscle with thermyo identify"
+    )]
+    NoPulses,
     #[error(
         "the configured muscle needs {:.0} kPa to move by 9 % against its load, and at most {:.0} kPa are \
          allowed (--max-pressure, 85 % of the supply, 90 % of the sensor's limit)",
@@ -236,6 +242,9 @@ pub fn tune_on(
         );
     };
     let config = core_config(&loaded.believed);
+    if config.valve_kind != ValveKind::Switching {
+        return Err(Refusal::NoPulses.into());
+    }
     let plan = Plan::new(&config, highest_pa)?;
     let result = tried(loaded, plan, (chamber.rest_length(), tunable), bench);
     // Whatever happened, the muscle is not left under pressure, and values that were not found better
