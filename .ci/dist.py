@@ -30,6 +30,11 @@ IMAGES = {
     "firmware.elf": ("thumbv6m-none-eabi", []),
     "firmware-hil.elf": ("thumbv6m-none-eabi", ["--features", "hil"]),
     "firmware-pico2.elf": ("thumbv8m.main-none-eabihf", ["--no-default-features", "--features", "pico2"]),
+    "firmware-joint.elf": ("thumbv6m-none-eabi", ["--features", "joint"]),
+    "firmware-joint-pico2.elf": (
+        "thumbv8m.main-none-eabihf",
+        ["--no-default-features", "--features", "pico2,joint"],
+    ),
 }
 # It writes the wheel's archive: another version may write other bytes.
 MATURIN = "maturin==1.16.0"
@@ -60,7 +65,8 @@ def make():
     thermyo = command(inside)
     shutil.copy(thermyo, OUT)
     for board, board_id in BOARDS.items():
-        uf2(thermyo, board, board_id)
+        uf2(thermyo, board_id, f"thermyo-{board}.uf2")
+        uf2(thermyo, board_id, f"thermyo-{board}-joint.uf2", "--joint")
     playground(thermyo)
     run(thermyo, "fmu", "scenarios/reproduce.toml", "--with-core", "--out", OUT / "reproduce.fmu", "--quiet")
     wheel(inside)
@@ -125,12 +131,12 @@ def command(inside):
     return BUILD / STATIC / "shipped/thermyo"
 
 
-def uf2(thermyo, board, board_id):
+def uf2(thermyo, board_id, name, *arguments):
     """What the command would write to a board."""
     with tempfile.TemporaryDirectory() as drive:
         Path(drive, "INFO_UF2.TXT").write_text(f"Board-ID: {board_id}\n")
-        run(thermyo, "flash", drive, "--quiet", XDG_CACHE_HOME=BUILD / "cache")
-        shutil.copy(Path(drive, "thermyo.uf2"), OUT / f"thermyo-{board}.uf2")
+        run(thermyo, "flash", drive, *arguments, "--quiet", XDG_CACHE_HOME=BUILD / "cache")
+        shutil.copy(Path(drive, "thermyo.uf2"), OUT / name)
 
 
 def playground(thermyo):

@@ -20,6 +20,8 @@ import schematic
 HERE = Path(__file__).parent
 FIRMWARE = HERE.parent / "firmware/src/board/rp.rs"
 DOCUMENT = HERE.parent / "docs/reference/board.md"
+JOINT_DOCUMENT = HERE.parent / "docs/how-to/joint.md"
+JOINT_LINE = r'#\[cfg\(feature = "joint"\)\]\n.*'
 LIST = HERE / "parts.csv"
 
 # Where the firmware names the pins of a net.
@@ -27,14 +29,14 @@ FIRMWARE_PINS = {
     r"new_output_ab\(p\.PWM_SLICE0, p\.PIN_(\d+), p\.PIN_(\d+)": ("INLET", "OUTLET"),
     r"serial\(p\.UART0, p\.PIN_(\d+), p\.PIN_(\d+)": ("UART_TX", "UART_RX"),
     r"Spi::new_blocking\(p\.SPI1, p\.PIN_(\d+), p\.PIN_(\d+), p\.PIN_(\d+)": ("SCLK", "SDI", "SDO"),
-    r"SpiDevice::new\(spi, Output::new\(p\.PIN_(\d+)": ("CS",),
+    r"SpiDevice::new\(Output::new\(p\.PIN_(\d+), Level::High\)\), ready_a": ("CS",),
     r"I2c::new_blocking\(p\.I2C0, p\.PIN_(\d+), p\.PIN_(\d+)": ("SCL", "SDA"),
     r"pressure: adc::Channel::new_pin\(p\.PIN_(\d+)": ("PRESSURE",),
     r"gas: adc::Channel::new_pin\(p\.PIN_(\d+)": ("GAS",),
     r"length: adc::Channel::new_pin\(p\.PIN_(\d+)": ("LENGTH",),
     r"run_line: Input::new\(p\.PIN_(\d+)": ("RUN_LINE",),
     r"fault_output: Output::new\(p\.PIN_(\d+)": ("FAULT",),
-    r"gas_bus: \(gas_bus, Input::new\(p\.PIN_(\d+)": ("DRDY",),
+    r"ready_a = Input::new\(p\.PIN_(\d+)": ("DRDY",),
 }
 LED_ON_THE_PICO = "25"
 
@@ -81,6 +83,12 @@ def check_pins(parts):
             yield f"{FIRMWARE.name} has no {pattern}"
             continue
         named |= {f"GP{pin}": net for pin, net in zip(found.groups(), nets)}
+    # Pins that only the image of a joint uses are not on this board.
+    of_joint = re.findall(JOINT_LINE, firmware)
+    for pin in re.findall(r"p\.PIN_(\d+)", "".join(of_joint)):
+        if not re.search(rf"^\|.*\bGP{pin} \(", JOINT_DOCUMENT.read_text(), re.MULTILINE):
+            yield f"{JOINT_DOCUMENT.name} has no GP{pin}, which the image of a joint uses"
+    firmware = re.sub(JOINT_LINE, "", firmware)
     every = {f"GP{pin}" for pin in re.findall(r"p\.PIN_(\d+)", firmware) if pin != LED_ON_THE_PICO}
     for pin in sorted(every - named.keys()):
         yield f"{FIRMWARE.name} uses {pin}, which this check does not know"

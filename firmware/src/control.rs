@@ -1,14 +1,14 @@
 //! The control task: sample, step, drive.
 
 use crate::black_box::BlackBox;
-use crate::board::{Modulation, Valves};
-use crate::shared::{Answer, Message, Order, Requester, Shared, Tally};
+use crate::board::Valves;
+use crate::kind::{self, Core, Sample, SetPoint, Telemetry};
+use crate::shared::{Answer, Order, Requester, Shared, Tally};
 use crate::source::Source;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
-use model_core::control::Mode;
-use model_core::{Command, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
+use model_core::Faults;
 use thermyo_protocol::arbiter::Arbiter;
 use thermyo_protocol::{Phase, Refusal};
 
@@ -51,8 +51,8 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         black_box: &'static BlackBox,
         shared: &'static Shared,
     ) -> Self {
-        let latched = core.supervisor().latched();
-        shared.set_first_failure(core.supervisor().first_failure());
+        let latched = kind::latched(core);
+        shared.set_first_failure(kind::first_failure(core));
         black_box.note(Phase::Starting);
         Self {
             core,
@@ -82,7 +82,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
                 Either::First(None) => {
                     self.silence += 1;
                     if self.silence >= PATIENCE {
-                        self.valves.drive(Command::VENT);
+                        self.valves.drive(kind::VENT);
                     }
                 }
                 Either::Second((requester, order)) => {
@@ -116,14 +116,14 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         let telemetry = self.core.step(&sample);
         let after = Instant::now();
         self.black_box.note(Phase::Driving);
-        let checking = telemetry.mode == Mode::StartupCheck;
+        let checking = kind::is_checking(&telemetry);
         if self.fresh && !checking {
-            self.valves.restart(Modulation::of(self.core.config()), telemetry.command);
+            self.valves.restart(kind::modulation(self.core.config()), kind::commands(&telemetry));
             self.fresh = false;
         } else {
-            self.valves.drive(telemetry.command);
+            self.valves.drive(kind::commands(&telemetry));
         }
-        self.next_step = telemetry.step.wrapping_add(u32::from(!checking));
+        self.next_step = kind::step(&telemetry).wrapping_add(u32::from(!checking));
         self.publish(telemetry);
         self.tally.missed_steps += missed;
         self.tally.add(us(due, start), us(before, after), us(start, Instant::now()));
@@ -141,25 +141,25 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             heard,
             flooded: self.flooded_steps > 0,
             missed_steps: missed.try_into().unwrap_or(u8::MAX),
-            ..self.source.sample(&self.core.config().sensors)
+            ..self.source.sample(self.core.config())
         }
     }
 
     /// Publishes a step to the other tasks and the hosts.
     fn publish(&mut self, telemetry: Telemetry) {
         let Self { core, shared, .. } = self;
-        shared.faults.store(telemetry.faults.0, Ordering::Relaxed);
-        if core.supervisor().latched() != self.latched {
-            self.latched = core.supervisor().latched();
-            let first = core.supervisor().first_failure();
+        shared.faults.store(kind::faults(&telemetry).0, Ordering::Relaxed);
+        if kind::latched(core) != self.latched {
+            self.latched = kind::latched(core);
+            let first = kind::first_failure(core);
             self.black_box.record(first, self.latched);
             shared.set_first_failure(first);
             if let Some(first) = first {
                 shared.failed.signal(first);
             }
         }
-        // During the startup check a set point may be pending: it is in the telemetry already.
-        let vented = telemetry.set_point == SetPoint::Vent;
+        // During the startup check a set point may be pending.
+        let vented = core.set_point() == SetPoint::Vent;
         shared.vented.store(vented, Ordering::Relaxed);
         let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
         if busy_steps > 0 {
@@ -174,12 +174,12 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             shared.post_status();
         }
         // The core's own count does not advance during the startup check.
-        let checking = telemetry.mode == Mode::StartupCheck;
-        let step = if checking { self.tally.steps as u32 } else { telemetry.step };
+        let checking = kind::is_checking(&telemetry);
+        let step = if checking { self.tally.steps as u32 } else { kind::step(&telemetry) };
         let arbiter = shared.arbitrate(|arbiter| *arbiter);
         for (index, line) in shared.lines.iter().enumerate() {
             if line.wants(step, arbiter.obeys(index)) {
-                line.post(Message::Telemetry(telemetry));
+                line.post(kind::message(telemetry));
             }
         }
     }
@@ -194,11 +194,15 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         }
         match order {
             Order::Configure { .. } => {
-                let other = shared.prepared().ok_or(Refusal::NotConfigured)?;
-                core.disarm();
-                core.restart_as(other);
+                shared.with_prepared(|other| {
+                    core.disarm();
+                    kind::restart_as(core, other);
+                    Ok(())
+                })?;
             }
-            Order::Start(set_point) => start(core, shared.prepared(), set_point)?,
+            Order::Start(set_point) => {
+                shared.with_prepared(|other| kind::start(core, other, set_point))?;
+            }
             Order::Arm(most_pa) => core.arm(most_pa)?,
             Order::Set(set_point) => core.set(set_point)?,
             Order::ClearFaults => core.clear_faults(),
@@ -211,7 +215,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             self.next_step = 0;
             self.fresh = true;
             #[cfg(feature = "parts")]
-            shared.parts.enable(&core.config().sensors);
+            shared.parts.enable(core.config());
         }
         if restarted || core.armed_pa() != shared.status().armed_pa {
             shared.change_status(|status| {
@@ -230,19 +234,6 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         }
         Ok(())
     }
-}
-
-/// Restarts with a set point, which is checked as if the other core had been armed as this one is.
-fn start(core: &mut Core, other: Option<Core>, set_point: SetPoint) -> Result<(), Refusal> {
-    let mut other = other.ok_or(Refusal::NotConfigured)?;
-    if let Some(armed_pa) = core.armed_pa() {
-        other.arm(Some(armed_pa))?;
-        other.set(set_point)?;
-    } else if set_point != SetPoint::Vent {
-        return Err(SetPointError::NotArmed.into());
-    }
-    core.restart_as(other);
-    Ok(())
 }
 
 /// Time between two instants \[us\].

@@ -2,15 +2,15 @@
 //! host's request, and records events. A board without a store remembers events until it loses
 //! power.
 
-use crate::link::{Identity, check};
+use crate::kind::{Config, MAX_VALUE};
+use crate::link::{Identity, configure};
 use crate::shared::{Answer, Order, Requester, Shared, StoreRequest};
-use crate::store::{AnnouncedFlash, Key, Loaded, MAX_VALUE, Store, Unwritable};
+use crate::store::{AnnouncedFlash, Key, Loaded, Store, Unwritable};
 use core::future::pending;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
 use embassy_time::{Duration, Instant, Timer};
 use embedded_storage_async::nor_flash::NorFlash;
-use model_core::Config;
 use serde::{Deserialize, Serialize};
 use thermyo_protocol::{ConfigSource, Event, LastReset, Name, Refusal};
 
@@ -161,10 +161,9 @@ impl<F: NorFlash> Keeper<F> {
         match store.load(Key::Config, &mut self.buffer).await {
             Loaded::Value(value) => {
                 let saved = postcard::from_bytes::<Saved>(value).ok();
-                let core = saved.as_ref().and_then(|saved| check(&saved.config, identity).ok());
-                match saved.zip(core) {
-                    Some((Saved { config, name }, core)) => {
-                        self.shared.prepare(core);
+                let runs = |saved: &Saved| configure(&saved.config, identity, self.shared).is_ok();
+                match saved.filter(runs) {
+                    Some(Saved { config, name }) => {
                         let order = Order::configure(&config, ConfigSource::Flash, name);
                         self.shared.restart(None, order).await;
                     }

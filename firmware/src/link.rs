@@ -1,17 +1,15 @@
 //! The links to the host: [`thermyo_protocol`] over every serial port at once.
 
-use crate::shared::{ActiveConfig, Answer, Line, Order, Requester, Shared, StoreRequest};
+use crate::kind::{self, HostCommand, Request};
+use crate::shared::{Answer, Line, Order, Requester, Shared, StoreRequest};
 use crate::source::STEP;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_io_async::{Read, Write};
-use model_core::{Config, Core};
-use thermyo_protocol::{
-    Chip, ConfigSource, Decoder, HostCommand, LastReset, Name, PROTOCOL, Refusal, Request, Version,
-    encode,
-};
+use model_core::Config;
+use thermyo_protocol::{Chip, Decoder, Image, LastReset, PROTOCOL, Refusal, Version, encode};
 
 /// Properties of the board that the link reports or checks.
 #[derive(Clone, Copy)]
@@ -70,7 +68,9 @@ impl Ration {
 fn cost(command: &HostCommand) -> u32 {
     match command {
         HostCommand::Configure(_)
+        | HostCommand::ConfigureJoint(_)
         | HostCommand::Start(_)
+        | HostCommand::StartJoint(_)
         | HostCommand::Save
         | HostCommand::Forget => 4,
         _ => 1,
@@ -130,7 +130,7 @@ pub async fn receive<R: Read>(
                     continue;
                 }
                 let requester = Requester { line, sequence, ticket };
-                let outcome = carry_out(command, &identity, line, shared).await;
+                let outcome = carry_out(command, &identity, line, shared);
                 hand_on(outcome, requester, shared).await;
             }
             line.malformed.store(decoder.malformed(), Ordering::Relaxed);
@@ -152,12 +152,14 @@ async fn hand_on(outcome: Outcome, requester: Requester, shared: &'static Shared
             Timer::after(ANSWERING).await;
             boot_loader()
         }
+        #[cfg(feature = "hil")]
+        Outcome::Step(sample) => shared.samples.send(sample).await,
         Outcome::Silent => (),
     }
 }
 
 #[allow(clippy::large_enum_variant)] // One at a time.
-enum Outcome {
+pub enum Outcome {
     Answer(Answer),
     /// Control carries it out and answers.
     Order(Order),
@@ -167,11 +169,14 @@ enum Outcome {
     Store(StoreRequest),
     /// An answer, and then the board enters its boot loader.
     Leave(fn() -> !),
-    /// The step's telemetry is the answer, or there is none.
+    /// One step, whose telemetry is the answer.
+    #[cfg(feature = "hil")]
+    Step(kind::Sample),
+    /// There is no answer.
     Silent,
 }
 
-async fn carry_out(
+fn carry_out(
     command: HostCommand,
     identity: &Identity,
     line: &'static Line,
@@ -182,18 +187,8 @@ async fn carry_out(
             protocol: PROTOCOL,
             firmware: FIRMWARE,
             chip: identity.chip,
-            hil: cfg!(feature = "hil"),
+            image: kind::IMAGE,
         })),
-        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(ActiveConfig(shared))),
-        HostCommand::Configure(config) => match check(&config, identity) {
-            Ok(core) => {
-                shared.prepare(core);
-                Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE))
-            }
-            Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
-        },
-        HostCommand::Start(set_point) => Outcome::Restart(Order::Start(set_point)),
-        HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
         HostCommand::Stop => Outcome::Answer(done(shared)),
         HostCommand::ClearFaults => Outcome::Order(Order::ClearFaults),
         HostCommand::TelemetryDivider(divider) => {
@@ -218,23 +213,31 @@ async fn carry_out(
             Some(_) if !shared.vented() => Outcome::Answer(Answer::Refused(Refusal::NotVented)),
             Some(boot_loader) => Outcome::Leave(boot_loader),
         },
-        HostCommand::Step(sample) => {
-            if cfg!(feature = "hil") {
-                shared.samples.send(sample).await;
-                Outcome::Silent
-            } else {
-                Outcome::Answer(Answer::Refused(Refusal::NoHostSamples))
-            }
-        }
+        other => kind::carry_out(other, identity, shared),
     }
 }
 
-fn done(shared: &Shared) -> Answer {
+pub fn done(shared: &Shared) -> Answer {
     Answer::Done { step: shared.tally().steps as u32 }
 }
 
-/// Returns a core with the configuration if the board can run it.
-pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
+/// Stages a core with a configuration that the board can run.
+pub fn configure(
+    config: &kind::Config,
+    identity: &Identity,
+    shared: &'static Shared,
+) -> Result<(), Refusal> {
+    kind::check(config, identity)?;
+    shared.prepare(config)
+}
+
+/// Refuses a request that the other image takes.
+pub fn other_image() -> Outcome {
+    Outcome::Answer(Answer::Refused(Refusal::OtherImage { joint: kind::IMAGE == Image::Joint }))
+}
+
+/// Whether the board can run a muscle's configuration, its sensors and values left aside.
+pub fn check_muscle(config: &Config, identity: &Identity) -> Result<(), Refusal> {
     let board_us = STEP.as_micros() as u32;
     if (config.step_s * 1.0e6 + 0.5) as u32 != board_us {
         return Err(Refusal::Step { board_us });
@@ -242,13 +245,7 @@ pub fn check(config: &Config, identity: &Identity) -> Result<Core, Refusal> {
     if config.pwm_period_steps > identity.maximum_period_steps {
         return Err(Refusal::Period { maximum_steps: identity.maximum_period_steps });
     }
-    let sensors = &config.sensors;
-    let digital = sensors.gas_element.is_digital() || sensors.pressure_part.is_digital();
-    // With `hil`, the host's samples may come from any sensor.
-    if digital && !cfg!(any(feature = "parts", feature = "hil")) {
-        return Err(Refusal::NoSuchPart);
-    }
-    Core::new(config).map_err(Refusal::from)
+    Ok(())
 }
 
 /// Version of this firmware, from its manifest.

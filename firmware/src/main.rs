@@ -14,6 +14,7 @@ mod black_box;
 mod board;
 mod control;
 mod keeper;
+mod kind;
 mod link;
 #[cfg(feature = "parts")]
 #[cfg_attr(feature = "hil", allow(dead_code))]
@@ -35,10 +36,13 @@ use defmt_rtt as _;
 use embassy_executor::Spawner;
 use embassy_executor::{Executor, InterruptExecutor};
 use embassy_time::Instant;
-use model_core::{Config, Core};
+use kind::{Config, Core, checksum};
 use shared::{Line, Shared};
 use static_cell::StaticCell;
-use thermyo_protocol::{LastReset, checksum};
+use thermyo_protocol::LastReset;
+
+#[cfg(all(feature = "joint", any(feature = "hil", not(feature = "parts"))))]
+compile_error!("`joint` is for a Pico or a Pico 2, and without `hil`");
 
 type Valves = <Chosen as Board>::Valves;
 type Flash = <Chosen as Board>::Flash;
@@ -86,6 +90,11 @@ fn main() -> ! {
     #[cfg(not(feature = "usb"))]
     let [serial] = &SHARED.lines;
     let core = core(remembered);
+    #[cfg(feature = "joint")]
+    {
+        static NEXT: StaticCell<Core> = StaticCell::new();
+        SHARED.stage(NEXT.init_with(kind::unconfigured));
+    }
     let control = Chosen::start_control(&CONTROL);
     static THREAD: StaticCell<Executor> = StaticCell::new();
     THREAD.init_with(Executor::new).run(|thread| {
@@ -104,7 +113,7 @@ fn main() -> ! {
         thread.spawn(supervise);
         control.spawn(step);
         #[cfg(feature = "parts")]
-        start_parts(thread, parts.gas_bus, parts.pressure_bus);
+        start_parts(thread, parts.gas_buses, parts.pressure_bus);
         #[cfg(feature = "usb")]
         start_usb(thread, parts.usb, usb_line, identity);
     })
@@ -114,28 +123,29 @@ fn main() -> ! {
 fn core(remembered: Remembered) -> &'static mut Core {
     // Static: a task that owned the core would hold three copies, in `main`, argument and variable.
     static CORE: StaticCell<Core> = StaticCell::new();
-    CORE.init_with(|| {
-        let Ok(mut core) = Core::unconfigured() else {
-            panic!("the default configuration holds");
-        };
-        if let Some((first, latched)) = remembered {
-            core.recall(first, latched);
-        }
-        core
-    })
+    let core = CORE.init_with(kind::unconfigured);
+    if let Some((first, latched)) = remembered {
+        core.recall(first, latched);
+    }
+    core
 }
 
 #[cfg(feature = "parts")]
 fn start_parts(
     thread: Spawner,
-    (gas_bus, ready): (<Chosen as Board>::GasBus, <Chosen as Board>::Input),
+    gas_buses: [(<Chosen as Board>::GasBus, <Chosen as Board>::Input); kind::MUSCLES],
     pressure_bus: <Chosen as Board>::PressureBus,
 ) {
-    let (Ok(gas), Ok(pressure)) = (read_gas(gas_bus, ready), read_pressure(pressure_bus)) else {
+    let Ok(pressure) = read_pressure(pressure_bus) else {
         panic!("each task is started once");
     };
-    thread.spawn(gas);
     thread.spawn(pressure);
+    for ((bus, ready), part) in gas_buses.into_iter().zip(&SHARED.parts.gas) {
+        let Ok(gas) = read_gas(bus, ready, part) else {
+            panic!("there is one task for each sensor");
+        };
+        thread.spawn(gas);
+    }
 }
 
 #[cfg(feature = "usb")]
@@ -198,9 +208,13 @@ async fn receive_usb(
 }
 
 #[cfg(feature = "parts")]
-#[embassy_executor::task]
-async fn read_gas(bus: <Chosen as Board>::GasBus, ready: <Chosen as Board>::Input) -> ! {
-    parts::read_gas(bus, ready, &SHARED.parts.gas).await
+#[embassy_executor::task(pool_size = kind::MUSCLES)]
+async fn read_gas(
+    bus: <Chosen as Board>::GasBus,
+    ready: <Chosen as Board>::Input,
+    part: &'static parts::Part,
+) -> ! {
+    parts::read_gas(bus, ready, part).await
 }
 
 #[cfg(feature = "parts")]

@@ -1,6 +1,7 @@
 //! Digital sensors. Each has a task in the thread that reads it whenever it has converted. Control,
 //! which interrupts both, takes the last reading without waiting.
 
+use crate::kind::{Config, MUSCLES, digital};
 use crate::source::{STEP, into_step};
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
@@ -10,7 +11,6 @@ use embedded_hal::digital::InputPin;
 use embedded_hal_async::i2c::I2c;
 use embedded_hal_async::spi::SpiDevice;
 use model_core::RawCode;
-use model_core::sensing::Sensors;
 use sensor_parts::Error;
 use sensor_parts::max31865::Max31865;
 use sensor_parts::mpr::Mpr;
@@ -55,19 +55,29 @@ impl Part {
 }
 
 pub struct Parts {
-    pub gas: Part,
+    /// One of each muscle.
+    pub gas: [Part; MUSCLES],
     pub pressure: Part,
+}
+
+/// Readings of the step before.
+#[derive(Default)]
+pub struct Seen {
+    pub gas: [u32; MUSCLES],
+    #[cfg(not(feature = "joint"))]
+    pub pressure: u32,
 }
 
 impl Parts {
     pub const fn new() -> Self {
-        Self { gas: Part::new(), pressure: Part::new() }
+        Self { gas: [const { Part::new() }; MUSCLES], pressure: Part::new() }
     }
 
     /// Enables the configured sensors and disables the others.
-    pub fn enable(&self, sensors: &Sensors) {
-        self.gas.enable(sensors.gas_element.is_digital());
-        self.pressure.enable(sensors.pressure_part.is_digital());
+    pub fn enable(&self, config: &Config) {
+        let (gas, pressure) = digital(config);
+        self.gas.iter().zip(gas).for_each(|(part, digital)| part.enable(digital));
+        self.pressure.enable(pressure);
     }
 }
 

@@ -1,5 +1,11 @@
 //! State shared by the tasks.
 
+use crate::kind;
+#[cfg(feature = "hil")]
+use crate::kind::Sample;
+use crate::kind::{
+    ActiveConfig, ActiveRest, Config, Core, Held, JointTelemetry, SetPoint, checksum,
+};
 use crate::source::{STEP, into_step};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -8,11 +14,10 @@ use embassy_sync::channel::Channel;
 use embassy_sync::mutex;
 use embassy_sync::signal::Signal;
 use embassy_time::{Duration, Instant, Timer};
+use model_core::Faults;
 use model_core::safety::supervisor::FirstFailure;
-use model_core::{Config, Core, Faults, Sample, SetPoint};
-use serde::{Serialize, Serializer};
 use thermyo_protocol::arbiter::{Arbiter, Ticket};
-use thermyo_protocol::{self as link, ConfigSource, Name, ReplyWith, Status, Timing, checksum};
+use thermyo_protocol::{self as link, ConfigSource, Name, Refusal, ReplyWith, Status, Timing};
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
@@ -62,26 +67,15 @@ pub enum StoreRequest {
     Event(u8),
 }
 
-/// Stands for the active configuration in a message, which need not hold its half kilobyte: it is
-/// read when the message is sent.
-#[derive(Clone, Copy)]
-pub struct ActiveConfig(pub &'static Shared);
-
-impl Serialize for ActiveConfig {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        self.0.config().unwrap_or_default().serialize(serializer)
-    }
-}
-
-pub type Message = link::MessageWith<ActiveConfig>;
-pub type Answer = link::AnswerWith<ActiveConfig>;
+pub type Message = link::MessageWith<ActiveConfig, ActiveRest, JointTelemetry>;
+pub type Answer = link::AnswerWith<ActiveConfig, ActiveRest>;
 
 /// An optional core. Unlike `None`, the empty state is all zeros, which take no flash.
 #[repr(u8)]
 #[allow(clippy::large_enum_variant)] // One static.
-enum Slot {
+pub enum Slot {
     Empty,
-    Full(Core),
+    Full(Held),
 }
 
 /// Number of lines to the host.
@@ -148,7 +142,8 @@ impl Line {
 
     /// Sends without waiting. A message without room is dropped and counted.
     pub fn post(&self, message: Message) {
-        let reserved = if matches!(message, Message::Telemetry(_)) { FOR_REPLIES } else { 0 };
+        let telemetry = matches!(message, Message::Telemetry(_) | Message::JointTelemetry(_));
+        let reserved = if telemetry { FOR_REPLIES } else { 0 };
         if self.outbox.free_capacity() <= reserved || self.outbox.try_send(message).is_err() {
             // Two contexts may lose an increment to each other; the count is for diagnosis only.
             self.dropped.store(self.dropped.load(Ordering::Relaxed) + 1, Ordering::Relaxed);
@@ -188,6 +183,7 @@ pub struct Shared {
     /// Steps for which the busy flash may still block the thread: control feeds the watchdog
     /// meanwhile.
     pub flash_busy_steps: AtomicU32,
+    #[cfg(feature = "hil")]
     pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
     /// Grows with every turn of the control task.
     pub heartbeat: AtomicU32,
@@ -225,6 +221,7 @@ impl Shared {
             flash_busy_steps: AtomicU32::new(0),
             flash: mutex::Mutex::new(()),
             recalled: AtomicBool::new(false),
+            #[cfg(feature = "hil")]
             samples: Channel::new(),
             heartbeat: AtomicU32::new(0),
             faults: AtomicU32::new(0),
@@ -275,26 +272,38 @@ impl Shared {
         self.vented.load(Ordering::Relaxed)
     }
 
-    /// Stages a core for [`Order::Configure`] and every later [`Order::Start`], so that a start
-    /// need not compute the constants again.
-    pub fn prepare(&self, core: Core) {
-        if let Ok(mut slot) = self.next_core.try_lock() {
-            *slot = Slot::Full(core);
-        }
+    /// Stages a core with a configuration for [`Order::Configure`] and every later [`Order::Start`],
+    /// so that a start need not compute the constants again.
+    pub fn prepare(&self, config: &Config) -> Result<(), Refusal> {
+        let mut slot = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
+        kind::prepare(&mut slot, config)
     }
 
     /// The active configuration; `None` before the first one since the start of the board.
     pub fn config(&self) -> Option<Config> {
         match &*self.next_core.try_lock().ok()? {
-            Slot::Empty => None,
-            Slot::Full(core) => Some(*core.config()),
+            Slot::Full(core) if kind::is_configured(core) => Some(*core.config()),
+            _ => None,
         }
     }
 
-    pub fn prepared(&self) -> Option<Core> {
-        match &*self.next_core.try_lock().ok()? {
-            Slot::Empty => None,
-            Slot::Full(core) => Some(core.clone()),
+    /// Gives the staged core its memory, before the first.
+    #[cfg(feature = "joint")]
+    pub fn stage(&self, core: Held) {
+        if let Ok(mut slot) = self.next_core.try_lock() {
+            *slot = Slot::Full(core);
+        }
+    }
+
+    /// Uses the staged core.
+    pub fn with_prepared<T>(
+        &self,
+        with: impl FnOnce(&Core) -> Result<T, Refusal>,
+    ) -> Result<T, Refusal> {
+        let slot = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
+        match &*slot {
+            Slot::Full(core) if kind::is_configured(core) => with(core),
+            _ => Err(Refusal::NotConfigured),
         }
     }
 

@@ -5,6 +5,7 @@
 //! leaves one copy whole, with the new value or the old one. A copy that an interrupted erase has
 //! damaged is erased and written again from the other.
 
+use crate::kind::{MAX_VALUE, SCHEMA};
 use crate::shared::Shared;
 use core::ops::Range;
 use core::sync::atomic::Ordering;
@@ -15,11 +16,6 @@ use sequential_storage::cache::key_pointers::ArrayKeyPointers;
 use sequential_storage::cache::page_pointers::ArrayPagePointers;
 use sequential_storage::cache::page_states::ArrayPageStates;
 use sequential_storage::map::{MapConfig, MapStorage};
-
-/// Longest value with its head \[bytes\].
-pub const MAX_VALUE: usize = 512;
-/// Schema of the values, raised whenever their content changes.
-pub const SCHEMA: u16 = 1;
 
 const COPIES: usize = 2;
 /// Sectors of a copy: one is free while the other is full.

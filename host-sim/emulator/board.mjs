@@ -3,7 +3,7 @@
 import { GPIOPinState } from 'rp2040js';
 import { Chip } from './chip.mjs';
 import { FlashChip } from './flash_chip.mjs';
-import { Max31865, Mpr } from './parts.mjs';
+import { Max31865, MAX31865_PINS, Mpr } from './parts.mjs';
 import { PacedUart } from './uart.mjs';
 import { UsbHost } from './usb.mjs';
 
@@ -15,8 +15,8 @@ const ROM_END = 0x4000;
 const OVERSAMPLING = 8;
 const ADC_NANOS = 2000;
 const BRANCH_TO_ITSELF = 0xe7fe;
-const INLET_COIL = 16;
-const OUTLET_COIL = 17;
+/** Inlet and outlet of muscle a, and of a joint's muscle b. */
+const COILS = [16, 17, 18, 19];
 /** GPIO function (datasheet 2.19.2) and enable bit of the PWM slices. */
 const FUNCTION_PWM = 4;
 const PWM_ENABLE = 1;
@@ -40,6 +40,7 @@ export class Board {
   constructor(flash) {
     this.store = new FlashChip(flash);
     this.sums = [0, 0, 0, 0, 0];
+    this.codes = [0, 0, 0]; // of the digital sensors: pressure, gas, gas of a joint's muscle b
     this.conversions = [0, 0, 0, 0, 0];
     this.runLine = false;
     this.adcStalled = false;
@@ -98,12 +99,13 @@ export class Board {
       return readAdc(offset);
     };
 
-    this.coils = [INLET_COIL, OUTLET_COIL].map((pin) => {
+    this.coils = COILS.map((pin) => {
       const coil = { high: false, since: 0, total: 0 };
       chip.gpio[pin].addListener((state) => this.coilChanged(coil, state === GPIOPinState.High));
       return coil;
     });
-    this.max31865 = new Max31865(chip);
+    this.max31865 = MAX31865_PINS.map((pins) => new Max31865(chip, pins));
+    Max31865.connect(chip, this.max31865);
     this.mpr = new Mpr(chip);
     this.setParts(this.partFault);
     this.rtt = -1;
@@ -209,11 +211,15 @@ export class Board {
     this.chip.gpio[RUN_LINE].setInputValue(high);
   }
 
-  /** Sets the readings of the digital sensors, from the codes of pressure and gas, and their fault. */
+  /** Sets the readings of the digital sensors, from their codes, and their fault. */
   setParts(fault) {
     this.partFault = fault;
-    this.mpr.set(this.sums[0] >> 1, fault === 3, fault === 4);
-    this.max31865.set(this.sums[1] >> 1, (this.sums[1] & 1) === 1, fault === 1, fault === 2);
+    const [pressure, ...gases] = this.codes;
+    this.mpr.set(pressure >> 1, fault === 3, fault === 4);
+    this.max31865.forEach((part, i) => {
+      // A fault is one of muscle a's.
+      part.set(gases[i] >> 1, (gases[i] & 1) === 1, i === 0 && fault === 1, i === 0 && fault === 2);
+    });
   }
 
   /** Plugs or unplugs the USB cable; opens or closes its port. */
@@ -240,7 +246,7 @@ export class Board {
   }
 
   get duties() {
-    return [INLET_COIL, OUTLET_COIL].map((number) => this.duty(number));
+    return COILS.map((number) => this.duty(number));
   }
 
   get pins() {

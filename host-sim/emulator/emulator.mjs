@@ -1,18 +1,18 @@
 // Runs the firmware's image on an emulated RP2040, one exchange with the host per request on
 // standard input. All numbers little-endian.
 //
-// request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2, or a digital sensor's
-//           code; u8 inputs (1: run line high, 2: converter stalled, 4: a fault of the processor at the
+// request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2; u16 codes of the
+//           digital sensors of pressure, gas, and gas of a joint's muscle b; u8 inputs (1: run line high, 2: converter stalled, 4: a fault of the processor at the
 //           beginning, 8: USB cable plugged in, 16: its port open, and times 32: fault of a digital sensor, as
 //           in board.mjs); u8 place and u32 number of the instruction there that hangs (0: control, 1: thread,
 //           2: other interrupts; number 0: none); u32 number of the flash operation in which power fails
 //           (0: none, 0xffffffff: at once) and u16 fraction of its time that has passed, in 1/65535;
 //           u16 counts of bytes for the UART and for USB; these bytes
-// response: u32 nanoseconds that the inlet's and the outlet's coil were powered; u32 cycles in which the
+// response: u32 nanoseconds that the coils of inlet and outlet, of muscle a and of b, were powered; u32 cycles in which the
 //           core did not sleep; u32 restarts by the watchdog so far; u32 reads of flash; u32 of them that
 //           missed its cache; u32 times that power returned so far; u32 operations of the flash
-//           so far; u32 violations of its rules so far; u16 duties that inlet's and outlet's coil
-//           are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
+//           so far; u32 violations of its rules so far; u16 duties that these
+//           coils are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
 //           come, 8: in the boot loader); u16 count and bytes each from the UART, from USB, of the USB
 //           identity for each time it was plugged in (one line each), and of the log (defmt over RTT)
 //
@@ -24,7 +24,7 @@ import { Board } from './board.mjs';
 import { load } from './image.mjs';
 import { Kept } from './kept.mjs';
 
-const HEAD_BYTES = 41;
+const HEAD_BYTES = 53;
 
 const flash = new Uint8Array(16 * 1024 * 1024).fill(0xff);
 const kept = new Kept(process.argv[3]);
@@ -38,30 +38,31 @@ try {
 const board = new Board(flash);
 respond();
 
-const head = Buffer.alloc(26);
+const head = Buffer.alloc(32);
 let until = 0;
 while (fill(head)) {
   until += head.readUInt32LE(0);
   for (let channel = 0; channel < 3; channel++) {
     board.sums[channel] = head.readUInt16LE(4 + 2 * channel);
+    board.codes[channel] = head.readUInt16LE(10 + 2 * channel);
   }
-  const inputs = head[10];
+  const inputs = head[16];
   board.setRunLine(!!(inputs & 1));
   board.stallAdc(!!(inputs & 2));
   board.setParts(inputs >> 5);
   if (inputs & 4) {
     board.fault();
   }
-  const instructions = head.readUInt32LE(12);
+  const instructions = head.readUInt32LE(18);
   if (instructions > 0) {
-    board.armHang(head[11], instructions);
+    board.armHang(head[17], instructions);
   }
   board.setCable(!!(inputs & 8), !!(inputs & 16));
-  const operation = head.readUInt32LE(16);
+  const operation = head.readUInt32LE(22);
   if (operation > 0) {
-    board.store.armCut(operation, head.readUInt16LE(20) / 65535);
+    board.store.armCut(operation, head.readUInt16LE(26) / 65535);
   }
-  const [forUart, forUsb] = [22, 24].map((at) => Buffer.alloc(head.readUInt16LE(at)));
+  const [forUart, forUsb] = [28, 30].map((at) => Buffer.alloc(head.readUInt16LE(at)));
   if (!fill(forUart) || !fill(forUsb)) {
     break;
   }
@@ -94,15 +95,15 @@ function respond() {
   const bytes = parts.reduce((length, part) => length + 2 + part.length, HEAD_BYTES);
   const response = Buffer.alloc(bytes);
   board.coils.forEach((coil, i) => response.writeUInt32LE(Math.round(coil.total), 4 * i));
-  response.writeUInt32LE(board.busyCycles >>> 0, 8);
-  response.writeUInt32LE(board.resets, 12);
-  response.writeUInt32LE(board.flashReads >>> 0, 16);
-  response.writeUInt32LE(board.flashMisses >>> 0, 20);
-  response.writeUInt32LE(board.powerCuts, 24);
-  response.writeUInt32LE(board.store.operations, 28);
-  response.writeUInt32LE(board.flashViolations + board.store.violations, 32);
-  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 36 + 2 * i));
-  response[40] = board.pins | (board.hang === null ? 0 : 4) | (board.bootLoader ? 8 : 0);
+  response.writeUInt32LE(board.busyCycles >>> 0, 16);
+  response.writeUInt32LE(board.resets, 20);
+  response.writeUInt32LE(board.flashReads >>> 0, 24);
+  response.writeUInt32LE(board.flashMisses >>> 0, 28);
+  response.writeUInt32LE(board.powerCuts, 32);
+  response.writeUInt32LE(board.store.operations, 36);
+  response.writeUInt32LE(board.flashViolations + board.store.violations, 40);
+  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 44 + 2 * i));
+  response[52] = board.pins | (board.hang === null ? 0 : 4) | (board.bootLoader ? 8 : 0);
   let at = HEAD_BYTES;
   for (const part of parts) {
     response.writeUInt16LE(part.length, at);

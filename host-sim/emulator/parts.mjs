@@ -1,10 +1,13 @@
-// Digital sensors at the Pico's pins, by their data sheets: a MAX31865 on SPI1, a Honeywell MPR on
+// Digital sensors at the Pico's pins, by their data sheets: two MAX31865 on SPI1, a Honeywell MPR on
 // I2C0. Their inputs are updated all the time; they convert at their own times.
 
 import { GPIOPinState } from 'rp2040js';
 
-const CHIP_SELECT = 13;
-const DATA_READY = 9;
+/** Of muscle a, and of a joint's muscle b. */
+export const MAX31865_PINS = [
+  { select: 13, ready: 9 },
+  { select: 7, ready: 8 },
+];
 const BYTE_NANOS = 8000; // SPI at 1 MHz
 const I2C_BYTE_NANOS = 22500; // nine bits at 400 kHz
 const I2C_EDGE_NANOS = 2500;
@@ -18,27 +21,34 @@ const MPR_NANOS = 5e6;
 
 /** Analog's MAX31865 (19-6478): registers 0 to 7, written at 0x80 and above. */
 export class Max31865 {
-  constructor(chip) {
+  constructor(chip, { select, ready }) {
     this.chip = chip;
+    this.select = chip.gpio[select];
+    this.ready = chip.gpio[ready];
     this.reading = 0;
     this.unplugged = false;
     this.stuck = false;
     this.registers = [0, 0, 0, 0xff, 0xff, 0, 0, 0];
     this.address = -1;
-    this.answer = 0xff;
-    chip.gpio[CHIP_SELECT].addListener(() => (this.address = -1));
-    chip.gpio[DATA_READY].setInputValue(true);
-    const done = chip.clock.createAlarm(() => chip.spi[1].completeTransmit(this.answer));
-    chip.spi[1].onTransmit = (byte) => {
-      this.answer = this.exchange(byte);
-      done.schedule(BYTE_NANOS);
-    };
+    this.select.addListener(() => (this.address = -1));
+    this.ready.setInputValue(true);
     this.conversion = chip.clock.createAlarm(() => this.convert());
     this.converted = Infinity; // when, last; not yet
   }
 
+  /** Puts all of them on the chip's SPI1: the one that is selected answers. */
+  static connect(chip, parts) {
+    let answer = 0xff;
+    const done = chip.clock.createAlarm(() => chip.spi[1].completeTransmit(answer));
+    chip.spi[1].onTransmit = (byte) => {
+      answer = parts.reduce((line, part) => line & part.exchange(byte), 0xff);
+      done.schedule(BYTE_NANOS);
+    };
+  }
+
   exchange(byte) {
-    const selected = this.chip.gpio[CHIP_SELECT].value !== GPIOPinState.High;
+    // An image that does not drive the pin has no such part.
+    const selected = this.select.value === GPIOPinState.Low;
     if (this.unplugged || !selected) {
       return 0xff;
     }
@@ -53,7 +63,7 @@ export class Max31865 {
     } else {
       answer = this.registers[register];
       if (register === 1) {
-        this.chip.gpio[DATA_READY].setInputValue(true);
+        this.ready.setInputValue(true);
       }
     }
     this.address = (this.address & 0x80) | ((register + 1) & 7);
@@ -93,7 +103,7 @@ export class Max31865 {
     const code = (this.reading << 1) | (this.registers[7] ? 1 : 0);
     [this.registers[1], this.registers[2]] = [code >> 8, code & 0xff];
     if (!this.unplugged) {
-      this.chip.gpio[DATA_READY].setInputValue(false);
+      this.ready.setInputValue(false);
     }
   }
 
@@ -102,7 +112,7 @@ export class Max31865 {
     this.reading = reading;
     this.stuck = stuck;
     if (unplugged && !this.unplugged) {
-      this.chip.gpio[DATA_READY].setInputValue(true);
+      this.ready.setInputValue(true);
     }
     this.unplugged = unplugged;
     if (complete && this.chip.clock.nanosCounter - this.converted > MAX31865_LEAST_NANOS) {

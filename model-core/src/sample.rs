@@ -266,7 +266,7 @@ pub(crate) use fault_set;
 
 fault_set!(Faults);
 
-/// Faults, one bit each; half of the bits are free. [`crate::safety::supervisor`] lists what follows
+/// Faults, one bit each. [`crate::safety::supervisor`] lists what follows
 /// from each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -315,8 +315,16 @@ impl Faults {
     /// outside of its range.
     pub const GAS_LOST: Self = Self(1 << 15);
 
+    /// A joint's angle is lost: [`JointFaults::ANGLE_SENSOR`](crate::joint::JointFaults::ANGLE_SENSOR). This fault and
+    /// the next two are in the first failure of a joint only, never in a step's telemetry.
+    pub const JOINT_ANGLE: Self = Self(1 << 16);
+    /// A joint's angle goes the wrong way: [`JointFaults::WRONG_WAY`](crate::joint::JointFaults::WRONG_WAY).
+    pub const JOINT_WRONG_WAY: Self = Self(1 << 17);
+    /// A torque on a joint that nothing explains: [`JointFaults::TORQUE`](crate::joint::JointFaults::TORQUE).
+    pub const JOINT_TORQUE: Self = Self(1 << 18);
+
     /// Every fault and its name, in the order of the bits.
-    pub const NAMES: [(Self, &'static str); 16] = [
+    pub const NAMES: [(Self, &'static str); 19] = [
         (Self::EMERGENCY_STOP, "emergency stop"),
         (Self::PRESSURE_SENSOR, "pressure sensor"),
         (Self::OVERPRESSURE, "overpressure"),
@@ -333,6 +341,9 @@ impl Faults {
         (Self::NO_OUTFLOW, "no outflow"),
         (Self::FORCE, "force"),
         (Self::GAS_LOST, "gas sensor lost"),
+        (Self::JOINT_ANGLE, "joint's angle sensor"),
+        (Self::JOINT_WRONG_WAY, "joint goes the wrong way"),
+        (Self::JOINT_TORQUE, "joint's torque"),
     ];
 
     /// The faults that are also in `other`.

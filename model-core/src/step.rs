@@ -91,11 +91,17 @@ impl Core {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self {
+        Ok(Self::of(config, true))
+    }
+
+    /// With a configuration that holds; whether somebody has configured it so.
+    #[cold]
+    pub(crate) fn of(config: &Config, configured: bool) -> Self {
+        Self {
             config: *config,
             chamber: AnyChamber::new(&config.chamber),
             sensing: config.sensing(),
-            supervisor: Supervisor::new(config, true),
+            supervisor: Supervisor::new(config, configured),
             estimator: Estimator::new(config),
             controller: Controller::new(config),
             monitor: PlausibilityMonitor::new(config),
@@ -107,8 +113,26 @@ impl Core {
             outlet_steps: 0,
             passing_steps: config.passing_steps(),
             step: 0,
-            armed_pa: Some(config.working_limit_pa()),
-        })
+            armed_pa: configured.then(|| config.working_limit_pa()),
+        }
+    }
+
+    /// Becomes [`of`](Self::of), in its place.
+    #[inline(never)] // Its copy is on the stack once, not for each muscle.
+    pub(crate) fn become_of(&mut self, config: &Config) {
+        *self = Self::of(config, true);
+    }
+
+    /// The same, with its [estimator delayed](Self::delay_estimator).
+    pub(crate) fn of_second(config: &Config, configured: bool) -> Self {
+        let mut core = Self::of(config, configured);
+        core.delay_estimator();
+        core
+    }
+
+    /// Its estimator works in other steps from now on: see [`Estimator::delay`].
+    pub(crate) fn delay_estimator(&mut self) {
+        self.estimator.delay();
     }
 
     /// The core of a board without a configuration: it has the default one, and vents
@@ -127,8 +151,8 @@ impl Core {
     /// None: the default configuration holds.
     pub fn unconfigured() -> Result<Self, ConfigError> {
         let config = Config::default();
-        let supervisor = Supervisor::new(&config, false);
-        Ok(Self { supervisor, armed_pa: None, ..Self::new(&config)? })
+        config.check()?;
+        Ok(Self::of(&config, false))
     }
 
     /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
@@ -148,6 +172,12 @@ impl Core {
         if armed_pa.is_none() {
             self.controller.set(Target::VENT);
         }
+    }
+
+    /// [`restart_as`](Self::restart_as) a copy.
+    #[inline(never)] // As above.
+    pub(crate) fn restart_as_copy(&mut self, other: &Self) {
+        self.restart_as(other.clone());
     }
 
     /// Takes set points from now on, as far as they ask for no more than this absolute pressure \[Pa\]; a
@@ -321,6 +351,11 @@ impl Core {
     /// Whether the step under way began a PWM period.
     pub(crate) fn begins_period(&self) -> bool {
         self.controller.worked()
+    }
+
+    /// Number of the step under way.
+    pub(crate) fn steps(&self) -> u32 {
+        self.step
     }
 
     /// Inputs of a mechanism's controller in this step.

@@ -52,7 +52,7 @@
 //!     board.ask(HostCommand::Set(SetPoint::Pressure { pressure_pa }))
 //! }
 //! # use thermyo_protocol::model_core::{Config, Core, Sample};
-//! # use thermyo_protocol::{Chip, Refusal, Version};
+//! # use thermyo_protocol::{Chip, Image, Refusal, Version};
 //! # /// A board in this process, configured, and past its startup check.
 //! # struct Board { core: Core, decoder: Decoder, sent: std::collections::VecDeque<u8> }
 //! # impl Write for Board {
@@ -65,7 +65,7 @@
 //! #             };
 //! #             let answer = match command {
 //! #                 HostCommand::Version => Answer::Version(Version {
-//! #                     protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false,
+//! #                     protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, image: Image::Muscle,
 //! #                 }),
 //! #                 HostCommand::Arm { most_pa } => done(self.core.arm(most_pa)),
 //! #                 HostCommand::Set(set_point) => done(self.core.set(set_point)),
@@ -103,14 +103,17 @@ pub mod arbiter;
 pub use model_core;
 
 use cobs::{DecodeResult, DecoderState};
-use crc::{CRC_32_ISO_HDLC, Crc};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use model_core::config::Config;
 use model_core::control::SetPointError;
+use model_core::joint::{
+    JointConfig, JointError, JointSetPoint, JointTelemetry, JointTuning, Mechanism,
+};
 use model_core::parameter::ConfigError;
 use model_core::safety::supervisor::FirstFailure;
 use model_core::sample::{Sample, SetPoint, Telemetry};
-use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
+use serde::de::{DeserializeOwned, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
 pub const PROTOCOL: u16 = 18;
@@ -129,18 +132,24 @@ const CRC_BYTES: usize = 4;
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
 /// From the host to the board.
+pub type Request = RequestWith<Config, JointRest, JointSetPoint>;
+/// Commands of the host.
+pub type HostCommand = HostCommandWith<Config, JointRest, JointSetPoint>;
+
+/// [`Request`], what only a joint takes as a `C`, a `J` and a `P`: each is [`Unread`] on a board for one muscle, whose
+/// image then has no code for it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Request {
+pub struct RequestWith<C, J, P> {
     /// Comes back with the reply.
     pub sequence: u8,
     /// The command of the request.
-    pub command: HostCommand,
+    pub command: HostCommandWith<C, J, P>,
 }
 
-/// Commands of the host.
+/// [`HostCommand`] in a [`RequestWith`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // One at a time, in a static buffer.
-pub enum HostCommand {
+pub enum HostCommandWith<C, J, P> {
     /// Who is there: [`Answer::Version`]. Kept first, so that every protocol version can ask.
     Version,
     /// Restart into the boot loader, which takes another image; only while the board vents. Kept second,
@@ -187,41 +196,93 @@ pub enum HostCommand {
     Forget,
     /// The event of this number, counted from 0 for the last one: [`Answer::Event`].
     History(u8),
+    /// Of a joint: the configuration of one of its muscles, which is used from the next
+    /// [`Self::ConfigureJoint`] on.
+    ConfigureMuscle(Side, C),
+    /// The rest of a joint's configuration: with both muscles' it is a whole new one, as [`Self::Configure`].
+    ConfigureJoint(J),
+    /// [`Self::Start`] of a joint.
+    StartJoint(P),
+    /// [`Self::Set`] of a joint.
+    SetJoint(P),
+    /// The configuration in use of one of a joint's muscles: [`Answer::Config`].
+    ReadMuscle(Side),
+    /// The rest of a joint's configuration in use: [`Answer::Joint`].
+    ReadJoint,
 }
 
-/// From the board to the host.
-pub type Message = MessageWith<Config>;
-/// An answer and what it belongs to.
-pub type Reply = ReplyWith<Config>;
-/// Answers of the board.
-pub type Answer = AnswerWith<Config>;
+/// The rest of a message, whatever it is: taken, and forgotten.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Unread;
 
-/// [`Message`], its configuration as a `C`, of which no more is asked than the same encoding: a board with little
-/// memory need not hold one for every message that waits.
+impl<'de> Deserialize<'de> for Unread {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Rest;
+        impl<'de> Visitor<'de> for Rest {
+            type Value = Unread;
+
+            fn expecting(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.write_str("bytes")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut bytes: A) -> Result<Unread, A::Error> {
+                // The end of the message is an error of postcard's.
+                while let Ok(Some(_)) = bytes.next_element::<u8>() {}
+                Ok(Unread)
+            }
+        }
+        deserializer.deserialize_tuple(MAX_PAYLOAD, Rest)
+    }
+}
+
+/// One of a joint's muscles.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Side {
+    /// Muscle a, which shortens as the angle grows.
+    A,
+    /// Muscle b.
+    B,
+}
+
+/// What a joint's configuration has beside those of its muscles.
+pub type JointRest = (Mechanism, JointTuning);
+
+/// From the board to the host.
+pub type Message = MessageWith<Config, JointRest, JointTelemetry>;
+/// An answer and what it belongs to.
+pub type Reply = ReplyWith<Config, JointRest>;
+/// Answers of the board.
+pub type Answer = AnswerWith<Config, JointRest>;
+
+/// [`Message`], its configuration as a `C`, the rest of a joint's as a `J` and a joint's telemetry as a `T`, of which
+/// no more is asked than the same encoding: a board with little memory need not hold one for every message that
+/// waits, nor what it never sends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)]
-pub enum MessageWith<C> {
+pub enum MessageWith<C, J, T> {
     /// One step.
     Telemetry(Telemetry),
     /// Answer to the request of the same sequence number.
-    Reply(ReplyWith<C>),
+    Reply(ReplyWith<C, J>),
     /// The status, at each change and twice a second.
     Status(Status),
+    /// One step of a joint.
+    JointTelemetry(T),
 }
 
 /// [`Reply`] in a [`MessageWith`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ReplyWith<C> {
+pub struct ReplyWith<C, J> {
     /// Number of the request.
     pub sequence: u8,
     /// The answer.
-    pub answer: AnswerWith<C>,
+    pub answer: AnswerWith<C, J>,
 }
 
 /// [`Answer`] in a [`MessageWith`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)]
-pub enum AnswerWith<C> {
+pub enum AnswerWith<C, J> {
     /// Who is there.
     Version(Version),
     /// Done; it holds from this step on.
@@ -243,6 +304,8 @@ pub enum AnswerWith<C> {
     Status(Status),
     /// An event; `None` before the first event that is remembered.
     Event(Option<Event>),
+    /// What the joint's configuration in use has beside those of its muscles.
+    Joint(J),
 }
 
 /// Why a request was not carried out.
@@ -280,6 +343,24 @@ pub enum Refusal {
     NoSuchPart,
     /// A [`HostCommand::Stop`] of another line came after it was sent: [`arbiter`].
     Overtaken,
+    /// A joint's request to an image for one muscle, or the other way round.
+    OtherImage {
+        /// The board's image is that of a joint.
+        joint: bool,
+    },
+    /// A joint's set point: which value, and what is allowed, or what vents.
+    JointSetPoint(JointError),
+    /// A joint's board has its converter for both pressures and the angle, and reads gas temperatures from
+    /// MAX31865 chips.
+    JointSensors,
+    /// A joint's configuration came without those of both muscles before it.
+    NoMuscles,
+}
+
+impl From<JointError> for Refusal {
+    fn from(error: JointError) -> Self {
+        Self::JointSetPoint(error)
+    }
 }
 
 impl From<SetPointError> for Refusal {
@@ -321,6 +402,23 @@ impl core::fmt::Display for Refusal {
             Self::Overtaken => {
                 write!(f, "another host has stopped the board meanwhile: it is not carried out")
             }
+            Self::OtherImage { joint: false } => write!(
+                f,
+                "this board's image drives one muscle: `thermyo flash --joint` writes that of a joint"
+            ),
+            Self::OtherImage { joint: true } => write!(
+                f,
+                "this board's image drives a joint: `thermyo flash` writes that of one muscle"
+            ),
+            Self::JointSetPoint(error) => error.fmt(f),
+            Self::JointSensors => write!(
+                f,
+                "a joint's board reads gas temperatures with MAX31865 chips and pressures with its converter: \
+                 sensor.gas.kind = \"max31865\", sensor.pressure.kind = \"analog\""
+            ),
+            Self::NoMuscles => {
+                write!(f, "the configurations of both muscles come before that of their joint")
+            }
         }
     }
 }
@@ -336,8 +434,20 @@ pub struct Version {
     pub firmware: [u16; 3],
     /// The chip.
     pub chip: Chip,
-    /// Samples come from the host.
-    pub hil: bool,
+    /// What the image is for. One byte, 0 or 1 before protocol 18: the answer of an older board arrives too.
+    pub image: Image,
+}
+
+/// Images of the firmware.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub enum Image {
+    /// It drives one muscle.
+    Muscle,
+    /// The same, with samples that come from the host.
+    Hil,
+    /// It drives a joint of two muscles.
+    Joint,
 }
 
 /// Name of a configuration: up to 24 bytes of UTF-8, zeros behind them.
@@ -425,11 +535,27 @@ pub enum Event {
 // Compiled where it is called: for a board's flash that is for size, as its other encodings of a configuration are.
 #[inline]
 pub fn checksum(config: &Config) -> u32 {
+    let mut digest = CRC.digest();
+    add(&mut digest, config);
+    digest.finalize()
+}
+
+/// Identifies a joint's configuration: the CRC-32 of the encodings of muscle a, of muscle b and of the rest.
+#[inline]
+pub fn joint_checksum(config: &JointConfig) -> u32 {
+    let JointConfig { muscles: [a, b], mechanism, tuning } = config;
+    let mut digest = CRC.digest();
+    add(&mut digest, a);
+    add(&mut digest, b);
+    add(&mut digest, &(mechanism, tuning));
+    digest.finalize()
+}
+
+fn add(digest: &mut Digest<'_, u32>, value: &impl Serialize) {
     let mut bytes = [0_u8; MAX_PAYLOAD];
-    match postcard::to_slice(config, &mut bytes) {
-        Ok(encoded) => CRC.checksum(encoded),
-        // Every configuration fits, or it would not have come over the link.
-        Err(_) => 0,
+    // Every configuration fits, or it would not have come over the link.
+    if let Ok(encoded) = postcard::to_slice(value, &mut bytes) {
+        digest.update(encoded);
     }
 }
 
@@ -626,6 +752,7 @@ fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use model_core::joint::{JointFaults, JointMode, Motion};
     use model_core::physics::chamber::table::{MOST_ROWS, Row};
     use model_core::physics::chamber::{ChamberConfig, Table};
     use model_core::sample::{AdcCode, Command, Duty, Estimate, Faults, Mode, RawCode};
@@ -667,6 +794,42 @@ mod tests {
             set_point: SetPoint::Pressure { pressure_pa: value },
             faults: Faults(u32::MAX),
         }
+    }
+
+    fn longest_of_joint() -> JointTelemetry {
+        let value = f32::from_bits(0x7fc1_2345);
+        JointTelemetry {
+            muscles: [longest_telemetry(); 2],
+            mode: JointMode::AngleHeld,
+            angle_rad: value,
+            speed_rad_s: value,
+            reference_rad: value,
+            torque_n_m: value,
+            stiffness_n_m_rad: value,
+            disturbance_n_m: value,
+            limited: true,
+            faults: JointFaults(u8::MAX),
+        }
+    }
+
+    /// A frame in three steps is what the serial line carries.
+    #[test]
+    fn telemetry_of_a_joint_fits_three_milliseconds() {
+        let telemetry = encode(&Message::JointTelemetry(longest_of_joint())).unwrap().len();
+        assert!((130..=3 * (BAUD / 10 / 1000) as usize).contains(&telemetry), "{telemetry} bytes");
+    }
+
+    #[test]
+    fn a_joints_checksum_tells_its_parts_apart() {
+        let config = JointConfig::default();
+        let mut others = [config; 3];
+        others[0].muscles[0].link.timeout_s = 0.4;
+        others[1].muscles[1].link.timeout_s = 0.4;
+        others[2].mechanism.radius_m = 0.03;
+        let mut sums: Vec<u32> = others.iter().chain([&config]).map(joint_checksum).collect();
+        sums.sort_unstable();
+        sums.dedup();
+        assert_eq!(sums.len(), 4);
     }
 
     fn decode_all<T: DeserializeOwned>(decoder: &mut Decoder, bytes: &[u8]) -> Vec<T> {
@@ -721,7 +884,8 @@ mod tests {
         };
         let chamber = ChamberConfig::Table(table);
         let config = Config { chamber, sensors, ..Config::default() };
-        let request = Request { sequence: 255, command: HostCommand::Configure(config) };
+        let command = HostCommand::ConfigureMuscle(Side::B, config);
+        let request = Request { sequence: 255, command };
         let reply = Message::Reply(Reply { sequence: 255, answer: Answer::Config(config) });
         for length in [encode(&request).unwrap().len(), encode(&reply).unwrap().len()] {
             // Whole numbers of the configuration may need two bytes more than the default's.
@@ -753,8 +917,12 @@ mod tests {
         let answer = |answer| hex(encode(&Message::Reply(Reply { sequence: 7, answer })).unwrap());
         let pressure_pa = 2.5e5;
         let failure = FirstFailure { faults: Faults::BURST, pressure_pa: 2.5e5, step: 9 };
-        let version =
-            Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
+        let version = Version {
+            protocol: PROTOCOL,
+            firmware: [0, 1, 0],
+            chip: Chip::Rp2040,
+            image: Image::Muscle,
+        };
         let phase = Phase::Stepping;
         let sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
         let status = Status {
@@ -788,6 +956,9 @@ mod tests {
             (request(HostCommand::Arm { most_pa: Some(pressure_pa) }), "04070e01082474485c32b15300"),
             (request(HostCommand::Save), "070711caa4286400"),
             (request(HostCommand::History(1)), "0807130193bee6ec00"),
+            (request(HostCommand::SetJoint(JointSetPoint::Angle(Motion::still(0.5, 14.0)))), "040717040101023f0101010101010101010760412c119c6800"),
+            (request(HostCommand::ReadMuscle(Side::B)), "080718015867120f00"),
+            (request(HostCommand::ReadJoint), "070719f82cf36a00"),
             (hex(encode(&Message::Status(status)).unwrap()), "1302e8070203f8acd19101016e6f6d696e616c01010101010101010101010101010101020108247448a05ee7b800"),
             (answer(Answer::Event(Some(Event::Vented(failure)))), "080107080101800809247448097926dc5800"),
             (answer(Answer::FirstFailure(Some(failure))), "07010706018008092474480992e1f4ae00"),
@@ -798,11 +969,45 @@ mod tests {
         // The long ones by their checksum.
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
-        for (frame, expected) in
-            [(encode(&config), (450, 4_041_990_631)), (encode(&telemetry), (77, 1_017_350_385))]
-        {
+        let muscle = HostCommand::ConfigureMuscle(Side::A, Config::default());
+        let muscle = Request { sequence: 7, command: muscle };
+        let joint = JointConfig::default();
+        let joint = HostCommand::ConfigureJoint((joint.mechanism, joint.tuning));
+        let joint = Request { sequence: 7, command: joint };
+        let of_joint = Message::JointTelemetry(longest_of_joint());
+        for (frame, expected) in [
+            (encode(&config), (450, 4_041_990_631)),
+            (encode(&telemetry), (77, 1_017_350_385)),
+            (encode(&muscle), (451, 3_805_535_179)),
+            (encode(&joint), (120, 4_289_365_883)),
+            (encode(&of_joint), (174, 4_125_025_272)),
+        ] {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
+        }
+    }
+
+    /// A board for one muscle has to answer that it does not take it.
+    #[test]
+    fn what_only_a_joint_takes_arrives_unread() {
+        type Unreading = RequestWith<Unread, Unread, Unread>;
+        let joint = JointConfig::default();
+        let motion = JointSetPoint::Angle(Motion::still(0.5, 14.0));
+        for (command, expected) in [
+            (
+                HostCommand::ConfigureMuscle(Side::B, Config::default()),
+                HostCommandWith::ConfigureMuscle(Side::B, Unread),
+            ),
+            (
+                HostCommand::ConfigureJoint((joint.mechanism, joint.tuning)),
+                HostCommandWith::ConfigureJoint(Unread),
+            ),
+            (HostCommand::SetJoint(motion), HostCommandWith::SetJoint(Unread)),
+            (HostCommand::Stop, HostCommandWith::Stop),
+        ] {
+            let frame = encode(&Request { sequence: 7, command }).unwrap();
+            let requests = decode_all::<Unreading>(&mut Decoder::new(), &frame);
+            assert_eq!(requests, [Unreading { sequence: 7, command: expected }]);
         }
     }
 

@@ -163,7 +163,8 @@ fn without_a_name_the_only_board_is_taken() {
     let [a, b] = ["a", "b"].map(|name| drive(&folder.path().join(name), PICO));
     let dry = |mounts: Vec<PathBuf>| {
         let mut output = Vec::new();
-        let request = Request { dry_run: true, model: Some(Model::Pico), target: None };
+        let request =
+            Request { joint: false, dry_run: true, model: Some(Model::Pico), target: None };
         run(&request, &move || mounts.clone(), &mut |line| output.push(line.to_owned()))
             .map(|_| output)
     };

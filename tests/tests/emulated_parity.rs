@@ -7,7 +7,7 @@ use system_tests::parity::{self, STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::image::{Variant, firmware};
-use thermyo_protocol::{Answer, Chip, HostCommand, PROTOCOL, Refusal};
+use thermyo_protocol::{Answer, Chip, HostCommand, Image, PROTOCOL, Refusal};
 use thermyo_simulation::board::BoardError;
 
 /// A PWM period of the configuration that is run.
@@ -65,7 +65,10 @@ fn the_board_identifies_itself_and_refuses_unsupported_requests() {
     let image = firmware(Variant::Standard).unwrap();
     let mut board = EmulatedBoard::with_image(&image).unwrap();
     let version = board.version().unwrap();
-    assert_eq!((version.protocol, version.chip, version.hil), (PROTOCOL, Chip::Rp2040, false));
+    assert_eq!(
+        (version.protocol, version.chip, version.image),
+        (PROTOCOL, Chip::Rp2040, Image::Muscle)
+    );
 
     let refusal = |board: &mut EmulatedBoard, command| match board.ask(command) {
         Err(BoardError::Refused(refusal)) => refusal,

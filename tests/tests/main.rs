@@ -11,6 +11,7 @@ mod emulated_float;
 mod emulated_hosts;
 mod emulated_image;
 mod emulated_joint;
+mod emulated_joint_image;
 mod emulated_monitor;
 mod emulated_parity;
 mod emulated_safety;

@@ -28,13 +28,14 @@ pub use pico::Pico as Chosen;
 #[cfg(feature = "pico2")]
 pub use pico2::Pico2 as Chosen;
 
+use crate::kind::Commands;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_time::Duration;
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_io_async::{Read, Write};
 use embedded_storage_async::nor_flash::NorFlash;
+use model_core::Config;
 use model_core::physics::valve::ValveKind;
-use model_core::{Command, Config};
 use thermyo_protocol::Chip;
 
 pub trait Board: Sized {
@@ -61,7 +62,7 @@ pub trait Board: Sized {
     #[cfg(feature = "parts")]
     type PressureBus: embedded_hal_async::i2c::I2c;
 
-    /// Called once, before all else. It takes the power from both coils first. The serial line runs
+    /// Called once, before all else. It takes the power from all coils first. The serial line runs
     /// at [`BAUD`](thermyo_protocol::BAUD); its interrupt has a higher priority than control's, and
     /// the USB interrupt a lower one. The watchdog runs when this returns.
     fn start() -> Parts<Self>;
@@ -70,7 +71,7 @@ pub trait Board: Sized {
     fn start_control(executor: &'static InterruptExecutor) -> SendSpawner;
     /// Feeds the watchdog, which restarts the board unless fed within [`WATCHDOG`].
     fn feed();
-    /// Takes the power from both coils, whichever code owns the pins. To be called when no other code
+    /// Takes the power from all coils, whichever code owns the pins. To be called when no other code
     /// runs.
     fn vent();
     /// Whether a bus reset waits to be handled by the driver of [`Self::Usb`].
@@ -88,7 +89,7 @@ pub struct Parts<B: Board> {
     pub adc: B::Adc,
     /// Pulled down: high while the emergency stop is not pressed and its wire not broken.
     pub run_line: B::Input,
-    /// Both valves, closed for the inlet and open for the outlet.
+    /// All valves, closed for an inlet and open for an outlet.
     pub valves: B::Valves,
     /// Flash of the nonvolatile store, if the board has one.
     pub flash: Option<B::Flash>,
@@ -101,9 +102,9 @@ pub struct Parts<B: Board> {
     /// The chip's own USB, and the unique number of this board.
     #[cfg(feature = "usb")]
     pub usb: (B::Usb, [u8; 8]),
-    /// SPI of the MAX31865, and its DRDY, pulled up.
+    /// SPI of each muscle's MAX31865, and its DRDY, pulled up.
     #[cfg(feature = "parts")]
-    pub gas_bus: (B::GasBus, B::Input),
+    pub gas_buses: [(B::GasBus, B::Input); crate::kind::MUSCLES],
     #[cfg(feature = "parts")]
     pub pressure_bus: B::PressureBus,
 }
@@ -119,11 +120,13 @@ pub enum Reset {
     Forced,
 }
 
+/// Inputs of the converter: pressure, gas and length of one muscle, or the pressures of a joint's muscles
+/// a and b and its angle.
 #[derive(Clone, Copy)]
 pub enum Channel {
-    Pressure,
-    Gas,
-    Length,
+    Adc0,
+    Adc1,
+    Adc2,
 }
 
 /// A converter of 12 bits.
@@ -136,13 +139,15 @@ pub trait Adc {
     fn hold_others(&mut self, _held: bool) {}
 }
 
-/// Both valves' PWM. One call sets both, so that they change together; `embedded-hal`'s
+/// PWM of all valves. One call sets them, so that they change together; `embedded-hal`'s
 /// `SetDutyCycle` has one channel at a time.
 pub trait Valves {
-    /// Begins another modulation with these duties; a period of pulses [`PWM_DELAY`] from now.
-    fn restart(&mut self, modulation: Modulation, command: Command);
-    /// Sets the duties from the next period on; [`Command::VENT`] acts at once and cuts a pulse.
-    fn drive(&mut self, command: Command);
+    /// Begins another modulation with these duties; a period of pulses
+    /// [`PWM_DELAY`](crate::kind::PWM_DELAY) from now.
+    fn restart(&mut self, modulation: Modulation, commands: Commands);
+    /// Sets the duties from the next period on; [`Command::VENT`](model_core::Command::VENT) acts at
+    /// once and cuts a pulse.
+    fn drive(&mut self, commands: Commands);
 }
 
 /// How the duties leave the pins.
@@ -165,10 +170,6 @@ impl Modulation {
 
 /// Frequency of the carrier: above hearing, and a hundred times what the filter and a valve follow \[Hz\].
 pub const CARRIER_HZ: u32 = 25_000;
-
-/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
-/// may take longer and must not miss it.
-pub const PWM_DELAY: Duration = Duration::from_micros(250);
 
 /// Size of the nonvolatile store: four sectors.
 pub const STORE_BYTES: usize = 4 * 4096;

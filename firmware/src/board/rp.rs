@@ -2,10 +2,12 @@
 //!
 //! | pin | signal |
 //! |---|---|
-//! | GP26, GP27, GP28 | ADC: pressure, Pt1000, length |
-//! | GP16, GP17 | inlet and outlet coil, PWM slice 0 |
+//! | GP26, GP27, GP28 | ADC: pressure, Pt1000, length; of a joint: pressures of a and b, angle |
+//! | GP16, GP17 | inlet and outlet coil, PWM slice 0; of a joint: those of muscle a |
+//! | GP18, GP19 | those of muscle b, PWM slice 1 |
 //! | GP0, GP1 | UART0 |
 //! | GP10, GP11, GP12, GP13, GP9 | SPI1 of a MAX31865: SCK, MOSI, MISO, CS; its DRDY, pulled up |
+//! | GP7, GP8 | CS and DRDY of the MAX31865 of muscle b |
 //! | GP4, GP5 | I2C0 of an MPR: SDA, SCL |
 //! | GP14 | emergency stop, pulled down here and by the board (erratum RP2350-E9): low is stop |
 //! | GP15, GP25 | fault output, LED |
@@ -13,9 +15,8 @@
 
 use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice};
 use super::rp_flash::StoreFlash;
-use super::{
-    Adc, Board, CARRIER_HZ, Channel, Modulation, PWM_DELAY, Parts, Reset, Valves, WATCHDOG,
-};
+use super::{Adc, Board, CARRIER_HZ, Channel, Modulation, Parts, Reset, Valves, WATCHDOG};
+use crate::kind::{Commands, MUSCLES, PWM_DELAY, each};
 use crate::source::STEP_US;
 use core::marker::PhantomData;
 use embassy_executor::{InterruptExecutor, SendSpawner};
@@ -26,6 +27,8 @@ use embassy_rp::i2c::{self, I2c};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
 use embassy_rp::pac::{self, io::vals::Outover};
 use embassy_rp::peripherals::{self, FLASH, PIN_16, PIN_17, UART0, USB};
+#[cfg(feature = "joint")]
+use embassy_rp::peripherals::{PIN_18, PIN_19};
 use embassy_rp::pwm::{Config as PwmConfig, Pwm};
 use embassy_rp::spi::{self, Spi};
 use embassy_rp::uart::{
@@ -69,7 +72,7 @@ impl<M: Member> Board for Rp<M> {
     }
 
     type Adc = Converter;
-    type Valves = Slice;
+    type Valves = Slices;
     type Flash = StoreFlash;
     type Input = Input<'static>;
     type Output = Output<'static>;
@@ -82,7 +85,12 @@ impl<M: Member> Board for Rp<M> {
     fn start() -> Parts<Self> {
         vectors_to_ram();
         let mut p = embassy_rp::init(embassy_rp::config::Config::default());
-        let valves = Slice::new(Pwm::new_output_ab(p.PWM_SLICE0, p.PIN_16, p.PIN_17, Slice::off()));
+        let off = Slice::off;
+        let valves = Slices::new([
+            Pwm::new_output_ab(p.PWM_SLICE0, p.PIN_16, p.PIN_17, off()),
+            #[cfg(feature = "joint")]
+            Pwm::new_output_ab(p.PWM_SLICE1, p.PIN_18, p.PIN_19, off()),
+        ]);
 
         let mut watchdog = Watchdog::new(p.WATCHDOG);
         let reset = match watchdog.reset_reason() {
@@ -100,8 +108,14 @@ impl<M: Member> Board for Rp<M> {
 
         let mut spi_config = spi::Config::default();
         spi_config.phase = spi::Phase::CaptureOnSecondTransition;
-        let spi = Spi::new_blocking(p.SPI1, p.PIN_10, p.PIN_11, p.PIN_12, spi_config);
-        let gas_bus = SpiDevice::new(spi, Output::new(p.PIN_13, Level::High));
+        // What it sets up stays; the messages go past embassy's driver.
+        let _spi = Spi::new_blocking(p.SPI1, p.PIN_10, p.PIN_11, p.PIN_12, spi_config);
+        let ready_a = Input::new(p.PIN_9, Pull::Up);
+        let gas_buses = [
+            (SpiDevice::new(Output::new(p.PIN_13, Level::High)), ready_a),
+            #[cfg(feature = "joint")]
+            (SpiDevice::new(Output::new(p.PIN_7, Level::High)), Input::new(p.PIN_8, Pull::Up)),
+        ];
         let mut i2c_config = i2c::Config::default();
         i2c_config.frequency = I2C_HZ;
         let pressure_bus = I2cBus::new(I2c::new_blocking(p.I2C0, p.PIN_5, p.PIN_4, i2c_config));
@@ -123,7 +137,7 @@ impl<M: Member> Board for Rp<M> {
             receiver,
             sender,
             usb: (usb, unique_id),
-            gas_bus: (gas_bus, Input::new(p.PIN_9, Pull::Up)),
+            gas_buses,
             pressure_bus,
         }
     }
@@ -143,6 +157,12 @@ impl<M: Member> Board for Rp<M> {
         let (inlet, outlet) = unsafe { (PIN_16::steal(), PIN_17::steal()) };
         // Forgotten, because a dropped output releases its pin.
         core::mem::forget((Output::new(inlet, Level::Low), Output::new(outlet, Level::Low)));
+        #[cfg(feature = "joint")]
+        {
+            // SAFETY: as above.
+            let (inlet, outlet) = unsafe { (PIN_18::steal(), PIN_19::steal()) };
+            core::mem::forget((Output::new(inlet, Level::Low), Output::new(outlet, Level::Low)));
+        }
     }
 
     fn usb_reset_waits() -> bool {
@@ -215,9 +235,9 @@ pub struct Converter {
 impl Adc for Converter {
     fn convert(&mut self, channel: Channel) -> u16 {
         let channel = match channel {
-            Channel::Pressure => &mut self.pressure,
-            Channel::Gas => &mut self.gas,
-            Channel::Length => &mut self.length,
+            Channel::Adc0 => &mut self.pressure,
+            Channel::Adc1 => &mut self.gas,
+            Channel::Adc2 => &mut self.length,
         };
         // A failed conversion reads as a broken sensor, which the core's supervisor detects.
         self.adc.blocking_read(channel).unwrap_or(0)
@@ -238,17 +258,21 @@ impl Adc for Converter {
 /// milliseconds at 125 MHz and at 150 MHz.
 const TICKS: u16 = 50_000;
 
-/// PWM slice 0. Its counter runs from 0 to [`TICKS`] - 1, or over as many clocks as a period of the carrier has:
-/// the full duty is above the counter's top, always on.
-pub struct Slice {
+/// Pins of inlet and outlet of each muscle. Those of muscle a are on PWM slice 0, those of muscle b on
+/// slice 1.
+const COIL_PINS: [[usize; 2]; 2] = [[16, 17], [18, 19]];
+
+/// The PWM slices of all valves. Their counters run together from 0 to [`TICKS`] - 1, or over as many
+/// clocks as a period of the carrier has: the full duty is above the counter's top, always on.
+pub struct Slices([Slice; MUSCLES]);
+
+/// One muscle's valves.
+struct Slice {
     pwm: Pwm<'static>,
     config: PwmConfig,
     over: Outover,
+    pins: [usize; 2],
 }
-
-// GP16 and GP17.
-const INLET_PIN: usize = 16;
-const OUTLET_PIN: usize = 17;
 
 /// Divider of the system clock, in sixteenths, for a period of `steps`.
 fn divider_sixteenths(steps: u16) -> u32 {
@@ -256,11 +280,19 @@ fn divider_sixteenths(steps: u16) -> u32 {
     16 * clocks / u32::from(TICKS)
 }
 
-impl Slice {
-    fn new(pwm: Pwm<'static>) -> Self {
-        Self { pwm, config: Self::off(), over: Outover::NORMAL }
+impl Slices {
+    fn new(pwm: [Pwm<'static>; MUSCLES]) -> Self {
+        let mut pins = COIL_PINS.into_iter();
+        Self(pwm.map(|pwm| Slice {
+            pwm,
+            config: Slice::off(),
+            over: Outover::NORMAL,
+            pins: pins.next().unwrap_or_default(),
+        }))
     }
+}
 
+impl Slice {
     fn off() -> PwmConfig {
         let mut config = PwmConfig::default();
         config.top = TICKS - 1;
@@ -274,10 +306,9 @@ impl Slice {
         self.config.compare_a = inlet.ticks(ticks);
         self.config.compare_b = outlet.ticks(ticks);
     }
-}
 
-impl Valves for Slice {
-    fn restart(&mut self, modulation: Modulation, command: Command) {
+    /// Stops, shortly before the begin of a period of another modulation.
+    fn stop_before(&mut self, modulation: Modulation) {
         self.config.enable = false;
         self.pwm.set_config(&self.config);
         let (ticks, sixteenths, delay) = match modulation {
@@ -291,10 +322,9 @@ impl Valves for Slice {
         };
         self.config.top = (ticks - 1) as u16;
         self.config.divider = fixed::FixedU16::from_bits(sixteenths as u16);
+        self.pwm.set_config(&self.config);
         self.pwm.set_counter((ticks - delay.max(1)) as u16);
         self.config.enable = true;
-        self.pwm.set_config(&self.config);
-        self.drive(command);
     }
 
     fn drive(&mut self, command: Command) {
@@ -303,7 +333,7 @@ impl Valves for Slice {
         // The pad's override acts at once and keeps the PWM's phase.
         let over = if command == Command::VENT { Outover::LOW } else { Outover::NORMAL };
         if over != self.over {
-            for pin in [INLET_PIN, OUTLET_PIN] {
+            for pin in self.pins {
                 pac::IO_BANK0.gpio(pin).ctrl().modify(|ctrl| ctrl.set_outover(over));
             }
             self.over = over;
@@ -311,6 +341,24 @@ impl Valves for Slice {
         if (self.config.compare_a, self.config.compare_b) != before {
             // Compare values take effect where the counter wraps, so that no pulse is cut.
             self.pwm.set_config(&self.config);
+        }
+    }
+}
+
+impl Valves for Slices {
+    fn restart(&mut self, modulation: Modulation, commands: Commands) {
+        let slices = &mut self.0;
+        slices.iter_mut().for_each(|slice| slice.stop_before(modulation));
+        // In one write, so that they share their phase.
+        pac::PWM.en().write(|enabled| {
+            (0..MUSCLES).for_each(|slice| enabled.0 |= 1 << slice);
+        });
+        self.drive(commands);
+    }
+
+    fn drive(&mut self, commands: Commands) {
+        for (slice, command) in self.0.iter_mut().zip(each(commands)) {
+            slice.drive(command);
         }
     }
 }

@@ -5,8 +5,9 @@
 use embassy_rp::gpio::Output;
 use embassy_rp::i2c::{self, I2c};
 use embassy_rp::pac;
-use embassy_rp::peripherals::{I2C0, SPI1};
-use embassy_rp::spi::{self, Spi};
+use embassy_rp::peripherals::I2C0;
+#[cfg(feature = "joint")]
+use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, mutex::Mutex};
 use embassy_time::Timer;
 use embedded_hal_async::i2c as hal_i2c;
 use embedded_hal_async::spi as hal_spi;
@@ -19,14 +20,16 @@ const SPI_ROOM_US: u64 = 4;
 
 /// One device on SPI1, at 1 MHz.
 pub struct SpiDevice {
-    /// Set up by embassy, and only kept.
-    _spi: Spi<'static, SPI1, spi::Blocking>,
     select: Output<'static>,
 }
 
+/// Held while a device is selected.
+#[cfg(feature = "joint")]
+static BUS: Mutex<CriticalSectionRawMutex, ()> = Mutex::new(());
+
 impl SpiDevice {
-    pub fn new(spi: Spi<'static, SPI1, spi::Blocking>, select: Output<'static>) -> Self {
-        Self { _spi: spi, select }
+    pub fn new(select: Output<'static>) -> Self {
+        Self { select }
     }
 }
 
@@ -52,6 +55,8 @@ impl hal_spi::SpiDevice for SpiDevice {
         if out.len() > SPI_BYTES {
             return Err(hal_spi::ErrorKind::Overrun);
         }
+        #[cfg(feature = "joint")]
+        let _selected = BUS.lock().await;
         let registers = pac::SPI1;
         self.select.set_low();
         for byte in out {

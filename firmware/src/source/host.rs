@@ -1,10 +1,9 @@
 //! Samples from the host, one step for each.
 
 use super::Source;
+use crate::kind::{Config, Sample};
 use crate::shared::Shared;
 use embassy_time::{Duration, Instant, with_timeout};
-use model_core::Sample;
-use model_core::sensing::Sensors;
 
 pub struct Host {
     shared: &'static Shared,
@@ -24,7 +23,7 @@ impl Source for Host {
         Some((Instant::now(), 0))
     }
 
-    fn sample(&mut self, _: &Sensors) -> Sample {
+    fn sample(&mut self, _: &Config) -> Sample {
         self.sample
     }
 }

@@ -2,12 +2,12 @@
 
 use super::{STEP, Source, into_step};
 use crate::board::{Adc, Channel};
+use crate::kind::{self, Config, Sample};
 use crate::shared::Shared;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::InputPin;
+use model_core::AdcCode;
 use model_core::sample::OVERSAMPLING;
-use model_core::sensing::Sensors;
-use model_core::{AdcCode, Sample};
 
 /// The timer is set this much early, and the task polls for the rest: the timer's interrupt takes
 /// some 14 us to reach the task, and the serial interrupt may delay it. That one is masked while
@@ -22,9 +22,9 @@ pub struct Inputs<A, P> {
     due: Option<Instant>,
     /// Steps left out since the last one; a field, because an order may end a wait early.
     missed: u32,
-    /// Digital sensors, and their last readings of pressure and gas.
+    /// Digital sensors, and their last readings.
     #[cfg(feature = "parts")]
-    parts: (&'static crate::parts::Parts, [u32; 2]),
+    parts: (&'static crate::parts::Parts, crate::parts::Seen),
 }
 
 impl<A: Adc, P: InputPin> Inputs<A, P> {
@@ -37,7 +37,7 @@ impl<A: Adc, P: InputPin> Inputs<A, P> {
             due: None,
             missed: 0,
             #[cfg(feature = "parts")]
-            parts: (&shared.parts, [0; 2]),
+            parts: (&shared.parts, crate::parts::Seen::default()),
         }
     }
 
@@ -74,21 +74,16 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
     }
 
     #[cfg_attr(not(feature = "parts"), allow(unused_mut, unused_variables))]
-    fn sample(&mut self, sensors: &Sensors) -> Sample {
-        let mut codes = Sample::new(
-            self.code(Channel::Pressure),
-            self.code(Channel::Gas),
-            self.code(Channel::Length),
-        );
+    fn sample(&mut self, config: &Config) -> Sample {
+        let mut codes = kind::sample([
+            self.code(Channel::Adc0),
+            self.code(Channel::Adc1),
+            self.code(Channel::Adc2),
+        ]);
         #[cfg(feature = "parts")]
         {
-            let (parts, [pressure, gas]) = &mut self.parts;
-            if sensors.pressure_part.is_digital() {
-                codes.pressure = parts.pressure.code(pressure);
-            }
-            if sensors.gas_element.is_digital() {
-                codes.gas = parts.gas.code(gas);
-            }
+            let (parts, seen) = &mut self.parts;
+            kind::take_parts(config, parts, seen, &mut codes);
         }
         self.adc.hold_others(false);
         // An input that cannot be read counts as open.

@@ -10,9 +10,8 @@ pub use host::Host;
 #[cfg(not(feature = "hil"))]
 pub use inputs::Inputs;
 
+use crate::kind::{Config, Sample};
 use embassy_time::{Duration, Instant};
-use model_core::Sample;
-use model_core::sensing::Sensors;
 
 pub const STEP: Duration = Duration::from_micros(STEP_US as u64);
 pub const STEP_US: u32 = 1000;
@@ -32,6 +31,6 @@ pub trait Source {
     /// it, or
     /// `None` after a long wait without a step.
     async fn due(&mut self) -> Option<(Instant, u32)>;
-    /// Samples these sensors for the step that is due.
-    fn sample(&mut self, sensors: &Sensors) -> Sample;
+    /// Samples the sensors of this configuration for the step that is due.
+    fn sample(&mut self, config: &Config) -> Sample;
 }

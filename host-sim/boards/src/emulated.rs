@@ -9,8 +9,9 @@ use super::armed::if_armed;
 use super::image;
 use super::link::Link;
 use model_core::control::Mode;
+use model_core::joint::{JointSample, JointTelemetry};
 use model_core::step_counts::StepCounts;
-use model_core::{AdcCode, Config, Sample, SetPoint, Telemetry};
+use model_core::{AdcCode, Config, RawCode, Sample, SetPoint, Telemetry};
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -117,6 +118,8 @@ pub struct Exchange {
     pub inlet_duty: f64,
     /// Duty set for the outlet's coil.
     pub outlet_duty: f64,
+    /// The same four of a joint's muscle b.
+    pub b: [f64; 4],
     /// Cycles in which the core did not sleep.
     pub busy_cycles: u32,
     /// Reads of flash, instructions included.
@@ -146,9 +149,51 @@ impl Exchange {
         Actuation { inlet: self.inlet_coil, outlet: 1.0 - self.outlet_coil }
     }
 
+    /// Actual openings of a joint's muscles.
+    pub fn actuations(&self) -> [Actuation; 2] {
+        let [inlet, outlet, ..] = self.b;
+        [self.actuation(), Actuation { inlet, outlet: 1.0 - outlet }]
+    }
+
+    /// Set openings of a joint's muscles.
+    pub fn set_duties(&self) -> [Actuation; 2] {
+        let [_, _, inlet, outlet] = self.b;
+        [self.set_duty(), Actuation { inlet, outlet: 1.0 - outlet }]
+    }
+
     /// Set openings: the duties from which the plant makes its own pulses.
     pub fn set_duty(&self) -> Actuation {
         Actuation { inlet: self.inlet_duty, outlet: 1.0 - self.outlet_duty }
+    }
+}
+
+/// Inputs of the board's pins.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Inputs {
+    /// Sums of eight conversions of ADC0 to ADC2.
+    adc: [u16; 3],
+    /// Codes of the digital sensors: pressure, gas, gas of a joint's muscle b.
+    parts: [u16; 3],
+    emergency_stop: bool,
+    heard: bool,
+}
+
+impl From<&Sample> for Inputs {
+    fn from(sample: &Sample) -> Self {
+        let Sample { pressure, gas, length, emergency_stop, heard, .. } = *sample;
+        let [pressure, gas] = [pressure, gas].map(RawCode::to_bits);
+        let adc = [pressure, gas, RawCode::from(length).to_bits()];
+        Self { adc, parts: [pressure, gas, 0], emergency_stop, heard }
+    }
+}
+
+impl From<&JointSample> for Inputs {
+    fn from(sample: &JointSample) -> Self {
+        let JointSample { pressure, gas, angle, emergency_stop, heard, .. } = *sample;
+        let [pressure_a, pressure_b] = pressure.map(RawCode::to_bits);
+        let [gas_a, gas_b] = gas.map(RawCode::to_bits);
+        let adc = [pressure_a, pressure_b, RawCode::from(angle).to_bits()];
+        Self { adc, parts: [0, gas_a, gas_b], emergency_stop, heard }
     }
 }
 
@@ -164,7 +209,7 @@ pub struct EmulatedBoard {
     identities: Vec<String>,
     log: Vec<u8>,
     /// Present inputs of the board.
-    inputs: Sample,
+    inputs: Inputs,
     adc_stalled: bool,
     part_fault: PartFault,
     hang: Option<(Place, u32)>,
@@ -227,7 +272,7 @@ impl EmulatedBoard {
             open: false,
             identities: Vec::new(),
             log: Vec::new(),
-            inputs: IDLE,
+            inputs: Inputs::from(&IDLE),
             adc_stalled: false,
             part_fault: PartFault::None,
             hang: None,
@@ -250,13 +295,14 @@ impl EmulatedBoard {
 
     /// Runs one millisecond with these inputs. If the host is heard in the sample,
     /// keep-alive messages are sent.
-    pub fn exchange(&mut self, sample: &Sample) -> Result<Exchange, BoardError> {
-        self.quiet_steps = if sample.heard { self.quiet_steps + 1 } else { 0 };
+    pub fn exchange(&mut self, inputs: impl Into<Inputs>) -> Result<Exchange, BoardError> {
+        let inputs = inputs.into();
+        self.quiet_steps = if inputs.heard { self.quiet_steps + 1 } else { 0 };
         if self.quiet_steps >= ALIVE_STEPS {
             self.quiet_steps = 0;
             self.send(HostCommand::Alive);
         }
-        self.run(sample, STEP_NS)
+        self.run(inputs, STEP_NS)
     }
 
     /// The exchange from power-up until the board listened.
@@ -292,7 +338,7 @@ impl EmulatedBoard {
         self.use_port(Port::Usb);
         let inputs = self.inputs;
         for _ in 0..PATIENCE {
-            self.exchange(&inputs)?;
+            self.exchange(inputs)?;
             if self.enumerated {
                 return Ok(());
             }
@@ -353,6 +399,12 @@ impl EmulatedBoard {
         std::iter::from_fn(|| link.take_telemetry()).collect()
     }
 
+    /// The same of a joint.
+    pub fn take_joint_telemetry(&mut self) -> Vec<JointTelemetry> {
+        let link = &mut self.wire().link;
+        std::iter::from_fn(|| link.take_joint_telemetry()).collect()
+    }
+
     /// Injects a fault.
     pub fn inject(&mut self, injection: Injection) {
         match injection {
@@ -374,7 +426,7 @@ impl EmulatedBoard {
         let sequence = self.request(command);
         let inputs = self.inputs;
         for _ in 0..PATIENCE {
-            self.exchange(&inputs)?;
+            self.exchange(inputs)?;
             match self.take_answer(sequence) {
                 Some(Answer::Refused(refusal)) => return Err(BoardError::Refused(refusal)),
                 Some(answer) => return Ok(answer),
@@ -406,20 +458,25 @@ impl EmulatedBoard {
     }
 
     /// As [`EmulatedBoard::exchange`], for any time and without keep-alive messages.
-    pub fn run(&mut self, sample: &Sample, nanoseconds: u32) -> Result<Exchange, BoardError> {
-        self.inputs = *sample;
+    pub fn run(
+        &mut self,
+        inputs: impl Into<Inputs>,
+        nanoseconds: u32,
+    ) -> Result<Exchange, BoardError> {
+        let inputs = inputs.into();
+        self.inputs = inputs;
         let carried = u64::from(nanoseconds) * BYTES_PER_MS / u64::from(STEP_NS);
         let [uart, usb] = &mut self.wires;
         let uart = drain(&mut uart.to_board, carried as usize);
         let usb = drain(&mut usb.to_board, USB_BYTES);
-        let mut request = Vec::with_capacity(26 + uart.len() + usb.len());
+        let mut request = Vec::with_capacity(32 + uart.len() + usb.len());
         request.extend_from_slice(&nanoseconds.to_le_bytes());
-        for code in [sample.pressure, sample.gas, sample.length.into()] {
-            request.extend_from_slice(&code.to_bits().to_le_bytes());
+        for code in inputs.adc.into_iter().chain(inputs.parts) {
+            request.extend_from_slice(&code.to_le_bytes());
         }
         let fault = core::mem::take(&mut self.fault);
         request.push(
-            u8::from(!sample.emergency_stop)
+            u8::from(!inputs.emergency_stop)
                 | u8::from(self.adc_stalled) << 1
                 | u8::from(fault) << 2
                 | u8::from(self.plugged) << 3
@@ -444,6 +501,8 @@ impl EmulatedBoard {
         let share = |powered_ns: f64| (powered_ns / f64::from(nanoseconds)).min(1.0);
         exchange.inlet_coil = share(exchange.inlet_coil);
         exchange.outlet_coil = share(exchange.outlet_coil);
+        let [inlet, outlet, inlet_duty, outlet_duty] = exchange.b;
+        exchange.b = [share(inlet), share(outlet), inlet_duty, outlet_duty];
         self.restarts = exchange.restarts;
         Ok(exchange)
     }
@@ -461,14 +520,17 @@ impl EmulatedBoard {
             let mut bytes = [0; 4];
             self.responses.read_exact(&mut bytes).map(|()| u32::from_le_bytes(bytes))
         };
-        let [inlet_ns, outlet_ns, busy_cycles] = [word()?, word()?, word()?];
+        let [inlet_ns, outlet_ns, inlet_b_ns, outlet_b_ns] = [word()?, word()?, word()?, word()?];
+        let busy_cycles = word()?;
         let [restarts, flash_reads, flash_misses] = [word()?, word()?, word()?];
         let [power_cuts, flash_operations, flash_violations] = [word()?, word()?, word()?];
         let mut half_word = || {
             let mut bytes = [0; 2];
             self.responses.read_exact(&mut bytes).map(|()| f64::from(u16::from_le_bytes(bytes)))
         };
-        let [inlet_duty, outlet_duty] = [half_word()? / 65_535.0, half_word()? / 65_535.0];
+        let mut duty = || half_word().map(|duty| duty / 65_535.0);
+        let [inlet_duty, outlet_duty, inlet_b_duty, outlet_b_duty] =
+            [duty()?, duty()?, duty()?, duty()?];
         let mut state = [0];
         self.responses.read_exact(&mut state)?;
         for port in [Port::Uart, Port::Usb] {
@@ -486,6 +548,7 @@ impl EmulatedBoard {
             outlet_coil: f64::from(outlet_ns),
             inlet_duty,
             outlet_duty,
+            b: [f64::from(inlet_b_ns), f64::from(outlet_b_ns), inlet_b_duty, outlet_b_duty],
             busy_cycles,
             flash_reads,
             flash_misses,
@@ -543,7 +606,7 @@ impl Board for EmulatedBoard {
         // startup check.
         self.send(HostCommand::Start(set_point));
         let inputs = self.inputs;
-        self.exchange(&inputs)?;
+        self.exchange(inputs)?;
         self.startup_steps = StepCounts::new(config.step_s).startup_steps;
         self.restarted = false;
         Ok(())

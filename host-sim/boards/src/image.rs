@@ -26,13 +26,17 @@ pub enum Variant {
     Pico2,
     /// Samples come from the host.
     Hil,
+    /// That of a joint.
+    Joint,
+    /// That of a joint for the Pico 2.
+    JointPico2,
 }
 
 impl Variant {
     fn target(self) -> &'static str {
         match self {
-            Self::Standard | Self::Hil => RP2040,
-            Self::Pico2 => RP2350,
+            Self::Standard | Self::Hil | Self::Joint => RP2040,
+            Self::Pico2 | Self::JointPico2 => RP2350,
         }
     }
 
@@ -41,6 +45,8 @@ impl Variant {
             Self::Standard => &[],
             Self::Hil => &["--features", "hil"],
             Self::Pico2 => &["--no-default-features", "--features", "pico2"],
+            Self::Joint => &["--features", "joint"],
+            Self::JointPico2 => &["--no-default-features", "--features", "pico2,joint"],
         }
     }
 
@@ -50,6 +56,8 @@ impl Variant {
             Self::Standard => "the firmware",
             Self::Hil => "the firmware for samples of the host",
             Self::Pico2 => "the firmware for the Pico 2",
+            Self::Joint => "the firmware for a joint",
+            Self::JointPico2 => "the firmware for a joint on the Pico 2",
         }
     }
 
@@ -58,6 +66,8 @@ impl Variant {
             Self::Standard => "firmware.elf",
             Self::Hil => "firmware-hil.elf",
             Self::Pico2 => "firmware-pico2.elf",
+            Self::Joint => "firmware-joint.elf",
+            Self::JointPico2 => "firmware-joint-pico2.elf",
         }
     }
 }

@@ -8,6 +8,7 @@ pub mod inside;
 pub mod line;
 pub mod link;
 pub mod live;
+pub mod live_joint;
 pub mod port;
 #[cfg(unix)]
 pub mod pty;

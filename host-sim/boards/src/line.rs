@@ -4,6 +4,7 @@ use super::link::Link;
 use super::port::{self, Port};
 use super::serial_port;
 use model_core::Telemetry;
+use model_core::joint::JointTelemetry;
 use std::time::{Duration, Instant};
 use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Status, Version};
 use thermyo_simulation::board::BoardError;
@@ -121,6 +122,11 @@ impl Line {
     /// The next telemetry that has arrived.
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {
         self.link.take_telemetry()
+    }
+
+    /// The same of a joint.
+    pub fn take_joint_telemetry(&mut self) -> Option<JointTelemetry> {
+        self.link.take_joint_telemetry()
     }
 
     /// The answer to a request, if it has arrived.

@@ -1,6 +1,7 @@
 //! The host's end of the protocol, over any transport: bytes in, bytes out.
 
 use model_core::Telemetry;
+use model_core::joint::JointTelemetry;
 use std::collections::VecDeque;
 use thermyo_protocol::{Answer, Decoder, HostCommand, Message, Reply, Request, Status, encode};
 
@@ -11,6 +12,7 @@ pub struct Link {
     sequence: u8,
     replies: VecDeque<Reply>,
     telemetry: VecDeque<Telemetry>,
+    joint_telemetry: VecDeque<JointTelemetry>,
     status: Option<Status>,
     /// The step count starts again after the answer to this request.
     start: Option<u8>,
@@ -24,7 +26,14 @@ impl Link {
         // one.
         let sequence = self.sequence;
         self.replies.retain(|reply| reply.sequence != sequence);
-        if matches!(command, HostCommand::Start(_) | HostCommand::Configure(_)) {
+        let starts = matches!(
+            command,
+            HostCommand::Start(_)
+                | HostCommand::Configure(_)
+                | HostCommand::StartJoint(_)
+                | HostCommand::ConfigureJoint(_)
+        );
+        if starts {
             self.start = Some(self.sequence);
         }
         let request = Request { sequence: self.sequence, command };
@@ -42,8 +51,12 @@ impl Link {
                     if self.start.take_if(|start| *start == reply.sequence).is_some() {
                         // Earlier telemetry is from the old core.
                         self.telemetry.clear();
+                        self.joint_telemetry.clear();
                     }
                     self.replies.push_back(reply);
+                }
+                Some(Message::JointTelemetry(telemetry)) => {
+                    self.joint_telemetry.push_back(telemetry);
                 }
                 Some(Message::Status(status)) => self.status = Some(status),
                 None => (),
@@ -63,6 +76,10 @@ impl Link {
 
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {
         self.telemetry.pop_front()
+    }
+
+    pub fn take_joint_telemetry(&mut self) -> Option<JointTelemetry> {
+        self.joint_telemetry.pop_front()
     }
 
     /// The answer to a request, if it has arrived. Older answers are dropped.

@@ -5,7 +5,8 @@ use model_core::control::Mode;
 use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
 use std::time::{Duration, Instant};
 use thermyo_protocol::{
-    Answer, Chip, Event, HostCommand, LastReset, Name, Refusal, Status, Timing, Version, checksum,
+    Answer, Chip, Event, HostCommand, Image, LastReset, Name, Refusal, Status, Timing, Version,
+    checksum,
 };
 use thermyo_simulation::board::BoardError;
 
@@ -26,6 +27,18 @@ pub struct LiveBoard {
     driving: bool,
 }
 
+/// Whether the image drives one muscle.
+///
+/// # Errors
+/// [`BoardError`] for one that waits for samples or drives a joint.
+pub fn for_one_muscle(Version { image, chip, .. }: Version) -> Result<(), BoardError> {
+    match image {
+        Image::Hil => Err(BoardError::Hil { chip }),
+        Image::Joint => Err(BoardError::Refused(Refusal::OtherImage { joint: true })),
+        _ => Ok(()),
+    }
+}
+
 impl LiveBoard {
     /// Opens the board at a port.
     ///
@@ -33,9 +46,7 @@ impl LiveBoard {
     /// [`BoardError`], if there is no answer, another protocol, or firmware that waits for samples.
     pub fn open(port: &str) -> Result<Self, BoardError> {
         let (line, version) = Line::open(port)?;
-        if version.hil {
-            return Err(BoardError::Hil { chip: version.chip });
-        }
+        for_one_muscle(version)?;
         let mut board = Self::of(line, version);
         board.telemetry_every(VIEW_DIVIDER)?;
         Ok(board)
@@ -384,8 +395,12 @@ mod tests {
     }
 
     fn unread() -> LiveBoard {
-        let version =
-            Version { protocol: PROTOCOL, firmware: [0, 1, 0], chip: Chip::Rp2040, hil: false };
+        let version = Version {
+            protocol: PROTOCOL,
+            firmware: [0, 1, 0],
+            chip: Chip::Rp2040,
+            image: Image::Muscle,
+        };
         let line = Line::over(Box::new(Unread::new()), "unread");
         LiveBoard::of(line, version)
     }

@@ -1,6 +1,6 @@
 //! The emulated board behind a pseudo-terminal, for programs that open a serial port. Unix only.
 
-use super::emulated::EmulatedBoard;
+use super::emulated::{EmulatedBoard, Exchange};
 use super::serial_port;
 use model_core::Sample;
 use serialport::{SerialPort, TTYPort};
@@ -21,7 +21,18 @@ pub struct PtyBoard {
 
 impl PtyBoard {
     /// Connects the UART of `board`, whose ADC gets `sample`, with a new pseudo-terminal.
-    pub fn new(mut board: EmulatedBoard, sample: Sample) -> Result<Self, BoardError> {
+    pub fn new(board: EmulatedBoard, sample: Sample) -> Result<Self, BoardError> {
+        Self::with(board, move || move |board| board.exchange(&sample))
+    }
+
+    /// The same, with what `make` makes at the board's pins, which runs one millisecond at each call.
+    pub fn with<R>(
+        mut board: EmulatedBoard,
+        make: impl FnOnce() -> R + Send + 'static,
+    ) -> Result<Self, BoardError>
+    where
+        R: FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError>,
+    {
         let no_port = |error: serialport::Error| BoardError::NoPort {
             port: "pseudo-terminal".to_owned(),
             reason: error.to_string(),
@@ -36,15 +47,16 @@ impl PtyBoard {
         let thread = thread::spawn(move || {
             // Open as long as the board lives: without it the master's reads fail.
             let _slave = slave;
-            let mut buffer = [0; 512];
+            let (mut buffer, mut run) = ([0; 512], make());
             while !stopped.load(Ordering::Relaxed) {
                 if let Ok(count) = serial_port::read(&mut master, &mut buffer) {
                     board.write(&buffer[..count]);
                 }
-                let Ok(exchange) = board.exchange(&sample) else { break };
+                let Ok(exchange) = run(&mut board) else { break };
                 left.store(exchange.boot_loader, Ordering::Relaxed);
                 let _ = master.write_all(&board.read());
                 board.take_telemetry();
+                board.take_joint_telemetry();
             }
         });
         Ok(Self { port, stop, in_boot_loader, thread: Some(thread) })

@@ -6,7 +6,7 @@ use super::line::Line;
 use super::link::Link;
 use model_core::control::Mode;
 use model_core::{Config, Sample, SetPoint, Telemetry};
-use thermyo_protocol::HostCommand;
+use thermyo_protocol::{HostCommand, Image};
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 pub struct SerialBoard {
@@ -17,7 +17,11 @@ impl SerialBoard {
     /// Opens the board at a port, which must have the `hil` firmware of this protocol version.
     pub fn open(port: &str) -> Result<Self, BoardError> {
         let (line, version) = Line::open(port)?;
-        if version.hil { Ok(Self { line }) } else { Err(BoardError::NotHil { chip: version.chip }) }
+        if version.image == Image::Hil {
+            Ok(Self { line })
+        } else {
+            Err(BoardError::NotHil { chip: version.chip })
+        }
     }
 }
 

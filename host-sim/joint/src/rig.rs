@@ -139,8 +139,9 @@ impl Rig {
         }
     }
 
-    /// Codes of all sensors. The angle goes through the length channel of muscle a, over its range.
-    fn sample(&mut self) -> JointSample {
+    /// Codes of all sensors: what a board reads in a step, which ends with [`Self::advance`]. The angle goes through
+    /// the length channel of muscle a, over its range.
+    pub fn sample(&mut self) -> JointSample {
         let truth = self.plant.truth();
         let [least, most] = self.sensor_rad;
         let share = (truth.angle_rad - least) / (most - least);
@@ -184,19 +185,33 @@ impl Rig {
             truth,
             telemetry,
         };
+        self.advance(telemetry.commands().map(Actuation::from))?;
+        if next.set_point != self.inputs.set_point {
+            self.set(next.set_point)?;
+        }
+        self.inputs = next;
+        Ok(row)
+    }
+
+    /// Moves the plant by one step with these openings.
+    ///
+    /// # Errors
+    /// [`RunError::Diverged`].
+    pub fn advance(&mut self, openings: [Actuation; 2]) -> Result<(), RunError> {
+        let truth = self.plant.truth();
         let disturbances =
             [0, 1].map(|i: usize| self.faults[i].disturbance(truth.muscles[i].time_s));
         self.plant.disturb(disturbances);
         self.plant.load(self.inputs.load_n_m);
         self.plant.tear(self.inputs.torn);
-        let commands = telemetry.commands();
-        self.plant.advance(commands.map(Actuation::from)).map_err(RunError::Diverged)?;
-        if next.set_point != self.inputs.set_point {
-            self.set(next.set_point)?;
-        }
-        self.inputs = next;
+        self.plant.advance(openings).map_err(RunError::Diverged)?;
         self.step += 1;
-        Ok(row)
+        Ok(())
+    }
+
+    /// The plant's state.
+    pub fn truth(&self) -> JointTruth {
+        self.plant.truth()
     }
 
     /// K = r^2 sum(k P A^2/V + P_g dA/dL + k_b), with the gas of a muscle's tube.

@@ -770,7 +770,7 @@ mod tests {
         use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
         use std::sync::{Mutex, OnceLock};
         use thermyo_protocol::{
-            Answer, Chip, Decoder, HostCommand, Message, PROTOCOL, Reply, Request, Version,
+            Answer, Chip, Decoder, HostCommand, Image, Message, PROTOCOL, Reply, Request, Version,
             checksum, encode,
         };
 
@@ -827,7 +827,7 @@ mod tests {
                     protocol: PROTOCOL,
                     firmware: [0, 1, 0],
                     chip: Chip::Rp2040,
-                    hil: false,
+                    image: Image::Muscle,
                 }),
                 HostCommand::ReadConfig => Answer::Config(config),
                 HostCommand::Status => Answer::Status(Status {

@@ -21,6 +21,9 @@ pub(super) struct FlashArgs {
     /// Required board model
     #[arg(long, value_enum)]
     chip: Option<Model>,
+    /// The firmware for a joint of two muscles, in place of one muscle
+    #[arg(long)]
+    joint: bool,
     /// Prepare the firmware and find the board, but write nothing
     #[arg(long)]
     dry_run: bool,
@@ -41,7 +44,8 @@ pub(super) fn list(args: &PortsArgs, out: &mut dyn Write) -> Result<(), Failure>
 }
 
 pub(super) fn run(args: FlashArgs, out: &mut dyn Write) -> Result<(), Failure> {
-    let request = Request { target: args.target, model: args.chip, dry_run: args.dry_run };
+    let FlashArgs { target, chip: model, joint, dry_run, .. } = args;
+    let request = Request { target, model, joint, dry_run };
     let mut broken = None;
     let mut say = |line: &str| {
         if !args.format.quiet && !args.format.json && broken.is_none() {

@@ -1,16 +1,18 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
+use super::board_status::{configuration, configuration_json, started_by, timed};
+use super::joint_board::JointTask;
 use super::log::LogArgs;
 use super::muscle::{line, vents};
 use super::progress::Bar;
 use super::{
-    Failure, FormatArgs, UnitArgs, calibrate, interrupt, load, print, publish, read_to_compare,
-    set, tune,
+    Failure, FormatArgs, UnitArgs, calibrate, interrupt, joint_board, load, print, publish,
+    read_to_compare, set, tune,
 };
 use clap::{Args, Subcommand};
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
-use serde_json::{Value, json};
+use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
@@ -18,12 +20,13 @@ use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
-use thermyo_protocol::{ConfigSource, Event, LastReset, Status, Timing};
+use thermyo_protocol::{Event, Refusal};
 use thermyo_record::board_trace::Recorder;
 use thermyo_scenario::DriveKind;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_setup::{Loaded, SET_POINT_COLUMNS};
+use thermyo_simulation::board::BoardError;
 use thermyo_studies::drive;
 use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
 
@@ -122,6 +125,23 @@ enum ConfigTask {
     Forget,
 }
 
+impl BoardTask {
+    /// The same for a joint's board, if it has it.
+    fn of_joint(self) -> Option<JointTask> {
+        Some(match self {
+            Self::Info => JointTask::Info,
+            Self::Arm(ArmArgs { max_pressure }) => JointTask::Arm { max_pressure },
+            Self::Set(args) => JointTask::Set(args),
+            Self::Stop => JointTask::Stop,
+            Self::Clear => JointTask::Clear,
+            Self::Config(ConfigTask::Write { file }) => JointTask::Write { file },
+            Self::Config(ConfigTask::Save) => JointTask::Save,
+            Self::Config(ConfigTask::Forget) => JointTask::Forget,
+            _ => return None,
+        })
+    }
+}
+
 pub(super) fn run(
     command: BoardCommand,
     out: &mut dyn Write,
@@ -132,7 +152,12 @@ pub(super) fn run(
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
         return plug(&port, task, format, out);
     }
-    let mut board = LiveBoard::open(&port)?;
+    let mut board = match LiveBoard::open(&port) {
+        Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
+            return joint_board::run(&port, task.of_joint(), (format, units), out);
+        }
+        opened => opened?,
+    };
     match task {
         BoardTask::Info => info(&mut board, (format, units), out),
         BoardTask::Arm(ArmArgs { max_pressure }) => {
@@ -252,46 +277,6 @@ fn info(
         timed(&timing),
     );
     format.answer(out, &json, &text)
-}
-
-fn started_by(last_reset: LastReset) -> String {
-    match last_reset {
-        LastReset::Power => "power or its reset pin".to_owned(),
-        other => format!("{other:?}"),
-    }
-}
-
-fn configuration_json(status: &Status) -> Value {
-    json!({
-        "config_name": status.config_name.as_str(),
-        "config_checksum": status.config_checksum,
-        "config_source": status.config_source,
-    })
-}
-
-fn configuration(status: &Status) -> String {
-    let name = match status.config_name.as_str() {
-        "" => "no name",
-        name => name,
-    };
-    let from = match status.config_source {
-        ConfigSource::Defaults => "the core's defaults",
-        ConfigSource::Host => "sent by the host, not saved",
-        ConfigSource::Flash => "from flash",
-    };
-    format!("{name}, {:08x}, {from}", status.config_checksum)
-}
-
-fn timed(timing: &Timing) -> String {
-    format!(
-        "step {:.0} us mean, {} us worst; start {:.0} us late in the mean, {} us at worst; {} missed of {}",
-        f64::from(timing.step_mean_ns) / 1e3,
-        timing.step_worst_us,
-        f64::from(timing.jitter_mean_ns) / 1e3,
-        timing.jitter_worst_us,
-        timing.missed_steps,
-        timing.steps,
-    )
 }
 
 fn arm(

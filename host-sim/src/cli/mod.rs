@@ -3,6 +3,7 @@
 //! Exit codes: 0: done; 1: a stated check failed; 2: bad input or usage; 130: stopped by Ctrl-C.
 
 mod board;
+mod board_status;
 mod calibrate;
 mod compare;
 mod evaluate;
@@ -14,6 +15,7 @@ mod folded;
 mod init;
 mod interrupt;
 mod joint;
+mod joint_board;
 mod log;
 mod measure;
 mod muscle;

@@ -11,19 +11,20 @@ use std::io::{self, IsTerminal, Write};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::units::UnitSystem;
 use thermyo_plant::chamber;
+use thermyo_protocol::Refusal;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 
 #[derive(Debug, Args)]
 pub(super) struct SetArgs {
     #[command(subcommand)]
-    set_point: SetPointArgs,
+    pub(super) set_point: SetPointArgs,
     /// Vent after this time, such as 5 (s) or 2min [default: at Ctrl-C]
     #[arg(long, value_name = "TIME", global = true, allow_negative_numbers = true, value_parser = seconds)]
-    hold: Option<f64>,
+    pub(super) hold: Option<f64>,
     /// Arm the board first
     #[arg(long, global = true)]
-    arm: bool,
+    pub(super) arm: bool,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -33,7 +34,7 @@ fn seconds(text: &str) -> Result<f64, String> {
 }
 
 #[derive(Debug, Clone, Copy, Subcommand)]
-enum SetPointArgs {
+pub(super) enum SetPointArgs {
     /// Absolute pressure
     Pressure {
         /// Pressure, such as 1.3bar, 130kPa or 130000 (Pa)
@@ -64,13 +65,36 @@ enum SetPointArgs {
         #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
         outlet: f32,
     },
+    /// Angle of a joint
+    Angle {
+        /// Angle, such as 20deg or 0.35 (rad)
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("rad"))]
+        angle_rad: f32,
+        /// Stiffness behind shut valves (N m/rad)
+        #[arg(long, value_name = "STIFFNESS", value_parser = core_quantity("N m/rad"))]
+        stiffness: f32,
+    },
+    /// Torque of a joint
+    Torque {
+        /// Torque (N m)
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("N m"))]
+        torque_n_m: f32,
+        /// Stiffness behind shut valves (N m/rad)
+        #[arg(long, value_name = "STIFFNESS", value_parser = core_quantity("N m/rad"))]
+        stiffness: f32,
+    },
     /// Inlet shut, outlet open
     Vent,
 }
 
-impl From<SetPointArgs> for SetPoint {
-    fn from(args: SetPointArgs) -> Self {
-        match args {
+impl TryFrom<SetPointArgs> for SetPoint {
+    type Error = Failure;
+
+    fn try_from(args: SetPointArgs) -> Result<Self, Failure> {
+        Ok(match args {
+            SetPointArgs::Angle { .. } | SetPointArgs::Torque { .. } => {
+                return Err(BoardError::Refused(Refusal::OtherImage { joint: false }).into());
+            }
             SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
             SetPointArgs::Contraction { contraction } => Self::Contraction { contraction },
             SetPointArgs::Flow { flow_kg_s, period_s: None } => Self::MassFlow { flow_kg_s },
@@ -79,7 +103,7 @@ impl From<SetPointArgs> for SetPoint {
             }
             SetPointArgs::Duty { inlet, outlet } => Self::Duty { inlet, outlet },
             SetPointArgs::Vent => Self::Vent,
-        }
+        })
     }
 }
 
@@ -105,7 +129,7 @@ pub(super) fn run(
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let set_point = SetPoint::from(args.set_point);
+    let set_point = SetPoint::try_from(args.set_point)?;
     let config = board.config()?;
     interrupt::watch();
     if args.arm {

@@ -273,6 +273,15 @@ impl Estimator {
         }
     }
 
+    /// Has its intervals half a movement of the zones later than one that starts with it: where two share a processor,
+    /// no step does the work of both. The first interval is a short one, and counts for nothing.
+    pub(crate) fn delay(&mut self) {
+        let counts = self.coefficients.counts;
+        let first_steps = counts.move_steps / 2;
+        self.interval.steps = counts.update_steps.saturating_sub(first_steps);
+        self.window.steps = counts.interval_steps.saturating_sub(first_steps);
+    }
+
     /// The estimate after the last step.
     pub fn estimate(&self) -> Estimate {
         Estimate {

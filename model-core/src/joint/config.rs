@@ -102,6 +102,9 @@ impl JointConfig {
         let steps = [a, b].map(|config| f32::from(config.pwm_period_steps));
         let [of_a, of_b] = steps;
         within("valve.pwm_hz (its period, of muscle b as of muscle a)", of_b, of_a, of_a)?;
+        let [of_a, of_b] =
+            [a, b].map(|config| f32::from(u8::from(config.valve_kind.is_switching())));
+        within("valve.kind (1: switching, of muscle b as of muscle a)", of_b, of_a, of_a)?;
         let Mechanism { minimum_rad, maximum_rad, .. } = *mechanism;
         within("joint.maximum_rad", maximum_rad, minimum_rad + 0.01, 6.3)?;
         let [least, most] = [mechanism.sensor_minimum_rad, mechanism.sensor_maximum_rad];
@@ -145,6 +148,7 @@ impl Default for JointConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::physics::valve::{Spool, ValveKind};
 
     #[test]
     fn what_no_pair_can_be_is_refused_by_its_key() {
@@ -161,6 +165,10 @@ mod tests {
         assert_eq!(field, "joint.maximum_rad");
         let field = with(|config| config.muscles[1].pwm_period_steps = 20);
         assert!(field.starts_with("valve.pwm_hz"), "{field}");
+        let field = with(|config| {
+            config.muscles[1].valve_kind = ValveKind::Proportional(Spool::default());
+        });
+        assert!(field.starts_with("valve.kind"), "{field}");
         let field = with(|config| config.muscles[0].load = Load::Isotonic { force_n: 10.0 });
         assert!(field.starts_with("load.kind"), "{field}");
         let field = with(|config| config.mechanism.sensor_maximum_rad = 0.7);

@@ -83,7 +83,7 @@ impl Side {
         closes: f32,
         [quiet_pa, waits_pa]: [f32; 2],
     ) -> Command {
-        let Measured { config, chamber, feedback } = muscle;
+        let Measured { config, chamber, feedback, most_pa } = muscle;
         let port = ChamberPort::new(config, *chamber, feedback, &self.drive, self.per_k);
         let way_pa = next_pa - core::mem::replace(&mut self.reference_pa, next_pa);
         let way_m3 = next_m3 - core::mem::replace(&mut self.reference_m3, next_m3);
@@ -117,7 +117,7 @@ impl Side {
             asked_kg = sign * open_kg;
             self.given_pa += sign * waits_pa * early_kg / waits_kg;
         }
-        let room_kg = port.mass_kg(config.working_limit_pa() - port.pressure_pa, 0.0);
+        let room_kg = port.mass_kg(most_pa - port.pressure_pa, 0.0);
         let mass_kg = limit(asked_kg, f32::MIN, limit(room_kg, 0.0, 1.0));
         self.drive.mass(config, mass_kg, feedback.muscle())
     }
@@ -132,6 +132,8 @@ pub struct Measured<'a> {
     pub chamber: &'a AnyChamber,
     /// Pressure, length and estimate.
     pub feedback: Feedback,
+    /// Highest absolute pressure that it may be given \[Pa\].
+    pub most_pa: f32,
 }
 
 impl Measured<'_> {
@@ -236,6 +238,7 @@ impl JointController {
 
     /// Starts from what is measured: nothing jumps.
     pub fn restart(&mut self, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
+        self.sides.iter_mut().for_each(|side| side.held = Held::default());
         self.measure(muscles);
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
@@ -248,7 +251,6 @@ impl JointController {
         self.observer.restart(angle_rad);
         for ((side, line), muscle) in self.sides.iter_mut().zip(&self.lines).zip(muscles) {
             side.drive.reset();
-            side.held = Held::default();
             side.start(muscle.feedback.pressure_pa, line.volume_m3);
         }
     }
@@ -268,7 +270,7 @@ impl JointController {
             presliding_n_m_rad: bearing_n_m * (1.0 / BEARING_RAD),
         };
         for ((line, side), muscle) in self.lines.iter_mut().zip(&self.sides).zip(muscles) {
-            let Measured { config, chamber, feedback } = muscle;
+            let Measured { config, chamber, feedback, .. } = muscle;
             *line = Line::new(config, *chamber, feedback.length_m, side.held.force_n());
             let friction_n = config.friction.force_n(feedback.estimate.wall_k)
                 * config.friction.at_pressure(muscle.gauge_pa());
@@ -280,16 +282,15 @@ impl JointController {
         self.friction = friction;
     }
 
-    /// The openings of a period, at its start.
+    /// The openings of a period, at its start, after [`measure`](Self::measure) or [`restart`](Self::restart).
     pub fn period(
         &mut self,
         set_point: &JointSetPoint,
         angle_rad: f32,
         muscles: &[Measured<'_>; 2],
     ) -> [Command; 2] {
-        self.measure(muscles);
-        let most_pa = muscles
-            .map(|Measured { config, .. }| config.working_limit_pa() - config.ambient.pressure_pa);
+        let most_pa =
+            muscles.map(|Measured { config, most_pa, .. }| most_pa - config.ambient.pressure_pa);
         let torque = |stiffness_n_m_rad, torque_n_m| [torque_n_m, stiffness_n_m_rad];
         match *set_point {
             JointSetPoint::Vent => self.vent(),

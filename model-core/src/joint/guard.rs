@@ -2,7 +2,7 @@
 
 use super::config::{JointConfig, Mechanism};
 use crate::math::absolute;
-use crate::sample::fault_set;
+use crate::sample::{Faults, fault_set};
 use crate::step_counts::StepCounts;
 
 /// Way from where it was armed, after which the direction is judged: 3 deg \[rad\].
@@ -35,6 +35,19 @@ impl JointFaults {
         (Self::WRONG_WAY, "angle goes the wrong way"),
         (Self::TORQUE, "torque"),
     ];
+
+    /// The first of their bits in [`Faults`].
+    const FIRST_BIT: u32 = Faults::JOINT_ANGLE.0.trailing_zeros();
+
+    /// The same among the faults of a first failure.
+    pub const fn of_failure(self) -> Faults {
+        Faults((self.0 as u32) << Self::FIRST_BIT)
+    }
+
+    /// Those among the faults of a first failure.
+    pub const fn from_failure(faults: Faults) -> Self {
+        Self((faults.0 >> Self::FIRST_BIT) as u8 & 0b111)
+    }
 }
 
 fault_set!(JointFaults);

@@ -23,12 +23,13 @@ mod set_point;
 pub use self::config::{JointConfig, JointTuning, Mechanism};
 pub use self::guard::JointFaults;
 pub use self::reference::Motion;
-pub use self::set_point::{JointError, JointSetPoint};
+pub use self::set_point::{JointError, JointField, JointSetPoint};
 
 use self::controller::{JointController, Measured};
 use self::guard::{Guard, Motions};
-use crate::control::SetPointError;
+use crate::control::{SetPointError, SetPointField};
 use crate::parameter::ConfigError;
+use crate::safety::supervisor::FirstFailure;
 use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemetry};
 use crate::sensing::adc::{Characteristic, Linearisation, Point};
 use crate::step::{Core, Judged};
@@ -184,6 +185,7 @@ pub struct Joint {
     /// Faults that hold now, and those that are latched.
     present: JointFaults,
     latched: JointFaults,
+    first: Option<FirstFailure>,
 }
 
 impl Joint {
@@ -204,9 +206,15 @@ impl Joint {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &JointConfig) -> Result<Self, ConfigError> {
         config.check()?;
+        Ok(Self::of(config, true))
+    }
+
+    /// With a configuration that holds; whether somebody has configured it so.
+    #[cold]
+    fn of(config: &JointConfig, configured: bool) -> Self {
         let [a, b] = &config.muscles;
-        Ok(Self {
-            muscles: [Core::new(a)?, Core::new(b)?],
+        Self {
+            muscles: [Core::of(a, configured), Core::of_second(b, configured)],
             line: AngleLine::new(config),
             controller: JointController::new(config),
             guard: Guard::new(config),
@@ -215,24 +223,103 @@ impl Joint {
             started: false,
             present: JointFaults::NONE,
             latched: JointFaults::NONE,
+            first: None,
             config: *config,
-        })
+        }
     }
 
-    /// Takes set points from now on, as far as the configured pressures go. It vents until there is one.
+    /// Becomes [`new`](Self::new) with another configuration, in its place: a board has no memory for a third joint.
     ///
     /// # Errors
-    /// [`JointError::Faults`] while faults vent; it is as armed as before.
-    pub fn arm(&mut self) -> Result<(), JointError> {
-        let faults = self.venting();
-        let [a, b] = &mut self.muscles;
-        let armed = a.arm(None).and_then(|()| b.arm(None));
-        if self.latched != JointFaults::NONE || armed.is_err() {
-            self.disarm();
-            return Err(JointError::Faults(faults, self.latched));
-        }
-        self.vent();
+    /// [`ConfigError`] as [`JointConfig::check`]; it is as before then.
+    #[cold]
+    pub fn become_new(&mut self, config: &JointConfig) -> Result<(), ConfigError> {
+        config.check()?;
+        let [a, b] = &config.muscles;
+        let [muscle_a, muscle_b] = &mut self.muscles;
+        muscle_a.become_of(a);
+        muscle_b.become_of(b);
+        muscle_b.delay_estimator();
+        self.line = AngleLine::new(config);
+        self.controller = JointController::new(config);
+        self.guard = Guard::new(config);
+        self.set_point = JointSetPoint::Vent;
+        self.commands = [Command::VENT; 2];
+        self.started = false;
+        (self.present, self.latched) = (JointFaults::NONE, JointFaults::NONE);
+        self.first = None;
+        self.config = *config;
         Ok(())
+    }
+
+    /// The joint of a board without a configuration: it has the default one, and vents until it is
+    /// [restarted](Self::restart_as) as one that is configured, and armed.
+    #[cold]
+    pub fn unconfigured() -> Self {
+        Self::of(&JointConfig::default(), false)
+    }
+
+    /// Whether somebody has configured it.
+    pub fn is_configured(&self) -> bool {
+        !self.venting().iter().any(|faults| faults.intersects(Faults::NOT_CONFIGURED))
+    }
+
+    /// Restarts as `other`, with its configuration and, where the joint is armed, its set point. What is latched
+    /// is latched, as [`Core::restart_as`] has it.
+    pub fn restart_as(&mut self, other: &Self) {
+        let armed = self.is_armed();
+        for (muscle, other) in self.muscles.iter_mut().zip(&other.muscles) {
+            muscle.restart_as_copy(other);
+        }
+        self.config = other.config;
+        self.line = other.line;
+        self.controller = other.controller;
+        self.guard = other.guard;
+        self.set_point = if armed { other.set_point } else { JointSetPoint::Vent };
+        self.commands = [Command::VENT; 2];
+        self.started = false;
+    }
+
+    /// Takes over what was latched before the board restarted. It does not say of which muscle: both have it.
+    pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
+        self.muscles.iter_mut().for_each(|muscle| muscle.recall(first, latched));
+        self.latched = self.latched.with(JointFaults::from_failure(latched));
+        self.first = Some(first);
+    }
+
+    /// The first failure since faults were last cleared, or the last one before that: the faults of both muscles and
+    /// of the joint in that step, and the pressure of the muscle that has one.
+    pub fn first_failure(&self) -> Option<FirstFailure> {
+        self.first
+    }
+
+    /// Faults of muscles and joint that stay until they are cleared.
+    pub fn latched(&self) -> Faults {
+        let [a, b] = &self.muscles;
+        let muscles = a.supervisor().latched().with(b.supervisor().latched());
+        muscles.with(self.latched.of_failure())
+    }
+
+    /// Takes set points from now on, with pressures of no more than `most_pa` in either muscle \[Pa\]; `None`: as
+    /// much as the configuration gives. It vents until there is one.
+    ///
+    /// # Errors
+    /// [`JointError::Range`] for a pressure below what a muscle has now or above its configuration's, and
+    /// [`JointError::Faults`] while faults vent. It is not armed then.
+    pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), JointError> {
+        let [a, b] = &mut self.muscles;
+        let armed = a.arm(most_pa).and_then(|()| b.arm(most_pa));
+        if self.latched == JointFaults::NONE && armed.is_ok() {
+            self.vent();
+            return Ok(());
+        }
+        self.disarm();
+        Err(match armed {
+            Err(SetPointError::Range { field: SetPointField::Armed, value, minimum, maximum }) => {
+                JointError::Range { field: JointField::Armed, value, minimum, maximum }
+            }
+            _ => JointError::Faults(self.venting(), self.latched),
+        })
     }
 
     /// Vents, and takes no set point until it is [armed](Self::arm).
@@ -243,7 +330,13 @@ impl Joint {
 
     /// Whether set points are taken.
     pub fn is_armed(&self) -> bool {
-        self.muscles.iter().all(|muscle| muscle.armed_pa().is_some())
+        self.armed_pa().is_some()
+    }
+
+    /// Highest absolute pressure that either muscle may be given \[Pa\]; `None`: it is not armed.
+    pub fn armed_pa(&self) -> Option<f32> {
+        let [a, b] = &self.muscles;
+        a.armed_pa().zip(b.armed_pa()).map(|(a, b)| if a < b { a } else { b })
     }
 
     /// Vents both muscles, from the next step on.
@@ -312,6 +405,7 @@ impl Joint {
     /// One step. During the startup check the joint vents, and neither estimates nor counts steps.
     pub fn step(&mut self, sample: &JointSample) -> JointTelemetry {
         let samples = sample.muscles();
+        let latched_before = self.latched() != Faults::NONE;
         let (angle_rad, wide_rad) = self.line.read(sample.angle);
         let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
         let wide_m = self.config.mechanism.radius_m * wide_rad;
@@ -325,9 +419,12 @@ impl Joint {
         // Their own openings are not used; their periods go on as the hardware's do.
         a.openings(sample_a, judged_a);
         b.openings(sample_b, judged_b);
-        let gauge_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
-        let gauge_pa = self.gauge_pa(gauge_pa);
+        let pressure_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
+        let gauge_pa = self.gauge_pa(pressure_pa);
         self.watch(angle_rad, gauge_pa, &judged);
+        if !latched_before && self.latched() != Faults::NONE {
+            self.first = Some(self.failure(pressure_pa, &judged));
+        }
         let fails = self.venting() != [Faults::NONE; 2] || self.latched != JointFaults::NONE;
         if fails && (self.is_armed() || self.set_point != JointSetPoint::Vent) {
             // Vents both in this step, whichever of the two, or the joint, has the fault.
@@ -343,6 +440,17 @@ impl Joint {
         let [a, b] = &self.config.muscles;
         let [of_a, of_b] = pressure_pa;
         [of_a - a.ambient.pressure_pa, of_b - b.ambient.pressure_pa]
+    }
+
+    #[cold]
+    fn failure(&self, [of_a, of_b]: [f32; 2], judged: &[Judged; 2]) -> FirstFailure {
+        let [a, b] = &self.muscles;
+        let [judged_a, judged_b] = judged;
+        let faults = judged_a.faults().with(judged_b.faults()).with(self.latched.of_failure());
+        // Of the pair, the one that has the fault.
+        let only_b =
+            a.supervisor().latched() == Faults::NONE && b.supervisor().latched() != Faults::NONE;
+        FirstFailure { faults, pressure_pa: if only_b { of_b } else { of_a }, step: a.steps() }
     }
 
     /// Observer and faults of the joint.
@@ -367,17 +475,23 @@ impl Joint {
         let [a, b] = &self.muscles;
         let [config_a, config_b] = &self.config.muscles;
         let [judged_a, judged_b] = judged;
-        let measured = [
-            Measured { config: config_a, chamber: a.chamber(), feedback: a.measured(judged_a) },
-            Measured { config: config_b, chamber: b.chamber(), feedback: b.measured(judged_b) },
-        ];
+        let measured = [(config_a, a, a.measured(judged_a)), (config_b, b, b.measured(judged_b))]
+            .map(|(config, muscle, feedback)| Measured {
+                config,
+                chamber: muscle.chamber(),
+                feedback,
+                most_pa: muscle.armed_pa().unwrap_or(0.0),
+            });
+        let begins = a.begins_period();
         if self.set_point == JointSetPoint::Vent {
             self.commands = self.controller.vent();
-            if a.begins_period() {
+            if begins {
                 self.controller.measure(&measured);
             }
-        } else if a.begins_period() {
-            if !self.started {
+        } else if begins {
+            if self.started {
+                self.controller.measure(&measured);
+            } else {
                 self.controller.restart(angle_rad, &measured);
                 self.guard.restart(angle_rad);
                 self.started = true;
@@ -497,11 +611,49 @@ mod tests {
         assert_eq!(vents_after(&mut joint, open), Some(0));
         let telemetry = joint.step(&HEALTHY);
         assert_eq!(telemetry.faults, JointFaults::ANGLE_SENSOR);
-        assert!(joint.arm().is_err());
+        assert!(joint.arm(None).is_err());
         joint.clear_faults();
         assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
-        assert_eq!(joint.arm(), Ok(()));
+        assert_eq!(joint.arm(None), Ok(()));
         assert_eq!(joint.set(FILLING), Ok(()));
+    }
+
+    /// Also over a restart of the board, and by the name of the joint's own fault.
+    #[test]
+    fn the_first_failure_is_kept_and_another_configuration_forgives_nothing() {
+        let mut joint = filling();
+        let torn = |sample: JointSample| JointSample {
+            pressure: [sample.pressure[0], AdcCode(0).into()],
+            ..sample
+        };
+        vents_after(&mut joint, torn);
+        let first = joint.first_failure().unwrap();
+        assert_eq!((first.faults, first.pressure_pa < 0.0), (Faults::PRESSURE_SENSOR, true));
+        joint.restart_as(&Joint::new(&JointConfig::default()).unwrap());
+        assert_eq!(joint.latched(), Faults::PRESSURE_SENSOR);
+        assert!(joint.arm(None).is_err());
+
+        let mut joint = filling();
+        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
+        vents_after(&mut joint, open);
+        assert!(joint.first_failure().unwrap().faults.intersects(Faults::JOINT_ANGLE));
+        let mut board = Joint::unconfigured();
+        board.recall(joint.first_failure().unwrap(), joint.latched());
+        board.restart_as(&Joint::new(&JointConfig::default()).unwrap());
+        assert_eq!(
+            board.arm(None),
+            Err(JointError::Faults([Faults::NONE; 2], JointFaults::ANGLE_SENSOR))
+        );
+    }
+
+    #[test]
+    fn it_is_armed_for_a_pressure_and_gives_no_more() {
+        let mut joint = filling();
+        assert_eq!(joint.arm(Some(2.0e5)), Ok(()));
+        assert_eq!(joint.armed_pa(), Some(2.0e5));
+        let refused = joint.arm(Some(1.0e4)).unwrap_err();
+        assert!(refused.to_string().starts_with("armed_pa = 10000: must be from"), "{refused}");
+        assert_eq!(joint.armed_pa(), None);
     }
 
     /// Nothing is driven before the sensors are tested, nor after it was disarmed.

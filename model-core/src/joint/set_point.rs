@@ -41,14 +41,57 @@ pub enum JointSetPoint {
     Angle(Motion),
 }
 
+/// A value of a joint's set point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum JointField {
+    /// Share for which an inlet is open.
+    Inlet,
+    /// Share for which an outlet is open.
+    Outlet,
+    /// Pressure of a muscle.
+    Pressure,
+    /// Torque.
+    Torque,
+    /// Stiffness.
+    Stiffness,
+    /// Angle.
+    Angle,
+    /// Its speed.
+    Speed,
+    /// Its acceleration.
+    Acceleration,
+    /// Highest pressure for which a joint is armed.
+    Armed,
+}
+
+impl JointField {
+    /// Its key, the unit included.
+    pub const fn key(self) -> &'static str {
+        match self {
+            Self::Inlet => "inlet",
+            Self::Outlet => "outlet",
+            Self::Pressure => "pressure_pa",
+            Self::Torque => "torque_n_m",
+            Self::Stiffness => "stiffness_n_m_rad",
+            Self::Angle => "angle_rad",
+            Self::Speed => "speed_rad_s",
+            Self::Acceleration => "acceleration_rad_s2",
+            Self::Armed => "armed_pa",
+        }
+    }
+}
+
 /// Why a set point is not taken; what held before goes on.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum JointError {
     /// A value is not a number, or out of its range.
     Range {
-        /// Its key.
-        key: &'static str,
+        /// Which one.
+        field: JointField,
         /// The refused value, in the unit of its key.
         value: f32,
         /// Smallest value allowed.
@@ -65,8 +108,8 @@ pub enum JointError {
 impl core::fmt::Display for JointError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
-            Self::Range { key, value, minimum, maximum } => {
-                write!(f, "{key} = {value}: must be from {minimum} to {maximum}")
+            Self::Range { field, value, minimum, maximum } => {
+                write!(f, "{} = {value}: must be from {minimum} to {maximum}", field.key())
             }
             Self::Faults([a, b], joint) => write!(
                 f,
@@ -89,36 +132,36 @@ impl JointSetPoint {
         match self {
             Self::Vent => Ok(()),
             Self::Duty { inlet, outlet } => {
-                inlet.iter().try_for_each(|share| within("inlet", *share, 0.0, 1.0))?;
-                outlet.iter().try_for_each(|share| within("outlet", *share, 0.0, 1.0))
+                inlet.iter().try_for_each(|share| within(JointField::Inlet, *share, 0.0, 1.0))?;
+                outlet.iter().try_for_each(|share| within(JointField::Outlet, *share, 0.0, 1.0))
             }
             Self::Pressures { pressure_pa } => {
                 pressure_pa.iter().zip(muscles).try_for_each(|(pa, muscle)| {
-                    within("pressure_pa", *pa, 0.0, muscle.pressure_limit_pa)
+                    within(JointField::Pressure, *pa, 0.0, muscle.pressure_limit_pa)
                 })
             }
             Self::Torque { torque_n_m, stiffness_n_m_rad } => {
-                within("torque_n_m", *torque_n_m, -LARGEST, LARGEST)?;
-                within("stiffness_n_m_rad", *stiffness_n_m_rad, 0.0, LARGEST)
+                within(JointField::Torque, *torque_n_m, -LARGEST, LARGEST)?;
+                within(JointField::Stiffness, *stiffness_n_m_rad, 0.0, LARGEST)
             }
             Self::Angle(motion) => {
                 let (least, most) = (mechanism.minimum_rad, mechanism.maximum_rad);
-                within("angle_rad", motion.angle_rad, least, most)?;
-                within("speed_rad_s", motion.speed_rad_s, -FASTEST_RAD_S, FASTEST_RAD_S)?;
+                within(JointField::Angle, motion.angle_rad, least, most)?;
+                within(JointField::Speed, motion.speed_rad_s, -FASTEST_RAD_S, FASTEST_RAD_S)?;
                 let acceleration = motion.acceleration_rad_s2;
-                within("acceleration_rad_s2", acceleration, -LARGEST_RAD_S2, LARGEST_RAD_S2)?;
-                within("stiffness_n_m_rad", motion.stiffness_n_m_rad, 0.0, LARGEST)
+                within(JointField::Acceleration, acceleration, -LARGEST_RAD_S2, LARGEST_RAD_S2)?;
+                within(JointField::Stiffness, motion.stiffness_n_m_rad, 0.0, LARGEST)
             }
         }
     }
 }
 
-fn within(key: &'static str, value: f32, minimum: f32, maximum: f32) -> Result<(), JointError> {
+fn within(field: JointField, value: f32, minimum: f32, maximum: f32) -> Result<(), JointError> {
     // Not a number fails both.
     if value >= minimum && value <= maximum {
         Ok(())
     } else {
-        Err(JointError::Range { key, value, minimum, maximum })
+        Err(JointError::Range { field, value, minimum, maximum })
     }
 }
 

@@ -70,6 +70,11 @@ pub enum ValveKind {
 }
 
 impl ValveKind {
+    /// Whether a command is a pulse's share of a PWM period.
+    pub fn is_switching(&self) -> bool {
+        matches!(self, Self::Switching)
+    }
+
     /// Time by which the valve acts later than its command, beside the dead time \[s\].
     pub fn late_s(&self, valve: &Valve) -> f32 {
         match self {

@@ -76,9 +76,12 @@ fn joint() {
             )
         };
         let _ = joint.set(set_point);
-        let _ = joint.arm();
+        let _ = joint.arm(Some(2.0e5));
         joint.clear_faults();
         joint.disarm();
+        if joint.become_new(&config).is_err() {
+            joint.restart_as(&Joint::unconfigured());
+        }
         let telemetry = joint.step(&sample);
         // SAFETY: as above.
         unsafe { write_volatile((MEMORY + 0x4000) as *mut JointTelemetry, telemetry) };

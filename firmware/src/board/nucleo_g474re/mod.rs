@@ -173,9 +173,9 @@ pub struct Converter {
 impl Adc for Converter {
     fn convert(&mut self, channel: Channel) -> u16 {
         let channel = match channel {
-            Channel::Pressure => &mut self.pressure,
-            Channel::Gas => &mut self.gas,
-            Channel::Length => &mut self.length,
+            Channel::Adc0 => &mut self.pressure,
+            Channel::Adc1 => &mut self.gas,
+            Channel::Adc2 => &mut self.length,
         };
         // 1.6 us at 37.5 MHz, with the conversion.
         self.adc.blocking_read(channel, SampleTime::CYCLES47_5)

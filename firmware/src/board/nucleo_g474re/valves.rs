@@ -2,7 +2,8 @@
 //! carrier: the full duty is above the counter's top, always on.
 
 use super::CLOCK_HZ;
-use crate::board::{CARRIER_HZ, Modulation, PWM_DELAY, Valves};
+use crate::board::{CARRIER_HZ, Modulation, Valves};
+use crate::kind::PWM_DELAY;
 use crate::source::STEP_US;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::OutputType;

@@ -16,7 +16,7 @@ use thermyo_boards::image;
 use thermyo_boards::image::Variant;
 use thermyo_boards::line::Line;
 use thermyo_files::input::InputError;
-use thermyo_protocol::{Chip, HostCommand, Version};
+use thermyo_protocol::{Chip, HostCommand, Image, Version};
 use thermyo_simulation::board::BoardError;
 
 /// A drive or a board that has not appeared after this time is reported as missing.
@@ -51,10 +51,12 @@ impl Model {
         }
     }
 
-    fn variant(self) -> Variant {
-        match self {
-            Self::Pico => Variant::Standard,
-            Self::Pico2 => Variant::Pico2,
+    fn variant(self, joint: bool) -> Variant {
+        match (self, joint) {
+            (Self::Pico, false) => Variant::Standard,
+            (Self::Pico, true) => Variant::Joint,
+            (Self::Pico2, false) => Variant::Pico2,
+            (Self::Pico2, true) => Variant::JointPico2,
         }
     }
 
@@ -160,6 +162,8 @@ pub struct Request {
     pub target: Option<String>,
     /// Required model.
     pub model: Option<Model>,
+    /// The image of a joint of two muscles, in place of that of one muscle.
+    pub joint: bool,
     /// Writes nothing and restarts no board.
     pub dry_run: bool,
 }
@@ -201,8 +205,9 @@ pub fn run(
     if let Some(wanted) = request.model.filter(|wanted| *wanted != model) {
         return Err(FlashError::OtherChip { target: target.name(), found: model, wanted });
     }
-    say(&format!("preparing the firmware for {model}"));
-    let image = image::firmware(model.variant())?;
+    let of_joint = if request.joint { " and a joint of two muscles" } else { "" };
+    say(&format!("preparing the firmware for {model}{of_joint}"));
+    let image = image::firmware(model.variant(request.joint))?;
     let damaged = |problem: String| FlashError::Image { path: image.clone(), problem };
     let elf = fs::read(&image).map_err(|error| damaged(error.to_string()))?;
     let content = uf2::of_elf(&elf, model.family()).map_err(damaged)?;
@@ -232,7 +237,8 @@ pub fn run(
         return Ok(flashed);
     }
     let (port, version) = wait_for(|| back(port.as_deref(), &before)).ok_or(FlashError::NotBack)?;
-    if Model::of_chip(version.chip) != Some(model) || version.firmware != OURS {
+    let other = (version.image == Image::Joint) != request.joint;
+    if Model::of_chip(version.chip) != Some(model) || version.firmware != OURS || other {
         return Err(FlashError::OtherFirmware { port, found: version });
     }
     say(&format!("{port} runs {}", version_text(&version)));
@@ -255,9 +261,13 @@ const fn number(text: &str) -> u16 {
 
 /// Chip and firmware version as text.
 pub fn version_text(version: &Version) -> String {
-    let Version { firmware: [major, minor, patch], chip, protocol, hil } = version;
-    let hil = if *hil { ", samples from the host" } else { "" };
-    format!("firmware {major}.{minor}.{patch} ({chip}, protocol {protocol}{hil})")
+    let Version { firmware: [major, minor, patch], chip, protocol, image } = version;
+    let image = match image {
+        Image::Hil => ", samples from the host",
+        Image::Joint => ", a joint",
+        _ => "",
+    };
+    format!("firmware {major}.{minor}.{patch} ({chip}, protocol {protocol}{image})")
 }
 
 fn named(name: &str) -> Result<Target, FlashError> {

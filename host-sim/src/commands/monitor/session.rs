@@ -8,6 +8,7 @@ use serde::Serialize;
 use std::io::Write;
 use std::time::{Duration, Instant};
 use thermyo_boards::link::Link;
+use thermyo_boards::live::for_one_muscle;
 use thermyo_boards::port::Port;
 use thermyo_boards::{port, serial_port};
 use thermyo_protocol::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
@@ -221,10 +222,10 @@ impl Session {
                 Some(Answer::Version(version)) if version.protocol != PROTOCOL => {
                     return Err(BoardError::Protocol { board: version.protocol });
                 }
-                Some(Answer::Version(version)) if version.hil => {
-                    return Err(BoardError::Hil { chip: version.chip });
+                Some(Answer::Version(version)) => {
+                    for_one_muscle(version)?;
+                    self.version = Some(version);
                 }
-                Some(Answer::Version(version)) => self.version = Some(version),
                 Some(Answer::Config(config)) => self.take_config(config),
                 Some(Answer::LastReset(last_reset)) => self.last_reset = Some(last_reset),
                 Some(Answer::FirstFailure(first)) => self.first_failure = first,

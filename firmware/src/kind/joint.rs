@@ -1,0 +1,214 @@
+//! A joint of two muscles.
+
+use crate::board::Modulation;
+use crate::link::{Identity, Outcome, check_muscle, configure, done, other_image};
+use crate::parts::{Parts, Seen};
+use crate::shared::{Answer, Message, Order, Shared, Slot};
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_time::Duration;
+pub use model_core::joint::{
+    Joint as Core, JointConfig as Config, JointSample as Sample, JointSetPoint as SetPoint,
+    JointTelemetry as Telemetry,
+};
+use model_core::joint::{JointError, JointMode, JointTuning, Mechanism};
+use model_core::safety::supervisor::FirstFailure;
+use model_core::{AdcCode, Command, Faults};
+use serde::{Serialize, Serializer};
+pub use thermyo_protocol::joint_checksum as checksum;
+use thermyo_protocol::{ConfigSource, Image, Name, Refusal, Side};
+pub use thermyo_protocol::{HostCommand, Request};
+
+pub const MUSCLES: usize = 2;
+pub const IMAGE: Image = Image::Joint;
+/// Bytes of the longest value in the store, and schema of the values: raised whenever their content
+/// changes, and never one of the image for one muscle, which has the same place for its own.
+pub const MAX_VALUE: usize = 1536;
+pub const SCHEMA: u16 = 0x8001;
+/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
+/// take 300 us longer than the first one and must not miss it.
+pub const PWM_DELAY: Duration = Duration::from_micros(500);
+pub type Commands = [Command; MUSCLES];
+pub const VENT: Commands = [Command::VENT; MUSCLES];
+
+pub type JointTelemetry = Telemetry;
+
+/// The configurations of muscles a and b that wait for the rest of the joint's.
+static MUSCLE_CONFIGS: Mutex<CriticalSectionRawMutex, [Option<model_core::Config>; MUSCLES]> =
+    Mutex::new([None; MUSCLES]);
+
+/// Stands for a muscle's active configuration in a message, which need not hold its half kilobyte:
+/// it is read when the message is sent.
+#[derive(Clone, Copy)]
+pub struct ActiveConfig(&'static Shared, Side);
+
+impl Serialize for ActiveConfig {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let [a, b] = self.0.config().unwrap_or_default().muscles;
+        match self.1 {
+            Side::A => a.serialize(serializer),
+            Side::B => b.serialize(serializer),
+        }
+    }
+}
+
+/// The same for the rest of the joint's.
+#[derive(Clone, Copy)]
+pub struct ActiveRest(&'static Shared);
+
+impl Serialize for ActiveRest {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Config { mechanism, tuning, .. } = self.0.config().unwrap_or_default();
+        (mechanism, tuning).serialize(serializer)
+    }
+}
+
+/// A core that the tasks share: too large to be moved on the stack.
+pub type Held = &'static mut Core;
+
+pub fn is_configured(core: &Core) -> bool {
+    core.is_configured()
+}
+
+pub fn unconfigured() -> Core {
+    Core::unconfigured()
+}
+
+pub fn commands(telemetry: &Telemetry) -> Commands {
+    telemetry.commands()
+}
+
+/// The commands by muscles.
+pub fn each(commands: Commands) -> [Command; MUSCLES] {
+    commands
+}
+
+pub fn is_checking(telemetry: &Telemetry) -> bool {
+    telemetry.mode == JointMode::StartupCheck
+}
+
+pub fn step(telemetry: &Telemetry) -> u32 {
+    let [a, _] = &telemetry.muscles;
+    a.step
+}
+
+pub fn faults(telemetry: &Telemetry) -> Faults {
+    let [a, b] = &telemetry.muscles;
+    a.faults.with(b.faults).with(telemetry.faults.of_failure())
+}
+
+pub fn message(telemetry: Telemetry) -> Message {
+    Message::JointTelemetry(telemetry)
+}
+
+pub fn latched(core: &Core) -> Faults {
+    core.latched()
+}
+
+pub fn first_failure(core: &Core) -> Option<FirstFailure> {
+    core.first_failure()
+}
+
+pub fn modulation(config: &Config) -> Modulation {
+    let [a, _] = &config.muscles;
+    Modulation::of(a)
+}
+
+pub fn restart_as(core: &mut Core, other: &Core) {
+    core.restart_as(other);
+}
+
+/// Restarts with a set point, which is checked before. There is no memory for a third joint that
+/// could be armed and set first, as one muscle's core is.
+pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), Refusal> {
+    set_point.check(other.config())?;
+    // An armed joint has no faults that vent, so that the set point is taken afterwards.
+    if set_point != SetPoint::Vent && !core.is_armed() {
+        return Err(JointError::NotArmed.into());
+    }
+    core.restart_as(other);
+    core.set(set_point)?;
+    Ok(())
+}
+
+/// The sample of these codes of ADC0 to ADC2.
+pub fn sample([pressure_a, pressure_b, angle]: [AdcCode; 3]) -> Sample {
+    Sample { pressure: [pressure_a.into(), pressure_b.into()], angle, ..Sample::default() }
+}
+
+/// Whether the gas sensors, and the pressure sensors, are digital.
+pub fn digital(_: &Config) -> ([bool; MUSCLES], bool) {
+    ([true; MUSCLES], false)
+}
+
+/// Puts the readings of digital sensors in place of the codes.
+pub fn take_parts(_: &Config, parts: &Parts, seen: &mut Seen, sample: &mut Sample) {
+    let sensors = parts.gas.iter().zip(&mut seen.gas);
+    for (gas, (part, seen)) in sample.gas.iter_mut().zip(sensors) {
+        *gas = part.code(seen);
+    }
+}
+
+/// Gives the core in the slot a configuration, in its place.
+pub fn prepare(slot: &mut Slot, config: &Config) -> Result<(), Refusal> {
+    match slot {
+        Slot::Full(core) => Ok(core.become_new(config)?),
+        Slot::Empty => Err(Refusal::NotConfigured),
+    }
+}
+
+/// Whether the board can run the configuration, its values left aside.
+pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
+    for muscle in &config.muscles {
+        check_muscle(muscle, identity)?;
+        let sensors = &muscle.sensors;
+        if sensors.pressure_part.is_digital() || !sensors.gas_element.is_digital() {
+            return Err(Refusal::JointSensors);
+        }
+    }
+    Ok(())
+}
+
+/// Requests about what the image drives.
+pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Shared) -> Outcome {
+    match command {
+        HostCommand::ReadMuscle(side) => {
+            Outcome::Answer(Answer::Config(ActiveConfig(shared, side)))
+        }
+        HostCommand::ReadJoint => Outcome::Answer(Answer::Joint(ActiveRest(shared))),
+        HostCommand::ConfigureMuscle(side, config) => {
+            // The tasks of the thread take turns.
+            if let Ok(mut configs) = MUSCLE_CONFIGS.try_lock() {
+                let [a, b] = &mut *configs;
+                match side {
+                    Side::A => *a = Some(config),
+                    Side::B => *b = Some(config),
+                }
+            }
+            Outcome::Answer(done(shared))
+        }
+        HostCommand::ConfigureJoint((mechanism, tuning)) => {
+            commit(mechanism, tuning, identity, shared)
+                .unwrap_or_else(|refusal| Outcome::Answer(Answer::Refused(refusal)))
+        }
+        HostCommand::StartJoint(set_point) => Outcome::Restart(Order::Start(set_point)),
+        HostCommand::SetJoint(set_point) => Outcome::Order(Order::Set(set_point)),
+        HostCommand::Step(_) => Outcome::Answer(Answer::Refused(Refusal::NoHostSamples)),
+        _ => other_image(),
+    }
+}
+
+fn commit(
+    mechanism: Mechanism,
+    tuning: JointTuning,
+    identity: &Identity,
+    shared: &'static Shared,
+) -> Result<Outcome, Refusal> {
+    let configs = MUSCLE_CONFIGS.try_lock().map_err(|_| Refusal::NoMuscles)?;
+    let [Some(a), Some(b)] = *configs else {
+        return Err(Refusal::NoMuscles);
+    };
+    let config = Config { muscles: [a, b], mechanism, tuning };
+    configure(&config, identity, shared)?;
+    Ok(Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE)))
+}

@@ -1,0 +1,183 @@
+//! One muscle.
+
+use crate::board::Modulation;
+use crate::link::{Identity, Outcome, check_muscle, configure, other_image};
+use crate::shared::{Answer, Message, Order, Shared, Slot};
+use embassy_time::Duration;
+use model_core::control::SetPointError;
+use model_core::safety::supervisor::FirstFailure;
+use model_core::{AdcCode, Faults, Mode};
+pub use model_core::{Command as Commands, Config, Core, Sample, SetPoint, Telemetry};
+use serde::{Serialize, Serializer};
+pub use thermyo_protocol::checksum;
+use thermyo_protocol::{ConfigSource, HostCommandWith, Image, Name, Refusal, RequestWith, Unread};
+
+#[cfg_attr(not(feature = "parts"), allow(dead_code))]
+pub const MUSCLES: usize = 1;
+pub const IMAGE: Image = if cfg!(feature = "hil") { Image::Hil } else { Image::Muscle };
+/// Bytes of the longest value in the store, and schema of the values: raised whenever their content
+/// changes.
+pub const MAX_VALUE: usize = 512;
+pub const SCHEMA: u16 = 1;
+/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
+/// may take longer and must not miss it.
+pub const PWM_DELAY: Duration = Duration::from_micros(250);
+pub const VENT: Commands = Commands::VENT;
+
+pub type Request = RequestWith<Unread, Unread, Unread>;
+pub type HostCommand = HostCommandWith<Unread, Unread, Unread>;
+
+/// Never sent.
+pub type JointTelemetry = ();
+
+/// Stands for the active configuration in a message, which need not hold its half kilobyte: it is
+/// read when the message is sent.
+#[derive(Clone, Copy)]
+pub struct ActiveConfig(&'static Shared);
+
+/// Never sent.
+pub type ActiveRest = ();
+
+impl Serialize for ActiveConfig {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.0.config().unwrap_or_default().serialize(serializer)
+    }
+}
+
+/// A core that the tasks share.
+pub type Held = Core;
+
+pub fn is_configured(_: &Core) -> bool {
+    true
+}
+
+pub fn unconfigured() -> Core {
+    let Ok(core) = Core::unconfigured() else {
+        panic!("the default configuration holds");
+    };
+    core
+}
+
+pub fn commands(telemetry: &Telemetry) -> Commands {
+    telemetry.command
+}
+
+/// The commands by muscles.
+#[cfg_attr(feature = "nucleo-g474re", allow(dead_code))]
+pub fn each(commands: Commands) -> [Commands; MUSCLES] {
+    [commands]
+}
+
+pub fn is_checking(telemetry: &Telemetry) -> bool {
+    telemetry.mode == Mode::StartupCheck
+}
+
+pub fn step(telemetry: &Telemetry) -> u32 {
+    telemetry.step
+}
+
+pub fn faults(telemetry: &Telemetry) -> Faults {
+    telemetry.faults
+}
+
+pub fn message(telemetry: Telemetry) -> Message {
+    Message::Telemetry(telemetry)
+}
+
+pub fn latched(core: &Core) -> Faults {
+    core.supervisor().latched()
+}
+
+pub fn first_failure(core: &Core) -> Option<FirstFailure> {
+    core.supervisor().first_failure()
+}
+
+pub fn modulation(config: &Config) -> Modulation {
+    Modulation::of(config)
+}
+
+pub fn restart_as(core: &mut Core, other: &Core) {
+    core.restart_as(other.clone());
+}
+
+/// Restarts with a set point, which is checked as if the other core had been armed as this one is.
+pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), Refusal> {
+    let mut other = other.clone();
+    if let Some(armed_pa) = core.armed_pa() {
+        other.arm(Some(armed_pa))?;
+        other.set(set_point)?;
+    } else if set_point != SetPoint::Vent {
+        return Err(SetPointError::NotArmed.into());
+    }
+    core.restart_as(other);
+    Ok(())
+}
+
+/// The sample of these codes of ADC0 to ADC2.
+#[cfg_attr(feature = "hil", allow(dead_code))]
+pub fn sample([pressure, gas, length]: [AdcCode; 3]) -> Sample {
+    Sample::new(pressure, gas, length)
+}
+
+/// Whether the gas sensors, and the pressure sensor, are digital.
+#[cfg(feature = "parts")]
+pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
+    let sensors = &config.sensors;
+    ([sensors.gas_element.is_digital()], sensors.pressure_part.is_digital())
+}
+
+/// Puts the readings of digital sensors in place of the codes.
+#[cfg(feature = "parts")]
+#[cfg_attr(feature = "hil", allow(dead_code))]
+pub fn take_parts(
+    config: &Config,
+    parts: &crate::parts::Parts,
+    seen: &mut crate::parts::Seen,
+    sample: &mut Sample,
+) {
+    let ([gas], pressure) = digital(config);
+    if pressure {
+        sample.pressure = parts.pressure.code(&mut seen.pressure);
+    }
+    if gas {
+        for (part, seen) in parts.gas.iter().zip(&mut seen.gas) {
+            sample.gas = part.code(seen);
+        }
+    }
+}
+
+/// Fills the slot with a core.
+pub fn prepare(slot: &mut Slot, config: &Config) -> Result<(), Refusal> {
+    *slot = Slot::Full(Core::new(config)?);
+    Ok(())
+}
+
+/// Whether the board can run the configuration, its values left aside.
+pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
+    check_muscle(config, identity)?;
+    let sensors = &config.sensors;
+    let digital = sensors.gas_element.is_digital() || sensors.pressure_part.is_digital();
+    // With `hil`, the host's samples may come from any sensor.
+    if digital && !cfg!(any(feature = "parts", feature = "hil")) {
+        return Err(Refusal::NoSuchPart);
+    }
+    Ok(())
+}
+
+/// Requests about what the image drives.
+pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Shared) -> Outcome {
+    match command {
+        HostCommand::ReadConfig => Outcome::Answer(Answer::Config(ActiveConfig(shared))),
+        HostCommand::Configure(config) => match configure(&config, identity, shared) {
+            Ok(()) => Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE)),
+            Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
+        },
+        HostCommand::Start(set_point) => Outcome::Restart(Order::Start(set_point)),
+        HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
+        #[cfg(feature = "hil")]
+        HostCommand::Step(sample) => Outcome::Step(sample),
+        #[cfg(not(feature = "hil"))]
+        HostCommand::Step(_) => Outcome::Answer(Answer::Refused(Refusal::NoHostSamples)),
+        _ => other_image(),
+    }
+}

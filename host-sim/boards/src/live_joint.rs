@@ -1,0 +1,160 @@
+//! A flashed board that drives a joint of two muscles in real time.
+
+use super::line::Line;
+use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
+use std::time::{Duration, Instant};
+use thermyo_protocol::{
+    Answer, Chip, HostCommand, Image, LastReset, Name, Refusal, Side, Status, Timing, Version,
+    joint_checksum,
+};
+use thermyo_simulation::board::BoardError;
+
+/// Interval of the keep-alive messages: a fraction of `link.timeout_s`.
+const ALIVE: Duration = Duration::from_millis(100);
+/// Steps per telemetry frame.
+const VIEW_DIVIDER: u16 = 10;
+
+/// The board. It is vented when dropped while it drives.
+pub struct LiveJoint {
+    line: Line,
+    version: Version,
+    last_sent: Instant,
+    driving: bool,
+}
+
+impl LiveJoint {
+    /// Opens the board at a port.
+    ///
+    /// # Errors
+    /// [`BoardError`], if there is no answer, another protocol, or an image for one muscle.
+    pub fn open(port: &str) -> Result<Self, BoardError> {
+        let (mut line, version) = Line::open(port)?;
+        if version.image != Image::Joint {
+            return Err(BoardError::Refused(Refusal::OtherImage { joint: false }));
+        }
+        line.ask(HostCommand::TelemetryDivider(VIEW_DIVIDER), "telemetry")?;
+        Ok(Self { line, version, last_sent: Instant::now(), driving: false })
+    }
+
+    pub fn version(&self) -> Version {
+        self.version
+    }
+
+    pub fn port(&self) -> &str {
+        self.line.name()
+    }
+
+    fn done(&mut self, command: HostCommand, asked: &'static str) -> Result<u32, BoardError> {
+        match self.line.ask(command, asked)? {
+            Answer::Done { step } => Ok(step),
+            _ => Err(BoardError::Silent { asked }),
+        }
+    }
+
+    pub fn status(&mut self) -> Result<Status, BoardError> {
+        match self.line.ask(HostCommand::Status, "status")? {
+            Answer::Status(status) => Ok(status),
+            _ => Err(BoardError::Silent { asked: "status" }),
+        }
+    }
+
+    pub fn timing(&mut self) -> Result<Timing, BoardError> {
+        match self.line.ask(HostCommand::Timing, "timing")? {
+            Answer::Timing(timing) => Ok(timing),
+            _ => Err(BoardError::Silent { asked: "timing" }),
+        }
+    }
+
+    pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
+        match self.line.ask(HostCommand::LastReset, "reason of the last restart")? {
+            Answer::LastReset(last_reset) => Ok(last_reset),
+            _ => Err(BoardError::Silent { asked: "reason of the last restart" }),
+        }
+    }
+
+    /// Sends a configuration and its name; the board accepts or refuses it as a whole.
+    ///
+    /// # Errors
+    /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::OtherChip`];
+    /// [`BoardError::Damaged`] if the board's configuration differs afterwards.
+    pub fn configure(&mut self, config: &JointConfig, name: &str) -> Result<Status, BoardError> {
+        config.check().map_err(BoardError::Config)?;
+        let [a, b] = config.muscles;
+        let chip = self.version.chip;
+        if chip != Chip::Rp2040 && [a, b].iter().any(|one| one.sensors.adc.wide_code_lsb > 0.0) {
+            return Err(BoardError::OtherChip { chip });
+        }
+        self.done(HostCommand::ConfigureMuscle(Side::A, a), "muscle a")?;
+        self.done(HostCommand::ConfigureMuscle(Side::B, b), "muscle b")?;
+        self.done(HostCommand::ConfigureJoint((config.mechanism, config.tuning)), "configure")?;
+        self.done(HostCommand::Name(Name::new(name)), "name")?;
+        let status = self.status()?;
+        let same = status.config_checksum == joint_checksum(config);
+        same.then_some(status).ok_or(BoardError::Damaged)
+    }
+
+    /// Saves the configuration in use in flash.
+    pub fn save(&mut self) -> Result<(), BoardError> {
+        self.done(HostCommand::Save, "save").map(drop)
+    }
+
+    /// Deletes the saved configuration.
+    pub fn forget(&mut self) -> Result<(), BoardError> {
+        self.done(HostCommand::Forget, "forget").map(drop)
+    }
+
+    /// Set points are accepted up to this pressure in either muscle [Pa], or as far as configured.
+    pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
+        self.done(HostCommand::Arm { most_pa }, "arm").map(drop)
+    }
+
+    /// Sends a set point; returns the step from which on it holds.
+    pub fn set(&mut self, set_point: JointSetPoint) -> Result<u32, BoardError> {
+        let step = self.done(HostCommand::SetJoint(set_point), "set")?;
+        self.driving = set_point != JointSetPoint::Vent;
+        self.last_sent = Instant::now();
+        Ok(step)
+    }
+
+    pub fn stop(&mut self) -> Result<(), BoardError> {
+        self.done(HostCommand::Stop, "stop")?;
+        self.driving = false;
+        Ok(())
+    }
+
+    /// Clears the latched faults whose cause is gone; the telemetry has the remaining ones.
+    pub fn clear(&mut self) -> Result<JointTelemetry, BoardError> {
+        self.done(HostCommand::ClearFaults, "clear")?;
+        self.driving = false;
+        self.fresh_telemetry()
+    }
+
+    /// The next telemetry of a later step than all that is unread.
+    pub fn fresh_telemetry(&mut self) -> Result<JointTelemetry, BoardError> {
+        while self.line.take_joint_telemetry().is_some() {}
+        // What the board had sent already comes before its answer.
+        self.status()?;
+        while self.line.take_joint_telemetry().is_some() {}
+        self.line.wait(|link| link.take_joint_telemetry(), "telemetry")
+    }
+
+    /// Reads what has arrived, and keeps the board's set point alive.
+    pub fn poll(&mut self) -> Result<Option<JointTelemetry>, BoardError> {
+        if self.driving && self.last_sent.elapsed() >= ALIVE {
+            self.line.send(HostCommand::Alive)?;
+            self.last_sent = Instant::now();
+        }
+        match self.line.take_joint_telemetry() {
+            Some(telemetry) => Ok(Some(telemetry)),
+            None => self.line.poll().map(|()| self.line.take_joint_telemetry()),
+        }
+    }
+}
+
+impl Drop for LiveJoint {
+    fn drop(&mut self) {
+        if self.driving {
+            let _ = self.line.ask(HostCommand::Stop, "stop");
+        }
+    }
+}

@@ -1,0 +1,238 @@
+//! `thermyo board PORT` where the board drives a joint.
+
+use super::board_status::{configuration, configuration_json, started_by, timed};
+use super::set::{SetArgs, SetPointArgs};
+use super::{Failure, FormatArgs, interrupt, print};
+use model_core::Faults;
+use model_core::joint::{JointFaults, JointMode, JointSetPoint, JointTelemetry, Motion};
+use model_core::safety::supervisor::VENTING;
+use serde_json::{Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_files::units::UnitSystem;
+
+/// Interval of the printed lines \[s\].
+const LINE_S: f64 = 0.5;
+
+pub(super) enum JointTask {
+    Info,
+    Arm { max_pressure: Option<f64> },
+    Set(SetArgs),
+    Stop,
+    Clear,
+    Write { file: PathBuf },
+    Save,
+    Forget,
+}
+
+/// `None`: a task that only a board for one muscle has.
+pub(super) fn run(
+    port: &str,
+    task: Option<JointTask>,
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let Some(task) = task else {
+        let usage =
+            "a joint's board takes info, arm, set, stop, clear and config write, save, forget";
+        return Err(Failure::Usage(usage.to_owned()));
+    };
+    let mut board = LiveJoint::open(port)?;
+    match task {
+        JointTask::Info => info(&mut board, (format, units), out),
+        JointTask::Arm { max_pressure } => {
+            board.arm(max_pressure.map(|pa| pa as f32))?;
+            let armed_pa = board.status()?.armed_pa.unwrap_or_default();
+            let most = units.text(armed_pa.into(), "Pa", 1);
+            let words = format!("armed up to {most} in either muscle, absolute\n");
+            format.done(out, &json!({ "armed_pa": armed_pa }), &words)
+        }
+        JointTask::Set(args) => set(&mut board, &args, (format, units), out),
+        JointTask::Stop => {
+            board.stop()?;
+            format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n")
+        }
+        JointTask::Clear => clear(&mut board, format, out),
+        JointTask::Write { file } => write(&mut board, &file, format, out),
+        JointTask::Save => {
+            board.save()?;
+            show_configuration(&mut board, format, out)
+        }
+        JointTask::Forget => {
+            board.forget()?;
+            show_configuration(&mut board, format, out)
+        }
+    }
+}
+
+fn clear(board: &mut LiveJoint, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
+    let left = board.clear()?;
+    if let Some(left) = venting(&left) {
+        return Err(Failure::Check(format!("still there: {left}")));
+    }
+    let words = "no fault is left; it vents until it is armed\n";
+    format.done(out, &json!({ "faults": shown(&left) }), words)
+}
+
+fn write(
+    board: &mut LiveJoint,
+    file: &Path,
+    format: FormatArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let Some(loaded) = thermyo_joint::load(file)? else {
+        let usage = format!("{}: has no [joint], and the board drives one", file.display());
+        return Err(Failure::Usage(usage));
+    };
+    let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    board.configure(&loaded.config(), &name)?;
+    show_configuration(board, format, out)
+}
+
+fn show_configuration(
+    board: &mut LiveJoint,
+    format: FormatArgs,
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let status = board.status()?;
+    let words = format!("{}\n", configuration(&status));
+    format.done(out, &configuration_json(&status), &words)
+}
+
+/// Faults that are shown, of both muscles and of the joint.
+fn shown(telemetry: &JointTelemetry) -> Value {
+    let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.to_string());
+    json!({ "a": a, "b": b, "joint": telemetry.faults.to_string() })
+}
+
+/// Faults that vent; none: it may be armed.
+fn venting(telemetry: &JointTelemetry) -> Option<String> {
+    let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.of(VENTING));
+    let named = [("muscle a", a.to_string()), ("muscle b", b.to_string())];
+    let joint = ("joint", telemetry.faults.to_string());
+    let none = a == Faults::NONE && b == Faults::NONE && telemetry.faults == JointFaults::NONE;
+    let held = named.into_iter().chain([joint]).filter(|(_, faults)| !faults.is_empty());
+    let texts: Vec<String> = held.map(|(of, faults)| format!("{of}: {faults}")).collect();
+    (!none).then(|| texts.join("; "))
+}
+
+/// The joint in one line.
+fn line(telemetry: &JointTelemetry, units: UnitSystem) -> String {
+    let [a, b] = telemetry.muscles.map(|muscle| units.text(muscle.pressure_pa.into(), "Pa", 1));
+    let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
+    format!(
+        "{:.2} deg, {:.2} N m, {:.1} N m/rad, {a} and {b}, {}{}",
+        f64::from(telemetry.angle_rad).to_degrees(),
+        telemetry.torque_n_m,
+        telemetry.stiffness_n_m_rad,
+        mode.map_or("", |(_, name)| name),
+        if telemetry.limited { ", limited" } else { "" },
+    )
+}
+
+fn info(
+    board: &mut LiveJoint,
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let version = board.version();
+    let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
+    let telemetry = board.fresh_telemetry()?;
+    let json = json!({
+        "port": board.port(),
+        "version": version,
+        "status": status,
+        "config_name": status.config_name.as_str(),
+        "last_reset": last_reset,
+        "timing": timing,
+        "faults": shown(&telemetry),
+        "angle_rad": telemetry.angle_rad,
+        "stiffness_n_m_rad": telemetry.stiffness_n_m_rad,
+        "pressure_pa": telemetry.muscles.map(|muscle| muscle.pressure_pa),
+        "estimate_k": telemetry.muscles.map(|muscle| muscle.estimate.gas_k),
+    });
+    let [major, minor, patch] = version.firmware;
+    let text = format!(
+        "board:         {}, firmware {major}.{minor}.{patch}, protocol {}, a joint\n\
+         started by:    {}, {} restarts since power came\n\
+         configuration: {}\n\
+         armed:         {}\n\
+         faults:        {}\n\
+         joint:         {}\n\
+         timing:        {}\n",
+        version.chip,
+        version.protocol,
+        started_by(last_reset),
+        status.restarts,
+        configuration(&status),
+        status
+            .armed_pa
+            .map_or("no".to_owned(), |pa| format!("up to {}", units.text(pa.into(), "Pa", 1))),
+        venting(&telemetry).unwrap_or_else(|| "none".to_owned()),
+        line(&telemetry, units),
+        timed(&timing),
+    );
+    format.answer(out, &json, &text)
+}
+
+fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
+    Ok(match args.set_point {
+        SetPointArgs::Angle { angle_rad, stiffness } => {
+            JointSetPoint::Angle(Motion::still(angle_rad, stiffness))
+        }
+        SetPointArgs::Torque { torque_n_m, stiffness: stiffness_n_m_rad } => {
+            JointSetPoint::Torque { torque_n_m, stiffness_n_m_rad }
+        }
+        SetPointArgs::Vent => JointSetPoint::Vent,
+        _ => {
+            let usage = "a joint's board takes angle, torque and vent";
+            return Err(Failure::Usage(usage.to_owned()));
+        }
+    })
+}
+
+/// Sends a set point, shows the joint until the time is over or Ctrl-C comes, and vents.
+fn set(
+    board: &mut LiveJoint,
+    args: &SetArgs,
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let set_point = set_point(args)?;
+    interrupt::watch();
+    if args.arm {
+        board.arm(None)?;
+    }
+    let first = board.set(set_point)?;
+    if set_point == JointSetPoint::Vent {
+        return format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n");
+    }
+    let hold_s = args.hold.unwrap_or(f64::INFINITY);
+    let mut next_line_s = 0.0;
+    let last = loop {
+        let Some(telemetry) = board.poll()? else { continue };
+        if let Some(faults) = venting(&telemetry) {
+            return Err(Failure::Check(format!("it vents: {faults}")));
+        }
+        let [a, _] = &telemetry.muscles;
+        // Telemetry from before the set point is skipped.
+        let Some(steps) = a.step.checked_sub(first) else { continue };
+        let time_s = f64::from(steps) * 1e-3;
+        if time_s >= next_line_s && !format.quiet && !format.json {
+            next_line_s += LINE_S;
+            print(out, &format!("{time_s:7.2} s  {}\n", line(&telemetry, units)))?;
+        }
+        if time_s >= hold_s || interrupt::is_requested() {
+            break telemetry;
+        }
+    };
+    board.stop()?;
+    let json = json!({
+        "angle_rad": last.angle_rad,
+        "stiffness_n_m_rad": last.stiffness_n_m_rad,
+        "limited": last.limited,
+        "mode": "vent",
+    });
+    format.answer(out, &json, &format!("{}; it vents\n", line(&last, units)))
+}
