@@ -706,10 +706,6 @@ fn implausible_values_are_reported() {
             "scenario.toml:3: valve.switch_time_s = 0.001: not used: valve.kind is not \"switching\"",
         ),
         (
-            "[valve]\nkind = \"proportional\"\n[drive]\nkind = \"contraction\"\n[controller]\nminimum_pulse_s = 0.002",
-            "scenario.toml:6: controller.minimum_pulse_s = 0.002: not used: valve.kind is not \"switching\"",
-        ),
-        (
             "[plant]\nmodel = \"lumped\"\n[valve]\nkind = \"proportional\"",
             "scenario.toml:4: valve.kind = \"proportional\": not used: plant.model is not \"full\", or it is a \
              vessel: its valves are ideal",

