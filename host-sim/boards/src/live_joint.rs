@@ -103,7 +103,7 @@ impl LiveJoint {
         self.done(HostCommand::Forget, "forget").map(drop)
     }
 
-    /// Set points are accepted up to this pressure in either muscle [Pa], or as far as configured.
+    /// Set points are accepted up to this pressure in either muscle \[Pa\], or as far as configured.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
         self.done(HostCommand::Arm { most_pa }, "arm").map(drop)
     }
