@@ -119,7 +119,7 @@ impl Document {
     pub fn set(&mut self, full_path: &str, number: f64) -> Result<(), Problem> {
         let key = self.settable(full_path)?;
         let value = match key.allowed {
-            Allowed::Real(limits) => limits.contains(number).then_some(Value::Float(number)),
+            Allowed::Real(limits) => limits.taken(number).map(Value::Float),
             Allowed::Whole { min, max } => {
                 let whole = number as i64;
                 let taken = whole as f64 == number && (min..=max).contains(&whole);
@@ -147,7 +147,7 @@ impl Document {
             (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
             (Allowed::Real(limits), _) => {
                 let number = limits.wanted().read(word).ok();
-                number.filter(|number| limits.contains(*number)).map(Value::Float)
+                number.and_then(|number| limits.taken(number)).map(Value::Float)
             }
             (Allowed::Whole { min, max }, _) => {
                 let whole = word.parse().ok().filter(|whole| (min..=max).contains(whole));
@@ -297,7 +297,7 @@ pub(crate) fn checked(allowed: Allowed, value: &DeValue<'_>) -> Option<Value> {
                 DeValue::String(text) => limits.wanted().read_with_unit(text).ok()?,
                 _ => return None,
             };
-            limits.contains(number).then_some(Value::Float(number))
+            limits.taken(number).map(Value::Float)
         }
         Allowed::Whole { min, max } => {
             let number = whole(value.as_integer()?)?;

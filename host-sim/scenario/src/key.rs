@@ -74,6 +74,13 @@ impl Limits {
         self.min <= value && value <= self.max
     }
 
+    /// The value, if it is allowed. The core refuses numbers so near to zero, which some processors flush: they are 0.
+    pub fn taken(&self, value: f64) -> Option<f64> {
+        const SMALLEST: f64 = 1.0e-20;
+        let value = if value.abs() < SMALLEST { 0.0 } else { value };
+        self.contains(value).then_some(value)
+    }
+
     /// Its quantity, for values with a unit. Only a temperature that cannot be zero is absolute.
     pub fn wanted(&self) -> Wanted {
         Wanted { si: self.unit, absolute: self.min > 0.0 }
