@@ -58,7 +58,8 @@ def test_the_core_takes_set_points_and_stops():
     core.step(muscle.readings)
     core.set(pressure_pa=1.8e5)
     output, readings = steps(4000)
-    assert abs(readings.pressure_pa - 1.8e5) < 2.0e3 and output.mode.startswith("pressure")
+    # A dead zone of 1.5 kPa, beside up to 1.5 % of the step from ambient by which the gas still relaxes.
+    assert abs(readings.pressure_pa - 1.8e5) < 2.7e3 and output.mode.startswith("pressure")
     core.stop()
     assert core.armed_pa is None
     with pytest.raises(thermyo.BoardError, match=r"^the core is not armed: core.arm\(\)$"):
