@@ -6,8 +6,13 @@ use super::serial_port;
 use model_core::Telemetry;
 use model_core::joint::JointTelemetry;
 use std::time::{Duration, Instant};
-use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Status, Version};
+use thermyo_protocol::{Answer, HostCommand, LastReset, PROTOCOL, Status, Timing, Version};
 use thermyo_simulation::board::BoardError;
+
+/// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
+pub(super) const ALIVE: Duration = Duration::from_millis(100);
+/// Steps per telemetry frame when nothing is recorded.
+pub const VIEW_DIVIDER: u16 = 10;
 
 /// A request without an answer fails after this time; an emulated board may be slow.
 const PATIENCE: Duration = Duration::from_secs(3);
@@ -81,6 +86,28 @@ impl Line {
         match self.wait(|link| link.take_answer(sequence), asked)? {
             Answer::Refused(refusal) => Err(BoardError::Refused(refusal)),
             answer => Ok(answer),
+        }
+    }
+
+    pub fn ask_status(&mut self) -> Result<Status, BoardError> {
+        match self.ask(HostCommand::Status, "status")? {
+            Answer::Status(status) => Ok(status),
+            _ => Err(BoardError::Silent { asked: "status" }),
+        }
+    }
+
+    pub fn timing(&mut self) -> Result<Timing, BoardError> {
+        match self.ask(HostCommand::Timing, "timing")? {
+            Answer::Timing(timing) => Ok(timing),
+            _ => Err(BoardError::Silent { asked: "timing" }),
+        }
+    }
+
+    pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
+        const ASKED: &str = "reason of the last restart";
+        match self.ask(HostCommand::LastReset, ASKED)? {
+            Answer::LastReset(last_reset) => Ok(last_reset),
+            _ => Err(BoardError::Silent { asked: ASKED }),
         }
     }
 

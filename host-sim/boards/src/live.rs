@@ -1,19 +1,15 @@
 //! A flashed board that samples a real muscle in real time.
 
-use super::line::Line;
+pub use super::line::VIEW_DIVIDER;
+use super::line::{ALIVE, Line};
 use model_core::control::Mode;
 use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use thermyo_protocol::{
     Answer, Chip, Event, HostCommand, Image, LastReset, Name, Refusal, Status, Timing, Version,
     checksum,
 };
 use thermyo_simulation::board::BoardError;
-
-/// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
-const ALIVE: Duration = Duration::from_millis(100);
-/// Steps per telemetry frame when nothing is recorded.
-pub const VIEW_DIVIDER: u16 = 10;
 
 /// The board. It is vented when dropped while it drives.
 pub struct LiveBoard {
@@ -81,10 +77,7 @@ impl LiveBoard {
     }
 
     pub fn status(&mut self) -> Result<Status, BoardError> {
-        match self.line.ask(HostCommand::Status, "status")? {
-            Answer::Status(status) => Ok(status),
-            _ => Err(BoardError::Silent { asked: "status" }),
-        }
+        self.line.ask_status()
     }
 
     /// Latest status that the board sent without a request.
@@ -136,17 +129,11 @@ impl LiveBoard {
     }
 
     pub fn timing(&mut self) -> Result<Timing, BoardError> {
-        match self.line.ask(HostCommand::Timing, "timing")? {
-            Answer::Timing(timing) => Ok(timing),
-            _ => Err(BoardError::Silent { asked: "timing" }),
-        }
+        self.line.timing()
     }
 
     pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
-        match self.line.ask(HostCommand::LastReset, "reason of the last restart")? {
-            Answer::LastReset(last_reset) => Ok(last_reset),
-            _ => Err(BoardError::Silent { asked: "reason of the last restart" }),
-        }
+        self.line.last_reset()
     }
 
     /// Restarts and venting faults, the latest first.

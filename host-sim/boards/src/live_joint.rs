@@ -1,18 +1,13 @@
 //! A flashed board that drives a joint of two muscles in real time.
 
-use super::line::Line;
+use super::line::{ALIVE, Line, VIEW_DIVIDER};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use thermyo_protocol::{
     Answer, Chip, HostCommand, Image, LastReset, Name, Refusal, Side, Status, Timing, Version,
     joint_checksum,
 };
 use thermyo_simulation::board::BoardError;
-
-/// Interval of the keep-alive messages: a fraction of `link.timeout_s`.
-const ALIVE: Duration = Duration::from_millis(100);
-/// Steps per telemetry frame.
-const VIEW_DIVIDER: u16 = 10;
 
 /// The board. It is vented when dropped while it drives.
 pub struct LiveJoint {
@@ -52,24 +47,15 @@ impl LiveJoint {
     }
 
     pub fn status(&mut self) -> Result<Status, BoardError> {
-        match self.line.ask(HostCommand::Status, "status")? {
-            Answer::Status(status) => Ok(status),
-            _ => Err(BoardError::Silent { asked: "status" }),
-        }
+        self.line.ask_status()
     }
 
     pub fn timing(&mut self) -> Result<Timing, BoardError> {
-        match self.line.ask(HostCommand::Timing, "timing")? {
-            Answer::Timing(timing) => Ok(timing),
-            _ => Err(BoardError::Silent { asked: "timing" }),
-        }
+        self.line.timing()
     }
 
     pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
-        match self.line.ask(HostCommand::LastReset, "reason of the last restart")? {
-            Answer::LastReset(last_reset) => Ok(last_reset),
-            _ => Err(BoardError::Silent { asked: "reason of the last restart" }),
-        }
+        self.line.last_reset()
     }
 
     /// Sends a configuration and its name; the board accepts or refuses it as a whole.

@@ -1,7 +1,54 @@
 //! Status of a board in words.
 
 use serde_json::{Value, json};
-use thermyo_protocol::{ConfigSource, LastReset, Status, Timing};
+use thermyo_files::units::UnitSystem;
+use thermyo_protocol::{ConfigSource, Image, LastReset, Status, Timing, Version};
+
+/// A board's answers about itself, whatever it drives.
+pub(super) struct Overview {
+    pub version: Version,
+    pub status: Status,
+    pub timing: Timing,
+    pub last_reset: LastReset,
+}
+
+impl Overview {
+    pub fn json(&self, port: &str) -> Value {
+        json!({
+            "port": port,
+            "version": self.version,
+            "status": self.status,
+            "config_name": self.status.config_name.as_str(),
+            "last_reset": self.last_reset,
+            "timing": self.timing,
+        })
+    }
+
+    /// `drives`: a line that begins with what it drives.
+    pub fn text(&self, faults: &str, drives: &str, units: UnitSystem) -> String {
+        let Self { version, status, timing, last_reset } = self;
+        let [major, minor, patch] = version.firmware;
+        let armed = status.armed_pa.map_or("no".to_owned(), |armed_pa| {
+            format!("up to {}", units.text(armed_pa.into(), "Pa", 1))
+        });
+        let joint = if version.image == Image::Joint { ", a joint" } else { "" };
+        format!(
+            "board:         {}, firmware {major}.{minor}.{patch}, protocol {}{joint}\n\
+             started by:    {}, {} restarts since power came\n\
+             configuration: {}\n\
+             armed:         {armed}\n\
+             faults:        {faults}\n\
+             {drives}\n\
+             timing:        {}\n",
+            version.chip,
+            version.protocol,
+            started_by(*last_reset),
+            status.restarts,
+            configuration(status),
+            timed(timing),
+        )
+    }
+}
 
 pub(super) fn started_by(last_reset: LastReset) -> String {
     match last_reset {

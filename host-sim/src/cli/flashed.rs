@@ -1,6 +1,6 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
-use super::board_status::{configuration, configuration_json, started_by, timed};
+use super::board_status::{Overview, configuration, configuration_json, started_by};
 use super::joint_board::JointTask;
 use super::log::LogArgs;
 use super::muscle::{line, vents};
@@ -236,46 +236,24 @@ fn info(
     (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let version = board.version();
-    let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
+    let overview = Overview {
+        version: board.version(),
+        status: board.status()?,
+        timing: board.timing()?,
+        last_reset: board.last_reset()?,
+    };
     let telemetry = board.fresh_telemetry()?;
-    let json = json!({
-        "port": board.port(),
-        "version": version,
-        "status": status,
-        "config_name": status.config_name.as_str(),
-        "last_reset": last_reset,
-        "timing": timing,
-        "faults": telemetry.faults.to_string(),
-        "pressure_pa": telemetry.pressure_pa,
-        "length_m": telemetry.length_m,
-        "estimate_k": telemetry.estimate.gas_k,
-    });
-    let [major, minor, patch] = version.firmware;
-    let text = format!(
-        "board:         {}, firmware {major}.{minor}.{patch}, protocol {}\n\
-         started by:    {}, {} restarts since power came\n\
-         configuration: {}\n\
-         armed:         {}\n\
-         faults:        {}\n\
-         muscle:        {}\n\
-         timing:        {}\n",
-        version.chip,
-        version.protocol,
-        started_by(last_reset),
-        status.restarts,
-        configuration(&status),
-        status
-            .armed_pa
-            .map_or("no".to_owned(), |pa| format!("up to {}", units.text(pa.into(), "Pa", 1))),
-        if telemetry.faults == Faults::NONE {
-            "none".to_owned()
-        } else {
-            telemetry.faults.to_string()
-        },
-        line(&telemetry, units),
-        timed(&timing),
-    );
+    let mut json = overview.json(board.port());
+    json["faults"] = telemetry.faults.to_string().into();
+    json["pressure_pa"] = telemetry.pressure_pa.into();
+    json["length_m"] = telemetry.length_m.into();
+    json["estimate_k"] = telemetry.estimate.gas_k.into();
+    let faults = match telemetry.faults {
+        Faults::NONE => "none".to_owned(),
+        faults => faults.to_string(),
+    };
+    let text =
+        overview.text(&faults, &format!("muscle:        {}", line(&telemetry, units)), units);
     format.answer(out, &json, &text)
 }
 

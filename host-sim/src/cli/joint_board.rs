@@ -1,6 +1,6 @@
 //! `thermyo board PORT` where the board drives a joint.
 
-use super::board_status::{configuration, configuration_json, started_by, timed};
+use super::board_status::{Overview, configuration, configuration_json};
 use super::set::{SetArgs, SetPointArgs};
 use super::{Failure, FormatArgs, interrupt, print};
 use model_core::Faults;
@@ -136,43 +136,22 @@ fn info(
     (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let version = board.version();
-    let (status, timing, last_reset) = (board.status()?, board.timing()?, board.last_reset()?);
+    let overview = Overview {
+        version: board.version(),
+        status: board.status()?,
+        timing: board.timing()?,
+        last_reset: board.last_reset()?,
+    };
     let telemetry = board.fresh_telemetry()?;
-    let json = json!({
-        "port": board.port(),
-        "version": version,
-        "status": status,
-        "config_name": status.config_name.as_str(),
-        "last_reset": last_reset,
-        "timing": timing,
-        "faults": shown(&telemetry),
-        "angle_rad": telemetry.angle_rad,
-        "stiffness_n_m_rad": telemetry.stiffness_n_m_rad,
-        "pressure_pa": telemetry.muscles.map(|muscle| muscle.pressure_pa),
-        "estimate_k": telemetry.muscles.map(|muscle| muscle.estimate.gas_k),
-    });
-    let [major, minor, patch] = version.firmware;
-    let text = format!(
-        "board:         {}, firmware {major}.{minor}.{patch}, protocol {}, a joint\n\
-         started by:    {}, {} restarts since power came\n\
-         configuration: {}\n\
-         armed:         {}\n\
-         faults:        {}\n\
-         joint:         {}\n\
-         timing:        {}\n",
-        version.chip,
-        version.protocol,
-        started_by(last_reset),
-        status.restarts,
-        configuration(&status),
-        status
-            .armed_pa
-            .map_or("no".to_owned(), |pa| format!("up to {}", units.text(pa.into(), "Pa", 1))),
-        venting(&telemetry).unwrap_or_else(|| "none".to_owned()),
-        line(&telemetry, units),
-        timed(&timing),
-    );
+    let mut json = overview.json(board.port());
+    json["faults"] = shown(&telemetry);
+    json["angle_rad"] = telemetry.angle_rad.into();
+    json["stiffness_n_m_rad"] = telemetry.stiffness_n_m_rad.into();
+    json["pressure_pa"] = json!(telemetry.muscles.map(|muscle| muscle.pressure_pa));
+    json["estimate_k"] = json!(telemetry.muscles.map(|muscle| muscle.estimate.gas_k));
+    let faults = venting(&telemetry).unwrap_or_else(|| "none".to_owned());
+    let text =
+        overview.text(&faults, &format!("joint:         {}", line(&telemetry, units)), units);
     format.answer(out, &json, &text)
 }
 
