@@ -414,7 +414,7 @@ fn a_monitor_without_a_screen_records() {
     assert_the_record_replays(&bench);
 }
 
-/// What a monitor records begins at any step of the core: it was refused.
+/// A monitor's record begins at any step of the core: it was refused.
 fn assert_the_record_replays(bench: &Bench) {
     let rows = fs::read_to_string(bench.path("out/monitor/trace.csv")).unwrap().lines().count() - 1;
     let replayed = bench.ok("thermyo replay out/monitor --out out/again");

@@ -244,7 +244,7 @@ pub enum Side {
     B,
 }
 
-/// What a joint's configuration has beside those of its muscles.
+/// A joint's configuration without those of its muscles.
 pub type JointRest = (Mechanism, JointTuning);
 
 /// From the board to the host.
@@ -304,7 +304,7 @@ pub enum AnswerWith<C, J> {
     Status(Status),
     /// An event; `None` before the first event that is remembered.
     Event(Option<Event>),
-    /// What the joint's configuration in use has beside those of its muscles.
+    /// The joint's configuration in use, without those of its muscles.
     Joint(J),
 }
 
@@ -434,7 +434,7 @@ pub struct Version {
     pub firmware: [u16; 3],
     /// The chip.
     pub chip: Chip,
-    /// What the image is for. One byte, 0 or 1 before protocol 18: the answer of an older board arrives too.
+    /// The purpose of the image. One byte, 0 or 1 before protocol 18: the answer of an older board arrives too.
     pub image: Image,
 }
 

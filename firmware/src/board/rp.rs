@@ -108,7 +108,7 @@ impl<M: Member> Board for Rp<M> {
 
         let mut spi_config = spi::Config::default();
         spi_config.phase = spi::Phase::CaptureOnSecondTransition;
-        // What it sets up stays; the messages go past embassy's driver.
+        // Its setup stays; the messages go past embassy's driver.
         let _spi = Spi::new_blocking(p.SPI1, p.PIN_10, p.PIN_11, p.PIN_12, spi_config);
         let ready_a = Input::new(p.PIN_9, Pull::Up);
         let gas_buses = [

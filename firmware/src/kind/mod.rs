@@ -1,4 +1,4 @@
-//! What the image drives: one muscle, or a joint of two with the feature `joint`. All other code of
+//! The image drives one muscle, or a joint of two with the feature `joint`. All other code of
 //! the firmware is the same for both.
 
 #[cfg(feature = "joint")]

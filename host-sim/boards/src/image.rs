@@ -26,9 +26,9 @@ pub enum Variant {
     Pico2,
     /// Samples come from the host.
     Hil,
-    /// That of a joint.
+    /// For a joint.
     Joint,
-    /// That of a joint for the Pico 2.
+    /// For a joint, on the Pico 2.
     JointPico2,
 }
 

@@ -118,7 +118,7 @@ impl LiveJoint {
     /// The next telemetry of a later step than all that is unread.
     pub fn fresh_telemetry(&mut self) -> Result<JointTelemetry, BoardError> {
         while self.line.take_joint_telemetry().is_some() {}
-        // What the board had sent already comes before its answer.
+        // The board sends in order: older telemetry comes before its answer.
         self.status()?;
         while self.line.take_joint_telemetry().is_some() {}
         self.line.wait(|link| link.take_joint_telemetry(), "telemetry")

@@ -8,7 +8,7 @@ use thermyo_simulation::board::CoreBoard;
 
 /// 10 and 90 % of the nominal supply's gauge pressure, absolute \[Pa\].
 pub const FROM_10_TO_90_PA: [f64; 2] = [1.612e5, 6.401e5];
-/// What the core may believe of the dead band, as a multiple of it.
+/// Dead band that the core believes, as a multiple of the true one.
 const BELIEVED: [f64; 3] = [0.7, 1.0, 1.3];
 
 /// Fraction of the rest in which a command may be given, as with switching valves.
