@@ -2,8 +2,9 @@
 """The house of the host: lines by crate, circles of imports, and long functions.
 
 Prints the lines of each crate below `host-sim/`, the imports that run in circles within one of them, within model-core
-or within protocol, test files that no `tests/main.rs` names, and functions of more than 60 lines in the whole project.
-Exit code 1: there is a circle, a crate of more than 8 000 lines, such a test, or such a function.
+or within protocol, test files that no `tests/main.rs` names, functions of more than 60 lines in the whole project, and
+comments that begin without a subject.
+Exit code 1: there is a circle, a crate of more than 8 000 lines, such a test, function or comment.
 
 Cargo itself refuses a circle between crates, but for development dependencies: those are looked at here. Within a
 crate a module is a file. `pub use` hands names on and is no import; neither is it one that a file uses what the
@@ -26,6 +27,7 @@ LONGER = {
     ("model-core/src/control/contraction.rs", "period"): 86,
 }
 COMMENT_OR_TEXT = re.compile(r'//[^\n]*|/\*.*?\*/|r(#*)".*?"\1|"(?:\\.|[^"\\])*"', re.DOTALL)
+NO_SUBJECT = re.compile(r"^[^\S\n]*(?://[/!]?|#) (?:What|That of|Those of)\b.*", re.MULTILINE)
 QUOTED = re.compile(r"b?'(?:\\.[^']*|[^\\'])'|" + COMMENT_OR_TEXT.pattern, re.DOTALL)
 FUNCTION = re.compile(r"^[^\S\n]*(?:[\w()]+ )*fn (\w+)", re.MULTILINE)
 USE = re.compile(r"\b(pub(?:\([^)]*\))?\s+)?use\s+([^;]+);")
@@ -44,7 +46,7 @@ def main():
             wrong.append(f"{name}: {count} lines, {MOST_LINES} are allowed")
         wrong += within(name, source)
     wrong += [found for name in CORES for found in within(name, ROOT / name / "src")]
-    wrong += unnamed_tests() + long_functions()
+    wrong += unnamed_tests() + long_functions() + comments()
     print("\n".join(wrong) if wrong else "no circle")
     return 1 if wrong else 0
 
@@ -183,11 +185,27 @@ def unnamed_tests():
     return found
 
 
+def comments():
+    """Comments that begin with a clause in place of their subject."""
+    found = []
+    for name in listed("*.rs", "*.py", "*.sh", "*.js", "*.mjs", "*.toml"):
+        text = (ROOT / name).read_text()
+        for comment in NO_SUBJECT.finditer(text):
+            line = text.count("\n", 0, comment.start()) + 1
+            found.append(f"{name}:{line}: name the subject first: {comment[0].strip()}")
+    return found
+
+
+def listed(*patterns):
+    """Files of the project by pattern."""
+    line = ["git", "ls-files", *patterns]
+    return subprocess.run(line, check=True, capture_output=True, text=True, cwd=ROOT).stdout.split()
+
+
 def long_functions():
     """Functions of too many lines. Lines within square brackets are tables of cases, and do not count."""
     found = []
-    listed = subprocess.run(["git", "ls-files", "*.rs"], check=True, capture_output=True, text=True, cwd=ROOT)
-    for name in listed.stdout.split():
+    for name in listed("*.rs"):
         blank = QUOTED.sub(lambda text: re.sub(r"[^\n]", "_", text.group()), (ROOT / name).read_text())
         for function in FUNCTION.finditer(blank):
             count = lines_of(blank, function)

@@ -46,7 +46,7 @@ Bo out vn i='v(out,vn)*10m*(1-tanh(1e4*v(inp,inn)))'
 .ends
 """
 
-# What hangs at the terminals and pins, by name; a case replaces lines of it. Pt1000 at 298.15 K, potentiometer of
+# Parts at the terminals and pins, by name; a case replaces lines of it. Pt1000 at 298.15 K, potentiometer of
 # 5 kohm in the middle, coils of 24 V with 120 ohm and 100 mH (assumed: data sheets do not state it).
 OUTSIDE = {
     "supply": "V24 {J1.1} 0 24",

@@ -61,8 +61,8 @@ fn sample(row: &Row) -> JointSample {
     }
 }
 
-/// What drives the plant here is equal to what the chip computes from the same samples: the chip
-/// would drive it the same way.
+/// The commands that drive the plant here are equal to those that the chip computes from the same samples: the
+/// chip would drive it the same way.
 #[test]
 fn the_joints_core_is_equal_to_the_bit_and_in_time_on_the_rp2040() {
     if skip_emulator() {

@@ -78,7 +78,7 @@ fn shipped_scenarios_are_valid() {
 fn the_nominal_cycle_closes_and_the_estimate_beats_the_bare_sensor() {
     let run = run_file(&repository("scenarios/nominal.toml"), &[]);
     let (low, high) = (run.figure("pressure_pa.min"), run.figure("pressure_pa.max"));
-    // What has crept holds the muscle short: to lengthen it, the pressure falls almost to ambient.
+    // The crept bladder holds the muscle short: to lengthen it, the pressure falls almost to ambient.
     assert!(
         (1.02e5..1.05e5).contains(&low) && (3.5e5..4.1e5).contains(&high),
         "{low} to {high} Pa"

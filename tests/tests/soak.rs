@@ -21,7 +21,7 @@ const SETTLED_CYCLE: u32 = 250;
 /// One step of the record.
 struct Step {
     sample: Sample,
-    /// What the valves then got.
+    /// Command that the valves then got.
     command: Command,
     gas_k: f64,
 }

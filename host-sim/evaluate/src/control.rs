@@ -369,7 +369,7 @@ fn hold_line(
     let creeps = muscle.creep_fast_n_m > 0.0 || muscle.creep_slow_n_m > 0.0;
     let (ripple_percent, driven) = if creeps { (0.5, 0.12) } else { (0.2, 0.0) };
     let error = held.error_percent;
-    // What has crept holds 15 mm against 20 N and friction: the vented muscle does not come back.
+    // The crept bladder holds 15 mm against 20 N and friction: the vented muscle does not come back.
     let light = load_n(&loaded.plant) < LIGHT_N && creeps;
     Ok(CaseFigures {
         case,
@@ -594,7 +594,7 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
                     case: format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15),
                     figures: vec![
                         Figure::at_most("rms_percent", compensated, 2.0),
-                        // What is observed makes up for a friction that is believed not to soften.
+                        // The load observer makes up for a friction that is believed not to soften.
                         Figure::at_most("fixed_friction_times", uncompensated / compensated, 2.0),
                         // A thermometer in the room does nearly the same as the estimated wall.
                         Figure::shown("room_friction_times", by_thermometer / compensated),

@@ -9,7 +9,7 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run::RunError;
 
-/// Change of the plant, of which the core is not told.
+/// Change of the plant, which the core is not configured for.
 type PlantChange = fn(&mut Scenario);
 
 /// The plant is not as the core believes.

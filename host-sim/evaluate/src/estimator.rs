@@ -314,8 +314,8 @@ const LAG_OFF: f64 = 0.2;
 const POSITION_OFF: f64 = 0.1;
 const HOUSING_BELIEVED_S: f64 = 0.2;
 
-/// Gives a random muscle its air and its sensor; where they are not `told`, the core believes something else.
-fn vary(seed: u64, number: u64, told: bool, loaded: &mut Loaded) {
+/// Gives a random muscle its air and its sensor; where they are not `known`, the core believes something else.
+fn vary(seed: u64, number: u64, known: bool, loaded: &mut Loaded) {
     let mut draw = Draw::new(seed.wrapping_mul(7_919).wrapping_add(number));
     let laws = draw.sign() > 0.0;
     let (still, stirred) = (draw.factor(STILL_W_M2_K), draw.factor(STIRRED));
@@ -333,7 +333,7 @@ fn vary(seed: u64, number: u64, told: bool, loaded: &mut Loaded) {
         let foil = &mut s.sensor.gas;
         (foil.housing_time_constant_s, foil.position, foil.radius) = (housing_s, position, radius);
     }
-    if told {
+    if known {
         return;
     }
     let mut off = |by: f64| draw.between([-by, by]);
@@ -368,21 +368,21 @@ pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
 pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let mut lines = Vec::new();
     let mut all = Pool::default();
-    for (told, word) in [(true, "known"), (false, "unknown")] {
+    for (known, word) in [(true, "known"), (false, "unknown")] {
         let numbers: Vec<u64> = (0..count).collect();
         let results = parallel::map_watched(&numbers, watch, |&number| {
             let (case, mut loaded) = random_muscle(seed, number);
-            vary(seed, number, told, &mut loaded);
+            vary(seed, number, known, &mut loaded);
             run(&loaded, SETTLED_S, |_| {}).map(|errors| (format!("{word:7} {case}"), errors))
         });
         let mut pool = Pool::default();
         for (case, errors) in results.into_iter().collect::<Result<Vec<_>, RunError>>()? {
             pool.add(&errors);
             all.add(&errors);
-            lines.push(muscle_line(case, &errors, RANDOM_K[usize::from(!told)]));
+            lines.push(muscle_line(case, &errors, RANDOM_K[usize::from(!known)]));
         }
         if pool.runs > 0.0 {
-            let most_k = RANDOM_MEAN_K[usize::from(!told)];
+            let most_k = RANDOM_MEAN_K[usize::from(!known)];
             lines.push(CaseFigures {
                 case: format!("{} muscles of seed {seed}, {word}", pool.runs),
                 figures: vec![

@@ -1,4 +1,4 @@
-//! What moves at a chamber's end: its load, or, where a muscle is slack, the end alone while the load falls.
+//! The moving end of a chamber: its load, or, where a muscle is slack, the end alone while the load falls.
 
 use super::bristle::Bristle;
 use thermyo_scenario::{Load, LoadKind, Scenario};
@@ -72,7 +72,7 @@ impl Ends {
         let Load { mass_kg, .. } = scenario.load;
         Self {
             taut: End::new(scenario, load_n, mass_kg.max(OWN_MASS_KG)),
-            // What has no mass of its own follows the end at once.
+            // A slack end without mass of its own follows at once.
             slack: (!pushes && mass_kg > OWN_MASS_KG).then(|| End::new(scenario, 0.0, OWN_MASS_KG)),
         }
     }
@@ -89,7 +89,7 @@ impl Ends {
         slack.unwrap_or(*taut).swing(spring_n_m).max(taut.swing(spring_n_m))
     }
 
-    /// What moves while the load is there.
+    /// The body in motion: the slack end while the load falls, else both together.
     pub fn moving(&self, falling: Option<Falling>) -> &End {
         self.slack.as_ref().filter(|_| falling.is_some()).unwrap_or(&self.taut)
     }

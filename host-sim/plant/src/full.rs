@@ -1,4 +1,4 @@
-//! What moves, in full: axial zones, two wall layers, moving mass and bristle friction, switching valves,
+//! The chamber in full detail: axial zones, two wall layers, moving mass and bristle friction, switching valves,
 //! tube, regulator, sensor housing.
 //!
 //! Integration is of fourth order. It stops at every kink of the valves' openings, so that each of its steps sees
@@ -112,7 +112,7 @@ struct Constants<C> {
     wall_sensor_position: f64,
 }
 
-/// What acts at one instant.
+/// Valves and loads at one instant.
 #[derive(Debug, Clone, Copy)]
 struct Drive {
     /// Opening of the valves \[-\].
@@ -158,7 +158,7 @@ fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) ->
     }
     let pressed = Pressed::new(friction.pressure_factor).factor(start.pressure - pull.ambient_pa);
     let coulomb = friction.force_n * pressed * Softening::new(friction).factor(start.wall_k);
-    // What a stop carries, friction need not.
+    // Friction carries only the rest of the force that a stop does not.
     let [shortest, longest] = pull.stops;
     let excess = pull.force(start.pressure, start.length) - pull.load_n;
     let held = excess.clamp(
@@ -613,7 +613,7 @@ impl<C: Chamber> Constants<C> {
         let heat =
             closure.heat_of_streams(&streams, port_k, convective) + closure.heat_per_work() * work;
         self.zone_rates(y, &now, (&streams, convective), inner_rates, gas_rates);
-        // What a closure adds to convection spreads evenly.
+        // The heat that a closure adds to convection spreads evenly.
         let implied = self.share * (heat - convective);
         let friction_to_wall = self.friction_to_wall * drag.heat;
         let gains = (implied, self.share * friction_to_wall);

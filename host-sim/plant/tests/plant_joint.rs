@@ -150,7 +150,7 @@ fn energy_closes_over_gas_muscles_and_arm() {
         let mut scenario = Scenario::default();
         scenario.plant.model = model;
         scenario.plant.initial_pressure_pa = 2.5e5;
-        // What presliding stores is not in the ledger of a muscle.
+        // The energy of presliding is not in the ledger of a muscle.
         scenario.friction.force_n = 0.0;
         scenario.friction.stribeck_force_n = 0.0;
         scenario.friction.presliding_stiffness_n_m = 0.0;

@@ -37,7 +37,7 @@ const CORE_ZONES: f64 = 4.0;
 /// Nominal conductance of a valve \[m3/(s Pa)\]: the working flow is in proportion.
 const NOMINAL_VALVE: f64 = 4.0e-9;
 
-/// What the core has of the plant `full`, and of other plants not.
+/// Properties of the plant `full` that reach the core only as effective values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effective {
     /// Volume of the tube \[m3\], which is filled and emptied with the muscle. The volume of a
@@ -264,7 +264,7 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     let diameter_m = chamber.diameter(chamber.rest_length());
     let foil = &s.sensor.gas;
     Zones {
-        // What the plant exchanges between neighbours acts over the distance of its zones.
+        // Exchange between neighbours in the plant acts over the distance of its zones.
         recirculation: (RECIRCULATION * CORE_ZONES / chamber.zones().max(1) as f64) as f32,
         jet_reach_m: (JET_REACH_DIAMETERS * diameter_m).max(limits("zones.jet_reach_m").min) as f32,
         diffusivity_m2_s: BACKGROUND_DIFFUSIVITY as f32,

@@ -321,13 +321,13 @@ impl ContractionLoop {
             return None;
         }
 
-        // What is missing of the gas that has been given.
-        // Ahead of its reference by that much when the pulse acts: damps the load on its gas spring.
+        // Distance ahead of the reference when the pulse acts: damps the load on its gas spring.
         let slope_m2 = chamber.volume_slope_m2(feedback.length_m);
         let spring = GasSpring::new(config, chamber, feedback, port, slope_m2);
         let lead_s =
             config.controller.length_lead_s * self.lead(config, &spring, SWING * rest_m, softening);
         let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * lead_s;
+        // Volume and pressure that are missing of those given so far.
         let missing_m3 = self.given_m3 - port.volume_m3 - slope_m2 * ahead_m;
         let missing_m3 = missing_m3 * config.controller.length_gain;
         let missing_pa = self.given_pa - feedback.pressure_pa;

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! d is what the configuration does not explain, measured and not integrated: it does not wind up while a
-//! valve is fully open. Load and friction are told apart at a turn: before it only their sum is known, so
+//! valve is fully open. Load and friction separate at a turn: before it only their sum is known, so
 //! that least squares give either half of what d changes by after it. Later changes are the load's. What d
 //! has in common with the acceleration is mass.
 
@@ -21,11 +21,11 @@ const GAIN: f32 = 1.0 / (PERIODS + 1.0);
 const SLIDES: f32 = 0.8;
 /// Share of a change of d that is friction's right after a turn (least squares of two unknowns).
 const HALF: f32 = 0.5;
-/// What a period leaves of that share: load and friction are apart after some 20 periods, four tau.
+/// Share that is left of it after a period: load and friction are apart after some 20 periods, four tau.
 const FADES: f32 = 0.95;
 /// A high pass of ten periods keeps what changes slowly, a load or a wrong stiffness, out of the mass.
 const SLOWLY: f32 = 0.1;
-/// What a period leaves of the weight of earlier accelerations: 200 periods.
+/// Share that a period leaves of the weight of earlier accelerations: 200 periods.
 const FORGETS: f32 = 0.995;
 /// Weight of the configured mass, in squared accelerations \[m2/s4\]: ten times the noise of a speed from two
 /// readings 0.02 mm off, over 200 periods (0.06 m/s2 behind Q).
@@ -33,7 +33,7 @@ const CONFIGURED: f32 = 10.0;
 /// Largest mass beyond the configured one \[kg\].
 const MOST_KG: f32 = 50.0;
 
-/// What is known of the balance, for one period. Forces are positive where they hold the contraction back.
+/// Balance of forces over one period. Forces are positive where they hold the contraction back.
 #[derive(Debug, Clone, Copy)]
 pub struct Balance {
     /// Pull of the chamber at measured pressure and length \[N\].
@@ -63,7 +63,7 @@ pub struct LoadObserver {
     pub friction_n: f32,
     /// Mass beyond the configured one \[kg\].
     pub mass_kg: f32,
-    /// What load and friction left of the pull in the period before \[N\].
+    /// Pull less inertia: the share of load and friction in the period before \[N\].
     before_n: f32,
     /// Behind Q: force \[N\] and speed \[m/s\].
     filtered_n: f32,

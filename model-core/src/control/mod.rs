@@ -505,7 +505,7 @@ mod tests {
         }
     }
 
-    /// What is owed is cut to the room below the working limit, and is not owed later either.
+    /// Gas that is owed is cut to the room below the working limit, and is not owed later either.
     #[test]
     fn what_a_flow_owes_does_not_pass_the_working_limit() {
         let config = Config::default();
@@ -593,7 +593,7 @@ mod tests {
         assert!(command.inlet > Duty::ZERO && command.outlet == Duty::ZERO);
     }
 
-    /// What needs more pressure than there may be stops a little below the limit, and says so.
+    /// A set point that needs more pressure than allowed stops a little below the limit, and says so.
     #[test]
     fn the_working_limit_is_not_passed() {
         let config = Config::default();
@@ -760,7 +760,7 @@ mod tests {
         assert_eq!(fresh.volume_change_m3(&vessel, &at(0.3)), 0.0);
     }
 
-    /// What comes in has the supply's temperature, what leaves the gas's: warm gas takes less of it.
+    /// Inflow has the supply's temperature, what leaves the gas's: warm gas takes less of it.
     #[test]
     fn gas_passes_the_port_at_its_own_temperature() {
         let mut config = Config::default();

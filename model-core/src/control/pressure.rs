@@ -96,7 +96,7 @@ impl PressureLoop {
             return None;
         }
         if self.reached {
-            // What has been reached is kept by single pulses.
+            // A set point that has been reached is held by single pulses.
             return Some(port.mass_kg(error_pa, volume_change_m3) - port.in_flight_kg);
         }
         let gain = limit(period_s / tuning.pressure_loop_s, 0.0, 1.0);
@@ -299,7 +299,7 @@ mod tests {
             // Once the gas is as warm as the wall, only the dead zone is left.
             assert_eq!(at(-1400.0, false), None);
             assert!((at(-1600.0, false).unwrap() - 1600.0).abs() < 20.0);
-            // What is far off is reached again.
+            // A pressure far off is brought back.
             let moved_pa = at(-8.0e3, true).unwrap();
             assert!((6.0e3..9.0e3).contains(&moved_pa), "{moved_pa} Pa");
         }

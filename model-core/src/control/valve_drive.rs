@@ -291,7 +291,7 @@ impl FlowDrive {
     /// move of it, or what is too little for a pulse, is owed to the next one.
     pub fn flow(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> Command {
         let (command, moved_kg, full_kg) = self.pulse(config, mass_kg, muscle);
-        // What one open period cannot move is not owed for longer than one more.
+        // Gas that one open period cannot move is not owed for longer than one more.
         self.owed_kg = limit(mass_kg - moved_kg, -2.0 * full_kg, 2.0 * full_kg);
         command
     }

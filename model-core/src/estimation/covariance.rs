@@ -21,7 +21,7 @@ pub struct Errors<T> {
     pub housing: T,
     /// Element \[K\].
     pub element: T,
-    /// What the foil sees beside its zone \[K\].
+    /// Difference of the gas at the foil from its zone \[K\].
     pub foil: T,
     /// ln of the heat transfer, of stirring, of the lag, of the housing's lag.
     pub scale: T,
@@ -284,7 +284,7 @@ impl Covariance {
         }
     }
 
-    /// What is above the diagonal, below it.
+    /// Copies the part above the diagonal below it.
     pub fn mirror(&mut self) {
         for i in 0..ERRORS {
             let Some((head, tail)) = self.0.split_at_mut_checked(i + 1) else { return };

@@ -52,7 +52,7 @@ impl Led {
 pub struct Element {
     pub housing_k: f32,
     pub sensor_k: f32,
-    /// What the foil sees beside its zone's temperature \[K\].
+    /// Difference of the gas at the foil from its zone \[K\].
     pub foil_k: f32,
     /// Profile of the gas around it, how much warmer it is there than in the mean of the section \[K\], and the gain on an
     /// error of that mean.
@@ -84,7 +84,7 @@ pub struct Element {
     led_foil: Led,
 }
 
-/// What housing and element did in an interval.
+/// Response of housing and element in an interval.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
     /// Shares of their differences that are left \[-\].
@@ -154,7 +154,7 @@ impl Element {
         self.profile = Profile::default();
     }
 
-    /// What has been learnt is as configured again.
+    /// Sets the learnt values back to the configured ones.
     pub fn forget(&mut self, c: &Coefficients) {
         (self.lag_s, self.housing_lag_s, self.place, self.foil_k) =
             (c.lag_s, c.housing_s, 0.0, 0.0);
@@ -317,7 +317,7 @@ impl Element {
         self.set_weights(c);
     }
 
-    /// What has been learnt fades by that share in an interval, and what the foil sees by another.
+    /// Lets the learnt values fade by one share an interval, and the difference at the foil by another.
     pub fn fade(&mut self, c: &Coefficients) {
         let share = c.forget;
         self.lag_s += share * (c.lag_s - self.lag_s);

@@ -84,7 +84,7 @@ impl Energy {
         if self.closed_steps > 0 { SHUT } else { self.flow.noise_left() }
     }
 
-    /// What flow is likely to bring in a step whose pressure says nothing \[J\]: the mean of those before,
+    /// Energy that flow is likely to bring in a step whose pressure says nothing \[J\]: the mean of those before,
     /// where it has the valves' direction.
     fn predicted_j(&self, openings: Openings) -> f32 {
         let least_j = if openings.discharging { f32::MIN } else { 0.0 };

@@ -98,7 +98,7 @@ pub struct Measurement {
     pub length: Reading,
     /// It is the sensor's; if not, the one at which the load balances.
     pub length_trusted: bool,
-    /// What the gas sensor has said, where the estimator [starts](Estimator::starts) or an interval
+    /// Reading of the gas sensor, where the estimator [starts](Estimator::starts) or an interval
     /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
     pub gas: Option<GasReading>,
     /// State of the valves.
@@ -121,7 +121,7 @@ pub struct Openings {
 }
 
 impl Openings {
-    /// What they let expect of a step; `flowing`: gas flowed in the one before.
+    /// Flow that the valves let expect in a step; `flowing`: gas flowed in the one before.
     fn flow_state(self, flowing: bool) -> FlowState {
         match (self.turned, flowing) {
             (true, _) => FlowState::Turned,

@@ -32,7 +32,7 @@ const AXIS: [f32; 2] = [1.601_975, -1.064_799];
 const STEADY: f32 = 8.0;
 /// Conduction with a profile that an error which stays has formed, over that of one that decays.
 pub const SETTLED_CONDUCTION: f32 = STEADY / RATES[0];
-/// What an error of the mean that stays makes of the profile: p_n x_n are then alike.
+/// Profile under an error of the mean that stays: p_n x_n are then alike.
 const SETTLED: [f32; 3] =
     [STEADY / RATES[0] - 1.0, STEADY / RATES[1] - 1.0, STEADY / RATES[2] - 1.0];
 

@@ -33,7 +33,7 @@ pub struct Exchange {
     /// Of each zone, and the part of it that flows stir \[J/K\].
     pub zone_j_k: PerZone,
     pub stirred_j_k: PerZone,
-    /// What the profile adds in each zone \[J\].
+    /// Energy that the profile adds in each zone \[J\].
     pub profile_j: PerZone,
     /// Of still gas in each zone: once its profile has formed, and for an error that stays \[J/K\].
     pub formed_j_k: f32,
@@ -99,14 +99,14 @@ impl Place {
     };
 }
 
-/// What crossed the three faces between the zones, up and down, in shares of a zone's gas \[-\].
+/// Gas that crossed the three faces between the zones, up and down, in shares of a zone's gas \[-\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Faces {
     pub up: [f32; 3],
     pub down: [f32; 3],
 }
 
-/// What one movement of the zones was.
+/// Result of one movement of the zones.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moved {
     pub faces: Faces,
