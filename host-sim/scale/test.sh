@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # 1 000 points on one machine, as a Slurm array and with Dask, a worker of each killed in the middle: the same bytes, and
-# what each costs per point. Arguments: the program and a Python environment with the package `thermyo`
+# the cost of each per point. Arguments: the program and a Python environment with the package `thermyo`
 # [default: target/release/thermyo target/python]. Parts that cannot run here are skipped with a message.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
