@@ -979,7 +979,7 @@ mod tests {
             (encode(&config), (450, 4_041_990_631)),
             (encode(&telemetry), (77, 1_017_350_385)),
             (encode(&muscle), (451, 3_805_535_179)),
-            (encode(&joint), (120, 4_289_365_883)),
+            (encode(&joint), (124, 1_522_414_787)),
             (encode(&of_joint), (174, 4_125_025_272)),
         ] {
             let frame = frame.unwrap();

@@ -27,6 +27,8 @@ const SETTLED_DEG: f64 = 0.5;
 const LOAD_N_M: f64 = 2.0;
 /// Faults injected, in turn into muscle a and into muscle b.
 const FAULTS: u64 = 100;
+/// Longest time of a lock \[s\].
+const LOCK_S: f64 = 3.0;
 
 /// Targets that depend on what is configured and on the arm.
 #[derive(Debug, Clone, Copy)]
@@ -108,7 +110,7 @@ pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
         ("brief, rest", nominal.clone(), rest),
         ("heavy, rest", heavy.clone(), rest),
         ("brief, load of 2 N m", nominal.clone(), load_step),
-        ("heavy, load of 2 N m", heavy, load_step),
+        ("heavy, load of 2 N m", heavy.clone(), load_step),
         ("brief, stiffness 12 to 24", nominal.clone(), doubled),
         (
             "inertia believed twice",
@@ -118,7 +120,9 @@ pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
         ("inertia believed half", believing(&nominal, |s| s.believed.inertia_kg_m2 *= 0.5), stable),
         ("no friction, 0.9 N m believed", believing(&nominal, frictionless), stable),
         ("gravity unknown", believing(&nominal, |s| s.believed.gravity_n_m = 0.0), stable),
-        ("faults of either muscle", nominal, vents),
+        ("faults of either muscle", nominal.clone(), vents),
+        ("brief, angle lost, locked", nominal, locked),
+        ("heavy, angle lost, locked", heavy, locked),
     ];
     let cases = cases.map(|(name, loaded, measure)| Case { name, loaded, measure });
     let found = parallel::map_watched(&cases, watch, |case| {
@@ -363,6 +367,25 @@ fn vents(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     let found: Vec<bool> = found.into_iter().collect::<Result<_, RunError>>()?;
     let share = found.iter().filter(|both| **both).count() as f64;
     Ok(vec![Figure::at_least("both vent in one step, of 100", share, FAULTS as f64)])
+}
+
+/// The arm is held out against gravity when its angle is lost, and locks for three seconds.
+fn locked(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
+    let mut loaded = loaded.clone();
+    loaded.believed.lock_s = LOCK_S;
+    let [a, _] = &mut loaded.muscles;
+    a.plant.faults.own =
+        FaultWindow { length: ChannelFault::Open, from_s: 2.0, ..FaultWindow::default() };
+    let rows = run(&loaded, 2.1 + LOCK_S, |_| still(20.0, STIFFNESS))?;
+    let before_rad = rows.iter().rfind(|row| row.time_s < 2.0).map(|row| row.truth.angle_rad);
+    let held = rows.iter().filter(|row| (2.0..2.0 + LOCK_S - 0.01).contains(&row.time_s));
+    let moved = held.map(|row| (row.truth.angle_rad - before_rad.unwrap_or(f64::NAN)).to_degrees());
+    let vents_s = rows.iter().find(|row| row.telemetry.commands() == [Command::VENT; 2]);
+    let late_s = vents_s.map_or(f64::INFINITY, |row| (row.time_s - 2.0 - LOCK_S).abs());
+    Ok(vec![
+        Figure::at_most("moves deg", largest(moved.map(f64::abs)), 0.5),
+        Figure::at_most("vents off its time s", late_s, 0.002),
+    ])
 }
 
 /// Both muscles vent from the first step on in which either of them, or the joint, has a venting fault.

@@ -83,3 +83,30 @@ fn a_torn_tendon_vents_both() {
     assert!((1.0..1.2).contains(&vented.time_s), "{}", vented.time_s);
     assert_eq!(vented.telemetry.commands(), [Command::VENT; 2]);
 }
+
+/// A lost angle: without a lock the arm falls, with one it stays where it was for that time. Another fault vents.
+#[test]
+fn a_lock_holds_the_arm_where_the_angle_is_lost() {
+    let at_two_seconds = |lock_s: f64, fault: &str| {
+        let loaded = loaded(&format!(
+            "model = \"full\"\n[joint]\ngravity_n_m = 4.9\ngravity_angle_rad = 0.7\nlock_s = {lock_s}\n\
+             [joint.a.faults]\n{fault}\nfrom_s = 1\n"
+        ));
+        let rows = run(&loaded, 4.0, |_| still(-20.0, 14.0));
+        let moved =
+            |row: &Row| (row.truth.angle_rad - rows[990].truth.angle_rad).to_degrees().abs();
+        let vents = rows.iter().position(|row| row.telemetry.commands() == [Command::VENT; 2]);
+        assert!(
+            rows[vents.unwrap()..].iter().all(|row| row.telemetry.commands() == [Command::VENT; 2])
+        );
+        (moved(&rows[2_400]), rows[vents.unwrap()].time_s)
+    };
+    let open = "length = \"open\"";
+    let (moved_deg, vents_s) = at_two_seconds(1.5, open);
+    assert!((0.01..1.0).contains(&moved_deg), "locked: {moved_deg} deg");
+    assert!((2.5..2.502).contains(&vents_s), "{vents_s} s");
+    let (moved_deg, vents_s) = at_two_seconds(0.0, open);
+    assert!(moved_deg > 20.0 && vents_s < 1.002, "vented: {moved_deg} deg, {vents_s} s");
+    let (_, vents_s) = at_two_seconds(1.5, "pressure = \"open\"");
+    assert!(vents_s < 1.02, "{vents_s} s");
+}

@@ -34,6 +34,7 @@ table! {
         core sensor_minimum_rad;
         core sensor_maximum_rad;
         core torque_limit_n_m;
+        core lock_s;
     }
 }
 

@@ -163,9 +163,10 @@ fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
         SetPointArgs::Torque { torque_n_m, stiffness: stiffness_n_m_rad } => {
             JointSetPoint::Torque { torque_n_m, stiffness_n_m_rad }
         }
+        SetPointArgs::Lock => JointSetPoint::Lock,
         SetPointArgs::Vent => JointSetPoint::Vent,
         _ => {
-            let usage = "a joint's board takes angle, torque and vent";
+            let usage = "a joint's board takes angle, torque, lock and vent";
             return Err(Failure::Usage(usage.to_owned()));
         }
     })
@@ -191,7 +192,9 @@ fn set(
     let mut next_line_s = 0.0;
     let last = loop {
         let Some(telemetry) = board.poll()? else { continue };
-        if let Some(faults) = venting(&telemetry) {
+        // Going away would vent a joint that its lock still holds.
+        let locked = telemetry.mode == JointMode::Locked;
+        if let Some(faults) = venting(&telemetry).filter(|_| !locked) {
             return Err(Failure::Check(format!("it vents: {faults}")));
         }
         let [a, _] = &telemetry.muscles;

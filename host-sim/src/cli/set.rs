@@ -83,6 +83,8 @@ pub(super) enum SetPointArgs {
         #[arg(long, value_name = "STIFFNESS", value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
     },
+    /// All valves of a joint shut, for joint.lock_s at most; then it vents
+    Lock,
     /// Inlet shut, outlet open
     Vent,
 }
@@ -92,7 +94,7 @@ impl TryFrom<SetPointArgs> for SetPoint {
 
     fn try_from(args: SetPointArgs) -> Result<Self, Failure> {
         Ok(match args {
-            SetPointArgs::Angle { .. } | SetPointArgs::Torque { .. } => {
+            SetPointArgs::Angle { .. } | SetPointArgs::Torque { .. } | SetPointArgs::Lock => {
                 return Err(BoardError::Refused(Refusal::OtherImage { joint: false }).into());
             }
             SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },

@@ -23,6 +23,7 @@ parameters! {
         sensor_minimum_rad: -1.0, "rad", -12.6 to 12.6, "angle at 5 % of the potentiometer's reference";
         sensor_maximum_rad: 1.0, "rad", -12.6 to 12.6, "angle at 95 % of it";
         torque_limit_n_m: 4.0, "N m", 1.0e-3 to 1.0e6, "torque that nothing configured explains, at which the joint vents";
+        lock_s: 0.0, "s", 0.0 to 600.0, "longest time of a lock, after which the joint vents; 0: it never locks";
     }
 }
 

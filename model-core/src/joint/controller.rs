@@ -261,6 +261,12 @@ impl JointController {
         [a.drive.direct(Command::VENT), b.drive.direct(Command::VENT)]
     }
 
+    /// The openings of a period in which both muscles are shut.
+    pub fn lock(&mut self) -> [Command; 2] {
+        let [a, b] = &mut self.sides;
+        [a.drive.direct(Command::CLOSED), b.drive.direct(Command::CLOSED)]
+    }
+
     /// The muscles at their lengths, and the friction of all that moves.
     pub fn measure(&mut self, muscles: &[Measured<'_>; 2]) {
         let r = self.mechanism.radius_m;
@@ -294,6 +300,7 @@ impl JointController {
         let torque = |stiffness_n_m_rad, torque_n_m| [torque_n_m, stiffness_n_m_rad];
         match *set_point {
             JointSetPoint::Vent => self.vent(),
+            JointSetPoint::Lock => self.lock(),
             JointSetPoint::Duty { inlet: [inlet_a, inlet_b], outlet: [outlet_a, outlet_b] } => {
                 let [a, b] = &mut self.sides;
                 let command = |inlet, outlet| Command {

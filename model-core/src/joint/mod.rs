@@ -11,6 +11,10 @@
 //!
 //! One potentiometer gives the angle, and the angle both lengths. Without it there is no fallback: the joint
 //! vents.
+//!
+//! With `joint.lock_s` above 0 a joint that is driven locks before it vents, all four valves shut, where link, angle or
+//! a digital gas sensor is lost: both muscles then hold the arm as long as their gas does, and pressures are still
+//! trusted. Every other fault, a pressure beyond its limit and the end of that time vent both.
 
 pub mod allocation;
 mod config;
@@ -33,6 +37,7 @@ use crate::safety::supervisor::FirstFailure;
 use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemetry};
 use crate::sensing::adc::{Characteristic, Linearisation, Point};
 use crate::step::{Core, Judged};
+use crate::step_counts::timeout_steps;
 
 /// Everything that one step of a joint takes in. Arrays are of muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -90,11 +95,13 @@ pub enum JointMode {
     Angle,
     /// The joint is where it should be, and all valves rest.
     AngleHeld,
+    /// All four valves shut, until `joint.lock_s` are over.
+    Locked,
 }
 
 impl JointMode {
     /// Every mode and its name; a mode's index here is its number in a trace.
-    pub const NAMES: [(Self, &'static str); 7] = [
+    pub const NAMES: [(Self, &'static str); 8] = [
         (Self::StartupCheck, "startup check"),
         (Self::Vent, "vent"),
         (Self::Duty, "duty"),
@@ -102,6 +109,7 @@ impl JointMode {
         (Self::Torque, "torque"),
         (Self::Angle, "angle"),
         (Self::AngleHeld, "angle, held"),
+        (Self::Locked, "locked"),
     ];
 }
 
@@ -182,6 +190,8 @@ pub struct Joint {
     commands: [Command; 2],
     /// The controller has started from what was measured.
     started: bool,
+    /// Steps that it has been locked for.
+    locked_steps: u32,
     /// Faults that hold now, and those that are latched.
     present: JointFaults,
     latched: JointFaults,
@@ -221,6 +231,7 @@ impl Joint {
             set_point: JointSetPoint::Vent,
             commands: [Command::VENT; 2],
             started: false,
+            locked_steps: 0,
             present: JointFaults::NONE,
             latched: JointFaults::NONE,
             first: None,
@@ -395,7 +406,8 @@ impl Joint {
             })?;
         }
         let kind = core::mem::discriminant::<JointSetPoint>;
-        if kind(&set_point) != kind(&self.set_point) {
+        // The guard of a joint that was driven goes on while it is locked.
+        if kind(&set_point) != kind(&self.set_point) && set_point != JointSetPoint::Lock {
             self.started = false;
         }
         self.set_point = set_point;
@@ -427,9 +439,15 @@ impl Joint {
         }
         let fails = self.venting() != [Faults::NONE; 2] || self.latched != JointFaults::NONE;
         if fails && (self.is_armed() || self.set_point != JointSetPoint::Vent) {
-            // Vents both in this step, whichever of the two, or the joint, has the fault.
-            self.disarm();
+            if self.may_lock(pressure_pa) {
+                self.set_point = JointSetPoint::Lock;
+                self.muscles.iter_mut().for_each(Core::disarm);
+            } else {
+                // Vents both in this step, whichever of the two, or the joint, has the fault.
+                self.disarm();
+            }
         }
+        self.count_lock();
         if judged.iter().all(Judged::is_checked) {
             self.drive(angle_rad, &judged);
         }
@@ -440,6 +458,33 @@ impl Joint {
         let [a, b] = &self.config.muscles;
         let [of_a, of_b] = pressure_pa;
         [of_a - a.ambient.pressure_pa, of_b - b.ambient.pressure_pa]
+    }
+
+    /// Whether what fails leaves the pressures of a driven joint trusted and below their limits, so that shut valves
+    /// hold it more safely than open ones.
+    #[cold]
+    fn may_lock(&self, pressure_pa: [f32; 2]) -> bool {
+        const HARMLESS: Faults = Faults::LINK_LOST.with(Faults::GAS_LOST);
+        let harmless = [JointFaults::NONE, JointFaults::ANGLE_SENSOR].contains(&self.latched)
+            && self.venting().iter().all(|faults| faults.without(HARMLESS) == Faults::NONE);
+        let trusted = self.muscles.iter().all(|muscle| muscle.supervisor().pressure_trusted());
+        let limits_pa = self.config.muscles.iter().map(|muscle| muscle.pressure_limit_pa);
+        let below = pressure_pa.iter().zip(limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
+        let wanted = self.config.mechanism.lock_s > 0.0 && self.set_point != JointSetPoint::Vent;
+        wanted && harmless && trusted && below
+    }
+
+    /// Ends a lock whose time is over: both muscles vent in this step.
+    fn count_lock(&mut self) {
+        if self.set_point != JointSetPoint::Lock {
+            self.locked_steps = 0;
+            return;
+        }
+        let [a, _] = &self.config.muscles;
+        self.locked_steps = self.locked_steps.saturating_add(1);
+        if self.locked_steps > timeout_steps(self.config.mechanism.lock_s, a.step_s) {
+            self.disarm();
+        }
     }
 
     #[cold]
@@ -457,7 +502,7 @@ impl Joint {
     fn watch(&mut self, angle_rad: f32, gauge_pa: [f32; 2], judged: &[Judged; 2]) {
         let lost = judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
-        if self.started {
+        if self.started && !lost && !self.latched.intersects(JointFaults::ANGLE_SENSOR) {
             let torque_n_m = self.controller.observe(angle_rad, gauge_pa);
             present = present.with(self.guard.step(&Motions {
                 angle_rad,
@@ -485,6 +530,11 @@ impl Joint {
         let begins = a.begins_period();
         if self.set_point == JointSetPoint::Vent {
             self.commands = self.controller.vent();
+            if begins {
+                self.controller.measure(&measured);
+            }
+        } else if self.set_point == JointSetPoint::Lock {
+            self.commands = self.controller.lock();
             if begins {
                 self.controller.measure(&measured);
             }
@@ -531,6 +581,7 @@ impl Joint {
         match self.set_point {
             _ if a.mode == crate::sample::Mode::StartupCheck => JointMode::StartupCheck,
             JointSetPoint::Vent => JointMode::Vent,
+            JointSetPoint::Lock => JointMode::Locked,
             JointSetPoint::Duty { .. } => JointMode::Duty,
             JointSetPoint::Pressures { .. } => JointMode::Pressures,
             JointSetPoint::Torque { .. } => JointMode::Torque,
@@ -616,6 +667,49 @@ mod tests {
         assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
         assert_eq!(joint.arm(None), Ok(()));
         assert_eq!(joint.set(FILLING), Ok(()));
+    }
+
+    /// A joint that locks for 20 ms, and vents for all but a lost link, angle or digital part.
+    #[test]
+    fn a_joint_locks_where_it_is_configured_and_vents_when_the_time_is_over() {
+        let locking = || {
+            let mut config = JointConfig::default();
+            config.mechanism.lock_s = 0.02;
+            config.muscles.iter_mut().for_each(|muscle| muscle.link.timeout_s = 0.01);
+            let mut joint = Joint::new(&config).unwrap();
+            while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+            joint.set(FILLING).unwrap();
+            (0..30).for_each(|step| _ = joint.step(&alive(step)));
+            joint
+        };
+        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
+        let silent = |sample| JointSample { heard: false, ..sample };
+        for (angle_lost, after) in [(true, 0), (false, 9)] {
+            let mut joint = locking();
+            let lost = |sample| if angle_lost { open(sample) } else { silent(sample) };
+            let mut modes = (0..100).map(|step| (step, joint.step(&lost(alive(step))).mode));
+            let locked = modes.find(|(_, mode)| *mode == JointMode::Locked);
+            assert_eq!(locked.map(|(step, _)| step), Some(after));
+            let vents = modes.find(|(_, mode)| *mode != JointMode::Locked);
+            assert_eq!(vents, Some((after + 20, JointMode::Vent)));
+            assert!(matches!(joint.set(JointSetPoint::Lock), Err(JointError::Faults(..))));
+        }
+
+        let mut joint = locking();
+        assert_eq!(joint.step(&open(alive(0))).commands(), [Command::CLOSED; 2]);
+        let torn = |sample: JointSample| JointSample {
+            pressure: [sample.pressure[0], AdcCode(0).into()],
+            ..open(sample)
+        };
+        assert_eq!(vents_after(&mut joint, torn), Some(0), "a pressure is trusted no more");
+        joint.step(&open(alive(0)));
+        assert_eq!(joint.step(&alive(1)).mode, JointMode::Vent, "it does not lock again");
+
+        let mut joint = locking();
+        assert_eq!(joint.set(JointSetPoint::Lock), Ok(()));
+        let vents = (0..100).find(|step| joint.step(&alive(*step)).mode == JointMode::Vent);
+        assert_eq!((vents, joint.is_armed()), (Some(20), false));
+        assert_eq!(filling().set(JointSetPoint::Lock), Err(JointError::NeverLocks));
     }
 
     /// Also over a restart of the board, and by the name of the joint's own fault.

@@ -39,6 +39,8 @@ pub enum JointSetPoint {
     },
     /// An angle with a stiffness. With its speed and acceleration a motion is followed without lag; a step has none.
     Angle(Motion),
+    /// All four valves shut, for `joint.lock_s` at most; then both muscles vent.
+    Lock,
 }
 
 /// A value of a joint's set point.
@@ -103,6 +105,8 @@ pub enum JointError {
     Faults([Faults; 2], JointFaults),
     /// The joint has not been armed since a fault last made it vent.
     NotArmed,
+    /// `joint.lock_s` is 0.
+    NeverLocks,
 }
 
 impl core::fmt::Display for JointError {
@@ -116,6 +120,12 @@ impl core::fmt::Display for JointError {
                 "vents until this is cleared: muscle a: {a}; muscle b: {b}; joint: {joint}"
             ),
             Self::NotArmed => write!(f, "the joint is not armed: arm it first"),
+            Self::NeverLocks => {
+                write!(
+                    f,
+                    "joint.lock_s = 0: must be above 0 and at most 600 for a joint that locks"
+                )
+            }
         }
     }
 }
@@ -126,11 +136,13 @@ impl JointSetPoint {
     /// Checks every value.
     ///
     /// # Errors
-    /// [`JointError::Range`] names the first value that is none.
+    /// [`JointError::Range`] names the first value that is none; [`JointError::NeverLocks`].
     pub fn check(&self, config: &JointConfig) -> Result<(), JointError> {
         let JointConfig { muscles, mechanism, .. } = config;
         match self {
             Self::Vent => Ok(()),
+            Self::Lock if mechanism.lock_s > 0.0 => Ok(()),
+            Self::Lock => Err(JointError::NeverLocks),
             Self::Duty { inlet, outlet } => {
                 inlet.iter().try_for_each(|share| within(JointField::Inlet, *share, 0.0, 1.0))?;
                 outlet.iter().try_for_each(|share| within(JointField::Outlet, *share, 0.0, 1.0))
