@@ -161,6 +161,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         // During the startup check a set point may be pending.
         let vented = core.set_point() == SetPoint::Vent;
         shared.vented.store(vented, Ordering::Relaxed);
+        shared.moves.store(kind::moves(&telemetry), Ordering::Relaxed);
         let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
         if busy_steps > 0 {
             shared.flash_busy_steps.store(busy_steps - 1, Ordering::Relaxed);

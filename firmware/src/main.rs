@@ -102,7 +102,7 @@ fn main() -> ! {
             send(parts.sender, serial),
             receive(parts.receiver, serial, identity),
             keep(parts.flash, identity),
-            supervise(parts.led, parts.fault_output, last_reset),
+            supervise([parts.led, parts.fault_output], parts.brake_release, last_reset),
             step(source, parts.valves, core),
         ) else {
             panic!("each task is started once");
@@ -229,8 +229,12 @@ async fn keep(flash: Option<Flash>, identity: link::Identity) -> ! {
 }
 
 #[embassy_executor::task]
-async fn supervise(led: Output, fault_output: Output, last_reset: LastReset) -> ! {
-    supervisor::run(Chosen::feed, led, fault_output, last_reset, &SHARED).await
+async fn supervise(
+    outputs: [Output; 2],
+    brake_release: Option<Output>,
+    last_reset: LastReset,
+) -> ! {
+    supervisor::run(Chosen::feed, outputs, brake_release, last_reset, &SHARED).await
 }
 
 /// Vents, records the cause in the black box, and restarts.

@@ -196,6 +196,8 @@ pub struct Shared {
     pub recalled: AtomicBool,
     /// The set point of the last step was to vent.
     pub vented: AtomicBool,
+    /// The last step drove a set point; a joint's brake is released.
+    pub moves: AtomicBool,
     /// Requests that the link dropped because they came too fast.
     pub dropped_requests: AtomicU32,
     arbiter: Mutex<CriticalSectionRawMutex, Cell<Arbiter<LINES>>>,
@@ -226,6 +228,7 @@ impl Shared {
             heartbeat: AtomicU32::new(0),
             faults: AtomicU32::new(0),
             vented: AtomicBool::new(false),
+            moves: AtomicBool::new(false),
             dropped_requests: AtomicU32::new(0),
             arbiter: Mutex::new(Cell::new(Arbiter::new())),
             next_core: mutex::Mutex::new(Slot::Empty),

@@ -1,4 +1,4 @@
-//! Feeds the watchdog while control is alive and on time, and shows the board's state.
+//! Feeds the watchdog while control is alive and on time, shows the board's state, and releases the brake of a joint.
 //!
 //! | LED | state |
 //! |---|---|
@@ -20,10 +20,10 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Length of an LED pattern, in looks: one second.
 const PATTERN: u32 = 50;
 
-pub async fn run<L: OutputPin, F: OutputPin>(
+pub async fn run<O: OutputPin>(
     feed: fn(),
-    mut led: L,
-    mut fault_output: F,
+    [mut led, mut fault_output]: [O; 2],
+    mut brake_release: Option<O>,
     last_reset: LastReset,
     shared: &'static Shared,
 ) -> ! {
@@ -51,6 +51,9 @@ pub async fn run<L: OutputPin, F: OutputPin>(
         // A pin of this chip cannot fail.
         let _ = led.set_state(lit.into());
         let _ = fault_output.set_state(fault.into());
+        if let Some(brake_release) = &mut brake_release {
+            let _ = brake_release.set_state(shared.moves.load(Ordering::Relaxed).into());
+        }
         look = (look + 1) % PATTERN;
     }
 }

@@ -24,6 +24,7 @@ const PWM_ENABLE = 1;
 const OVERRIDE_LOW = 2;
 const RUN_LINE = 14;
 const FAULT_OUTPUT = 15;
+const BRAKE_RELEASE = 20; // of a joint
 const LED = 25;
 const RAM = 0x20000000;
 /** Reasons for which the chip stops. */
@@ -250,7 +251,7 @@ export class Board {
   }
 
   get pins() {
-    return (this.pin(FAULT_OUTPUT) ? 1 : 0) | (this.pin(LED) ? 2 : 0);
+    return (this.pin(FAULT_OUTPUT) ? 1 : 0) | (this.pin(LED) ? 2 : 0) | (this.pin(BRAKE_RELEASE) ? 16 : 0);
   }
 
   /** Runs until this time since power-up [ns]. */

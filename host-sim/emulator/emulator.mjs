@@ -13,7 +13,7 @@
 //           missed its cache; u32 times that power returned so far; u32 operations of the flash
 //           so far; u32 violations of its rules so far; u16 duties that these
 //           coils are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
-//           come, 8: in the boot loader); u16 count and bytes each from the UART, from USB, of the USB
+//           come, 8: in the boot loader, 16: a joint's brake is released); u16 count and bytes each from the UART, from USB, of the USB
 //           identity for each time it was plugged in (one line each), and of the log (defmt over RTT)
 //
 // The first argument is the image, the optional second one the file that keeps the content of the

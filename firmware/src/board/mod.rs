@@ -97,6 +97,8 @@ pub struct Parts<B: Board> {
     pub led: B::Output,
     /// High while a fault holds or is latched.
     pub fault_output: B::Output,
+    /// High while a joint moves, if the board drives one: its brake is released.
+    pub brake_release: Option<B::Output>,
     pub receiver: B::Receiver,
     pub sender: B::Sender,
     /// The chip's own USB, and the unique number of this board.

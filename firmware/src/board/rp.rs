@@ -28,7 +28,7 @@ use embassy_rp::interrupt::{self, InterruptExt, Priority};
 use embassy_rp::pac::{self, io::vals::Outover};
 use embassy_rp::peripherals::{self, FLASH, PIN_16, PIN_17, UART0, USB};
 #[cfg(feature = "joint")]
-use embassy_rp::peripherals::{PIN_18, PIN_19};
+use embassy_rp::peripherals::{PIN_18, PIN_19, PIN_20};
 use embassy_rp::pwm::{Config as PwmConfig, Pwm};
 use embassy_rp::spi::{self, Spi};
 use embassy_rp::uart::{
@@ -134,6 +134,7 @@ impl<M: Member> Board for Rp<M> {
             flash: Some(StoreFlash::new(p.FLASH)),
             led: Output::new(p.PIN_25, Level::Low),
             fault_output: Output::new(p.PIN_15, Level::Low),
+            brake_release: (MUSCLES > 1).then(|| Output::new(p.PIN_20, Level::Low)),
             receiver,
             sender,
             usb: (usb, unique_id),
@@ -160,8 +161,10 @@ impl<M: Member> Board for Rp<M> {
         #[cfg(feature = "joint")]
         {
             // SAFETY: as above.
-            let (inlet, outlet) = unsafe { (PIN_18::steal(), PIN_19::steal()) };
+            let pins = unsafe { (PIN_18::steal(), PIN_19::steal(), PIN_20::steal()) };
+            let (inlet, outlet, brake) = pins;
             core::mem::forget((Output::new(inlet, Level::Low), Output::new(outlet, Level::Low)));
+            core::mem::forget(Output::new(brake, Level::Low));
         }
     }
 

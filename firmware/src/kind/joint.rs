@@ -87,6 +87,11 @@ pub fn is_checking(telemetry: &Telemetry) -> bool {
     telemetry.mode == JointMode::StartupCheck
 }
 
+/// Whether it is driven: neither vented nor locked.
+pub fn moves(telemetry: &Telemetry) -> bool {
+    !matches!(telemetry.mode, JointMode::StartupCheck | JointMode::Vent | JointMode::Locked)
+}
+
 pub fn step(telemetry: &Telemetry) -> u32 {
     let [a, _] = &telemetry.muscles;
     a.step

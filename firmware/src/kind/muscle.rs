@@ -72,6 +72,11 @@ pub fn is_checking(telemetry: &Telemetry) -> bool {
     telemetry.mode == Mode::StartupCheck
 }
 
+/// Whether it is driven.
+pub fn moves(telemetry: &Telemetry) -> bool {
+    !matches!(telemetry.mode, Mode::StartupCheck | Mode::Vent)
+}
+
 pub fn step(telemetry: &Telemetry) -> u32 {
     telemetry.step
 }

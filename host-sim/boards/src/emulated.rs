@@ -141,6 +141,8 @@ pub struct Exchange {
     pub hang_to_come: bool,
     /// The board has entered its boot loader.
     pub boot_loader: bool,
+    /// The brake of a joint has power.
+    pub brake_released: bool,
 }
 
 impl Exchange {
@@ -560,6 +562,7 @@ impl EmulatedBoard {
             led: state & 2 != 0,
             hang_to_come: state & 4 != 0,
             boot_loader: state & 8 != 0,
+            brake_released: state & 16 != 0,
         })
     }
 

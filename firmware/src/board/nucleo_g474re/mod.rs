@@ -104,6 +104,7 @@ impl Board for NucleoG474re {
             flash: None,
             led: Output::new(p.PA5, Level::Low, Speed::Low),
             fault_output: Output::new(p.PA8, Level::Low, Speed::Low),
+            brake_release: None,
             receiver,
             sender,
         }
