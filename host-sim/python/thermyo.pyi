@@ -33,8 +33,8 @@ class BoardError(RuntimeError):
     """A board cannot be used, or refuses a request."""
 
 class Run(dict[str, Any]):
-    """A run: the columns of trace.csv as arrays of float64, one element per logged step (`[run] log_every`), and
-    under "summary" the content of summary.json."""
+    """A run: the columns of trace.csv, of a joint those of joint_trace.csv, as arrays of float64, one element per
+    logged step (`[run] log_every`), and under "summary" the content of summary.json."""
 
     @property
     def summary(self) -> dict[str, Any]:
@@ -45,10 +45,11 @@ class Run(dict[str, Any]):
     def to_pandas(self) -> Any:
         """The columns as a `pandas.DataFrame`, in SI, with `time_s` as its index."""
     def plot(self, *columns: str) -> Any:
-        """A `matplotlib` figure over time: pressure, temperatures, length and duties, or these columns."""
+        """A `matplotlib` figure over time: pressure, temperatures, length and duties, of a joint angle, stiffness,
+        pressures and temperatures, or these columns."""
 
 def run(scenario: Scenario, seed: Optional[int] = None) -> Run:
-    """Runs a scenario with the core in the loop. `seed`, 0 to 2**63 - 1, replaces `[run] seed`."""
+    """Runs a scenario, also of a joint, with the core in the loop. `seed`, 0 to 2**63 - 1, replaces `[run] seed`."""
 
 def check(scenario: Scenario) -> str:
     """The scenario as TOML with every default filled in and its meaning: the output of `thermyo check`."""

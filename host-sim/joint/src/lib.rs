@@ -11,7 +11,7 @@ mod run;
 mod summary;
 mod trace;
 
-pub use load::{JointLoaded, course, load, parse};
+pub use load::{JointLoaded, course, joint, load, parse};
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
 pub use run::run;

@@ -138,15 +138,22 @@ pub fn load(path: &Path) -> Result<Option<JointLoaded>, InputError> {
 /// # Errors
 /// As [`load`].
 pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
-    let document = JointDocument::parse(text, origin)?;
-    let (profile, load) = profiles(&document)?;
+    joint(&JointDocument::parse(text, origin)?)
+}
+
+/// The scenario of a joint from its document.
+///
+/// # Errors
+/// As [`load`].
+pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
+    let (profile, load) = profiles(document)?;
     let start_rad = match &profile {
         Some([angle, _]) => angle.value(0.0),
         None => document.drive.angle_rad,
     };
     let [length_a_m, length_b_m] = arm(&document.joint).lengths_m(start_rad);
     let [a, b] = &document.muscles;
-    let muscles = [muscle(&document, a, length_a_m)?, muscle(&document, b, length_b_m)?];
+    let muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
@@ -156,7 +163,7 @@ pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
         profile,
         load,
     };
-    check(&document, &loaded)?;
+    check(document, &loaded)?;
     Ok(loaded)
 }
 

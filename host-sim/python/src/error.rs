@@ -44,6 +44,16 @@ pub fn run(error: run::RunError) -> PyErr {
     }
 }
 
+/// As [`run`].
+pub fn joint(error: thermyo_joint::RunError) -> PyErr {
+    match error {
+        thermyo_joint::RunError::Build(_) | thermyo_joint::RunError::Config(_) => {
+            ScenarioError::new_err(error.to_string())
+        }
+        _ => RunError::new_err(error.to_string()),
+    }
+}
+
 pub fn identify(error: IdentifyError) -> PyErr {
     match error {
         IdentifyError::Diverged(_) => RunError::new_err(error.to_string()),

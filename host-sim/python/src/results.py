@@ -7,6 +7,11 @@ PANELS = (
     ("gas_temperature_k", "sensor_gas_k", "estimate_k"),
     ("length_m", "measured_length_m"),
     ("duty_in", "duty_out"),
+    # Of a joint.
+    ("angle_rad", "angle_reference_rad"),
+    ("stiffness_n_m_rad", "stiffness_reference_n_m_rad"),
+    ("a_pressure_pa", "b_pressure_pa"),
+    ("a_gas_temperature_k", "a_estimate_k", "b_gas_temperature_k", "b_estimate_k"),
 )
 
 

@@ -13,6 +13,7 @@ use std::io;
 use std::time::{Duration, Instant};
 use thermyo_files::units::Unit;
 use thermyo_record::trace::{COLUMNS, Row, cells_text};
+use thermyo_scenario::Scenario;
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run as simulation;
 
@@ -54,7 +55,7 @@ pub fn results(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
         let code = CString::new(include_str!("results.py"))?;
         let module = PyModule::from_code(py, &code, c"thermyo/results.py", c"thermyo.results")?;
         let units = PyDict::new(py);
-        for name in COLUMNS {
+        for name in COLUMNS.into_iter().chain(thermyo_joint::COLUMNS) {
             let Unit { symbol, factor } = Unit::of_column(name);
             units.set_item(name, (symbol, factor))?;
         }
@@ -64,7 +65,8 @@ pub fn results(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(module.bind(py))
 }
 
-/// Runs a scenario: the columns of trace.csv as numpy arrays, and the summary under "summary".
+/// Runs a scenario: the columns of trace.csv as numpy arrays, and the summary under "summary"; for a joint of
+/// joint_trace.csv.
 #[pyfunction]
 #[pyo3(signature = (scenario, seed = None))]
 pub fn run<'py>(
@@ -72,27 +74,56 @@ pub fn run<'py>(
     scenario: &Bound<'py, PyAny>,
     seed: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    if let Some(loaded) = scenario::joint(scenario, seed)? {
+        let mut table = Table::new(&thermyo_joint::COLUMNS, &loaded.muscles[0].plant);
+        let mut observer = |row: &thermyo_joint::Row| table.push(row.cells());
+        let result = py.detach(|| thermyo_joint::run(&loaded, &mut observer));
+        return table.finish(py, result.map_err(error::joint));
+    }
     let loaded = scenario::load(scenario, seed)?;
-    let run = &loaded.plant.run;
-    let rows = (run.steps() / run.log_every) as usize + 2;
-    let mut columns: [Vec<f64>; COLUMNS.len()] = std::array::from_fn(|_| Vec::with_capacity(rows));
-    let mut signals = Signals::new();
-    let mut observer = |row: &Row| {
-        for (column, cell) in columns.iter_mut().zip(row.cells()) {
-            column.push(cell);
-        }
-        signals.go_on()
-    };
+    let mut table = Table::new(&COLUMNS, &loaded.plant);
+    let mut observer = |row: &Row| table.push(row.cells());
     let result =
         py.detach(|| simulation::run(&loaded, &mut CoreBoard::default(), None, &mut observer));
-    signals.raise()?;
-    let summary = result.map_err(error::run)?;
-    let table = PyDict::new(py);
-    for (name, column) in COLUMNS.iter().zip(columns) {
-        table.set_item(name, column.into_pyarray(py))?;
+    table.finish(py, result.map_err(error::run))
+}
+
+/// Columns of a run under way.
+struct Table {
+    names: &'static [&'static str],
+    columns: Vec<Vec<f64>>,
+    signals: Signals,
+}
+
+impl Table {
+    fn new(names: &'static [&'static str], scenario: &Scenario) -> Self {
+        let rows = (scenario.run.steps() / scenario.run.log_every) as usize + 2;
+        let columns = names.iter().map(|_| Vec::with_capacity(rows)).collect();
+        Self { names, columns, signals: Signals::new() }
     }
-    table.set_item(SUMMARY, plain(py, &summary)?)?;
-    results(py)?.getattr("Run")?.call1((table,))
+
+    fn push(&mut self, cells: impl IntoIterator<Item = f64>) -> io::Result<()> {
+        for (column, cell) in self.columns.iter_mut().zip(cells) {
+            column.push(cell);
+        }
+        self.signals.go_on()
+    }
+
+    /// The run as a Python object.
+    fn finish<'py>(
+        self,
+        py: Python<'py>,
+        summary: PyResult<impl Serialize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.signals.raise()?;
+        let summary = summary?;
+        let table = PyDict::new(py);
+        for (name, column) in self.names.iter().zip(self.columns) {
+            table.set_item(name, column.into_pyarray(py))?;
+        }
+        table.set_item(SUMMARY, plain(py, &summary)?)?;
+        results(py)?.getattr("Run")?.call1((table,))
+    }
 }
 
 /// Columns as the text of a CSV file: for a run, the bytes of its trace.csv. A summary is left out.

@@ -6,7 +6,9 @@ use pyo3::types::{PyList, PyMapping, PyString, PyTuple};
 use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use thermyo_files::input::{InputError, quoted, read_text};
+use thermyo_joint::JointLoaded;
 use thermyo_scenario::Document;
+use thermyo_scenario::joint::{JointDocument, is_joint};
 use thermyo_setup::Loaded;
 use toml::{Table, Value};
 
@@ -24,19 +26,42 @@ const DEEPEST: usize = 32;
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
-    Ok(thermyo_setup::render(&load(scenario, None)?))
+    Ok(match joint(scenario, None)? {
+        Some(joint) => thermyo_joint::render(&joint),
+        None => thermyo_setup::render(&load(scenario, None)?),
+    })
+}
+
+/// Loads and checks the scenario of a joint; `None`: it is of one chamber.
+pub fn joint(
+    given: &Bound<'_, PyAny>,
+    seed: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Option<JointLoaded>> {
+    let Source { text, origin, from_dict } = Source::of(given)?;
+    if !is_joint(&text) {
+        return Ok(None);
+    }
+    let wrong = |error| error::input(placed(error, &origin, from_dict));
+    let mut document = JointDocument::parse(&text, &origin).map_err(wrong)?;
+    for muscle in &mut document.muscles {
+        set_seed(muscle, seed)?;
+    }
+    thermyo_joint::joint(&document).map(Some).map_err(wrong)
+}
+
+fn set_seed(document: &mut Document, seed: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    let Some(seed) = seed else { return Ok(()) };
+    let seed = value(SEED, seed, 0)?.to_string();
+    document
+        .set_word(SEED, &seed)
+        .map_err(|problem| error::input(InputError::file(&document.origin, problem)))
 }
 
 /// Loads and checks a scenario, and issues its warnings.
 pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResult<Loaded> {
     let py = given.py();
     let (mut document, from_dict) = document(given)?;
-    if let Some(seed) = seed {
-        let seed = value(SEED, seed, 0)?.to_string();
-        document
-            .set_word(SEED, &seed)
-            .map_err(|problem| error::input(InputError::file(&document.origin, problem)))?;
-    }
+    set_seed(&mut document, seed)?;
     let without_line = |error| placed(error, &document.origin, from_dict);
     let loaded = thermyo_setup::assemble(&document).map_err(|e| error::input(without_line(e)))?;
     for warning in thermyo_setup::warnings(&document, &loaded) {
@@ -48,12 +73,37 @@ pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResu
 
 /// Reads a scenario; also returns whether it is a dict.
 pub fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
-    match given.cast::<PyMapping>() {
-        Ok(dict) => {
-            let text = table("", dict, 0)?.to_string();
-            Ok((parse(&text, Path::new(NAME), true)?, true))
+    let Source { text, origin, from_dict } = Source::of(given)?;
+    let document = Document::parse(&text, &origin);
+    let document = document.map_err(|e| error::input(placed(e, &origin, from_dict)))?;
+    Ok((document, from_dict))
+}
+
+/// A scenario as TOML.
+struct Source {
+    text: String,
+    /// Its path, or its name in messages.
+    origin: PathBuf,
+    from_dict: bool,
+}
+
+impl Source {
+    fn of(given: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let origin = name(given);
+        if let Ok(dict) = given.cast::<PyMapping>() {
+            return Ok(Self { text: table("", dict, 0)?.to_string(), origin, from_dict: true });
         }
-        Err(_) => Ok((of_text_or_file(given)?, false)),
+        let text = if let Some(path) = file(given) {
+            read_text(&path).map_err(error::input)?
+        } else if let Ok(text) = given.cast::<PyString>() {
+            text.to_cow()?.into_owned()
+        } else {
+            let kind = given.get_type().name()?;
+            let allowed = "a path, a text that ends with .toml, the TOML itself or a dict";
+            let text = format!("a {kind} is no scenario: must be {allowed}");
+            return Err(ScenarioError::new_err(text));
+        };
+        Ok(Self { text, origin, from_dict: false })
     }
 }
 
@@ -66,24 +116,6 @@ fn file(given: &Bound<'_, PyAny>) -> Option<PathBuf> {
     let path: PathBuf = given.extract().ok()?;
     let is_text = given.is_instance_of::<PyString>();
     (!is_text || path.to_string_lossy().ends_with(SUFFIX)).then_some(path)
-}
-
-fn of_text_or_file(given: &Bound<'_, PyAny>) -> PyResult<Document> {
-    if let Some(path) = file(given) {
-        return parse(&read_text(&path).map_err(error::input)?, &path, false);
-    }
-    match given.cast::<PyString>() {
-        Ok(text) => parse(&text.to_cow()?, Path::new(NAME), false),
-        Err(_) => {
-            let kind = given.get_type().name()?;
-            let allowed = "a path, a text that ends with .toml, the TOML itself or a dict";
-            Err(ScenarioError::new_err(format!("a {kind} is no scenario: must be {allowed}")))
-        }
-    }
-}
-
-fn parse(text: &str, origin: &Path, from_dict: bool) -> PyResult<Document> {
-    Document::parse(text, origin).map_err(|e| error::input(placed(e, origin, from_dict)))
 }
 
 /// Drops line numbers of a text that was made from a dict.

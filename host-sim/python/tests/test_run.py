@@ -22,6 +22,22 @@ def test_a_run_gives_the_bytes_of_the_command(name, scenarios, command, tmp_path
     assert run["summary"]["ledger"] == summary["ledger"]
 
 
+def test_a_joint_runs_as_by_the_command(scenarios, command, tmp_path):
+    scenario = scenarios / "joint.toml"
+    assert command("run", scenario, "--quiet", "--out", tmp_path).returncode == 0
+    run = thermyo.run(scenario)
+    assert thermyo.to_csv(run) == (tmp_path / "joint_trace.csv").read_text()
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert run.summary.keys() == summary.keys() and run.summary["rms_error_rad"] == summary["rms_error_rad"]
+    assert run.plot().axes[0].get_ylabel() == "angle / rad"
+    assert thermyo.check(scenario) == (tmp_path / "scenario.toml").read_text()
+    short = {"run": {"duration_s": 0.1}, "joint": {"b": {"muscle": {"bladder_stiffness_n_m": 700.0}}}}
+    default, other = (thermyo.run(short, seed=seed)["a_sensor_gas_k"] for seed in (None, 7))
+    assert (default != other).any()
+    with pytest.raises(thermyo.ScenarioError, match="^scenario: joint.radius_m = 20.0: must be a number from 0.001 to 10 m"):
+        thermyo.run({"joint": {"radius_m": 20.0}})
+
+
 def test_columns_are_arrays_of_float(scenarios):
     run = thermyo.run(scenarios / "nominal.toml")
     columns = {name: column for name, column in run.items() if name != "summary"}
