@@ -367,6 +367,7 @@ impl Core {
         Feedback {
             pressure_pa: self.pressure_pa,
             length_m: verdict.length_m,
+            length_lost: verdict.faults.intersects(Faults::LENGTH_SENSOR),
             estimate: self.estimator.estimate(),
         }
     }
@@ -487,7 +488,8 @@ impl Core {
         self.command = command;
     }
 
-    /// Measured length, or without its sensor the one at which the load balances.
+    /// Measured length; without its sensor that of the contraction loop's reference, or the one at which the load
+    /// balances.
     fn length_m(&self, read_m: f32, pressure_pa: f32, faults: Faults) -> f32 {
         if !faults.intersects(Faults::LENGTH_SENSOR) {
             return self.chamber.limit_length_m(read_m);
@@ -495,6 +497,9 @@ impl Core {
         match self.config.load {
             Load::Isometric { length_m } => self.chamber.limit_length_m(length_m),
             Load::Isotonic { force_n } if self.chamber.moves() => {
+                if let Some(reference_m) = self.controller.reference_m() {
+                    return reference_m;
+                }
                 let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
                 self.chamber.length_for_force_m(gauge_pa, force_n)
             }

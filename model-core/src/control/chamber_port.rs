@@ -11,8 +11,10 @@ use crate::sample::Estimate;
 pub struct Feedback {
     /// Measured absolute pressure \[Pa\].
     pub pressure_pa: f32,
-    /// Measured length \[m\].
+    /// Measured length \[m\]; without its sensor, the one that pressure and load stand for.
     pub length_m: f32,
+    /// The length is not measured.
+    pub length_lost: bool,
     /// The estimate of the step before.
     pub estimate: Estimate,
 }

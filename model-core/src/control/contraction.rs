@@ -257,6 +257,11 @@ impl ContractionLoop {
         self.holding
     }
 
+    /// Length of the reference \[m\].
+    pub fn reference_m(&self) -> f32 {
+        self.reference.length_m
+    }
+
     /// Takes the measured force for the one wanted: friction explains what it can, the disturbance the
     /// rest. On its stop the load says nothing.
     fn take_over(
@@ -300,6 +305,12 @@ impl ContractionLoop {
         let zone_m = config.controller.contraction_dead_zone * rest_m;
         let moved_m = feedback.length_m - self.length_m;
         self.length_m = feedback.length_m;
+        if feedback.length_lost {
+            // Pressure alone is followed. A frozen reading may have taught it anything before it was found.
+            self.holding = false;
+            self.effort_n = 0.0;
+            self.observer = LoadObserver::new();
+        }
         if self.holding {
             // Creep goes on at rest.
             self.creep(config, feedback, 0.0, softening);
@@ -310,6 +321,7 @@ impl ContractionLoop {
             self.take_over(config, chamber, feedback, load_n, softening);
         }
         let still = !moves
+            && !feedback.length_lost
             && absolute(target_m - self.reference.length_m) <= zone_m
             && absolute(error_m) <= zone_m
             && absolute(moved_m) <= zone_m;
@@ -332,7 +344,9 @@ impl ContractionLoop {
         let missing_m3 = missing_m3 * config.controller.length_gain;
         let missing_pa = self.given_pa - feedback.pressure_pa;
 
-        self.learn(config, chamber, feedback, port, wanted, (error_m, moved_m));
+        if !feedback.length_lost {
+            self.learn(config, chamber, feedback, port, wanted, (error_m, moved_m));
+        }
         let start_m3 = self.reference.volume_m3;
         self.advance(config, chamber, feedback, port, wanted, target_m);
         let given = self.gains.closes;
@@ -515,7 +529,7 @@ mod tests {
     }
 
     fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
-        Feedback { pressure_pa, length_m, estimate: Estimate::default() }
+        Feedback { pressure_pa, length_m, length_lost: false, estimate: Estimate::default() }
     }
 
     fn port(feedback: &Feedback) -> ChamberPort {

@@ -92,7 +92,7 @@ impl Controller {
     /// let mut controller = Controller::new(&config);
     /// controller.set(Target::new(&SetPoint::Pressure { pressure_pa: 3.0e5 }, &config, &muscle)?);
     /// let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
-    /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, estimate };
+    /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, length_lost: false, estimate };
     /// assert!(controller.step(&config, &muscle, &feedback, 0).inlet > Duty::ZERO);
     /// # Ok::<(), model_core::SetPointError>(())
     /// ```
@@ -248,6 +248,14 @@ impl Controller {
         }
     }
 
+    /// Length of the contraction loop's reference \[m\]; `None`: another loop is active.
+    pub fn reference_m(&self) -> Option<f32> {
+        match &self.active {
+            ActiveLoop::Contraction(active) => Some(active.reference_m()),
+            _ => None,
+        }
+    }
+
     /// Mass of the working cycle in the coming period \[kg\].
     fn cycle_mass_kg(&mut self, config: &Config, port: &ChamberPort, strokes: &Strokes) -> f32 {
         let (mut active, elapsed_steps) = match self.active {
@@ -321,8 +329,13 @@ impl Controller {
     /// Change of the volume over the last period, eq. (11) \[m3\].
     fn volume_change_m3(&self, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
-        // The first period after a start has no length to compare with.
-        if self.length_m > 0.0 { chamber.volume_slope_m2(feedback.length_m) * moved_m } else { 0.0 }
+        // A length that pressure stands for would feed the pressure back. The first period after a start has none to
+        // compare with.
+        if self.length_m > 0.0 && !feedback.length_lost {
+            chamber.volume_slope_m2(feedback.length_m) * moved_m
+        } else {
+            0.0
+        }
     }
 
     fn port(&self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> ChamberPort {
@@ -340,7 +353,7 @@ mod tests {
 
     fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
         let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
-        Feedback { pressure_pa, length_m, estimate }
+        Feedback { pressure_pa, length_m, length_lost: false, estimate }
     }
 
     fn chamber(config: &Config) -> AnyChamber {

@@ -67,9 +67,9 @@ impl Energy {
         self.energy_j
     }
 
-    /// As much gas of the same state as fills another volume.
-    pub fn scale(&mut self, by: f32) {
-        self.energy_j *= by;
+    /// Another energy \[J\], which no flow has brought.
+    pub fn set(&mut self, energy_j: f32) {
+        self.energy_j = energy_j;
     }
 
     /// Whether what [`Self::step`] returned was flow.

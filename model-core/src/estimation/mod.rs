@@ -452,18 +452,21 @@ impl Estimator {
     }
 
     /// The length comes from elsewhere from here on, and may jump although nothing has moved: no work was done, and
-    /// no gas came. The temperature stays, and mass and energy are those of the other volume.
+    /// no gas came. The temperature stays, and mass and energy are those that pressure and the other volume give with
+    /// it: readings of a sensor that failed may have carried them anywhere.
     fn change_length(&mut self, chamber: &impl Chamber, length_m: f32) {
         let volume_m3 = chamber.volume_m3(length_m);
-        let factor = volume_m3 / self.volume_m3;
         self.followed_m = length_m;
         self.length_m = length_m;
         self.motion = Trend::REST;
         self.volume_m3 = volume_m3;
-        self.measured_j *= factor;
-        self.energy.scale(factor);
-        self.mass_kg = CompensatedSum::new(self.mass_kg.value() * factor);
+        self.measured_j = self.pressure_pa * volume_m3 * self.coefficients.per_k_minus_1;
+        self.energy.set(self.measured_j);
+        self.mass_kg = CompensatedSum::new(self.measured_j * self.coefficients.per_cv / self.gas_k);
         self.zones.set_mass(self.mass_kg.value());
+        // As uncertain as at the start.
+        let sd = self.coefficients.tuning.initial_sd_k / self.gas_k;
+        self.covariance.add_common(sd * sd);
         self.interval.void = true;
         self.window.void = true;
         self.element.forget_led();
