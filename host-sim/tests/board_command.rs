@@ -8,6 +8,7 @@ use std::net::{TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
+use thermyo_boards::image::{Variant, firmware};
 use thermyo_protocol::{HostCommand, Request, encode};
 
 use crate::board_support::{Bench, repository, skip_emulator};
@@ -234,6 +235,47 @@ fn commands_to_a_board_print_json_on_request() {
     assert_eq!(bench.ok("thermyo board emulated plug --quiet"), "");
     assert_eq!(bench.ok("thermyo board emulated stop --quiet"), "");
     assert!(bench.ok("thermyo board emulated info --quiet").contains("faults:"));
+}
+
+/// A scenario with a joint brings the joint's image, two muscles and their arm.
+#[test]
+fn a_joint_is_plugged_in_by_its_scenario() {
+    if skip_emulator() {
+        return;
+    }
+    firmware(Variant::Joint).unwrap();
+    let bench = Bench::new();
+    let scenario = "scenarios/joint_board.toml";
+    let plugged = bench.ok(&format!("thermyo board emulated plug {scenario}"));
+    assert_eq!(plugged, "plugged in: a joint\n");
+    let muscle = bench.refused("thermyo board emulated config write scenarios/contraction.toml");
+    assert!(muscle.contains("has no [joint]") && muscle.contains("emulated plug"), "{muscle}");
+    let set = "thermyo board emulated set angle 20deg --stiffness 14";
+    assert!(bench.refused(set).contains("config write"));
+    let written = bench.ok(&format!("thermyo board emulated config write {scenario}"));
+    assert!(written.starts_with("joint_board, "), "{written}");
+    assert!(bench.refused(set).contains("not armed"));
+    let armed = bench.ok("thermyo board emulated arm --max-pressure 5bar");
+    assert!(armed.contains("500.0 kPa in either muscle"), "{armed}");
+    let held = json(bench.ok(&format!("{set} --hold 1.5 --json")));
+    let angle_rad = held["angle_rad"].as_f64().unwrap();
+    assert!((angle_rad - 0.349).abs() < 0.02, "{held}");
+    let stiffness = held["stiffness_n_m_rad"].as_f64().unwrap();
+    assert!((stiffness - 14.0).abs() < 1.0, "{held}");
+    let info = bench.ok("thermyo board emulated info");
+    assert!(info.contains(", a joint\n") && info.contains("; 0 missed of "), "{info}");
+    assert!(
+        bench.refused(&format!("thermyo board emulated drive {scenario}")).contains("takes info")
+    );
+    assert_eq!(bench.ok("thermyo board emulated stop"), "both muscles vent\n");
+    let left = bench.ok("thermyo board emulated clear");
+    assert_eq!(left, "no fault is left; it vents until it is armed\n");
+
+    bench.ok("thermyo board emulated plug");
+    assert!(!bench.ok("thermyo board emulated info").contains("a joint"));
+    let joint = bench.refused(&format!("thermyo board emulated config write {scenario}"));
+    assert!(joint.contains("has a [joint]") && joint.contains("emulated plug"), "{joint}");
+    assert!(bench.refused(set).contains("thermyo flash --joint"));
 }
 
 /// The lines that begin with `thermyo` in code blocks of the document, for the emulated board.

@@ -96,8 +96,9 @@ impl LiveJoint {
 
     /// Sends a set point; returns the step from which on it holds.
     pub fn set(&mut self, set_point: JointSetPoint) -> Result<u32, BoardError> {
+        // A set point whose answer is lost drives the joint too.
+        self.driving |= set_point != JointSetPoint::Vent;
         let step = self.done(HostCommand::SetJoint(set_point), "set")?;
-        self.driving = set_point != JointSetPoint::Vent;
         self.last_sent = Instant::now();
         Ok(step)
     }
@@ -142,5 +143,60 @@ impl Drop for LiveJoint {
         if self.driving {
             let _ = self.line.ask(HostCommand::Stop, "stop");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::io::{self, Read, Write};
+    use std::sync::{Arc, Mutex};
+    use thermyo_protocol::{Decoder, Request};
+
+    /// A line on which every answer is lost.
+    struct Deaf {
+        requests: Decoder,
+        heard: Arc<Mutex<Vec<HostCommand>>>,
+    }
+
+    impl Read for Deaf {
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            Err(io::ErrorKind::BrokenPipe.into())
+        }
+    }
+
+    impl Write for Deaf {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            for byte in bytes {
+                if let Some(Request { command, .. }) = self.requests.push(*byte) {
+                    self.heard.lock().unwrap().push(command);
+                }
+            }
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_set_point_whose_answer_is_lost_is_followed_by_a_vent() {
+        use model_core::joint::Motion;
+        let heard = Arc::new(Mutex::new(Vec::new()));
+        let deaf = Deaf { requests: Decoder::new(), heard: Arc::clone(&heard) };
+        let line = Line::over(Box::new(deaf), "deaf");
+        let version = Version {
+            protocol: thermyo_protocol::PROTOCOL,
+            firmware: [0, 1, 0],
+            chip: Chip::Rp2040,
+            image: Image::Joint,
+        };
+        let mut board = LiveJoint { line, version, last_sent: Instant::now(), driving: false };
+        let set_point = JointSetPoint::Angle(Motion::still(0.1, 14.0));
+        assert!(board.set(set_point).is_err());
+        drop(board);
+        let heard = heard.lock().unwrap();
+        assert_eq!(heard[..], [HostCommand::SetJoint(set_point), HostCommand::Stop]);
     }
 }

@@ -1,5 +1,5 @@
-//! The emulated board as a separate process: it runs the firmware with a simulated muscle at its
-//! pins, in real time if the machine is fast enough, for every program that opens the port
+//! The emulated board as a separate process: it runs the firmware with a simulated muscle or joint at
+//! its pins, in real time if the machine is fast enough, for every program that opens the port
 //! "emulated".
 //!
 //! A file in the folder for temporary files holds its local port. The first program that opens it
@@ -7,7 +7,7 @@
 //! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
 //! the first holds the content of its flash, which survives the loss of power.
 
-use super::emulated::EmulatedBoard;
+use super::emulated::{EmulatedBoard, Exchange};
 use super::image::{self, Variant};
 use super::serial_port::READ;
 use std::io::{ErrorKind, Read, Write};
@@ -24,7 +24,8 @@ use thermyo_simulation::rig::Rig;
 /// The hidden command that serves.
 pub const TASK: &str = "emulated-board";
 
-const STEP_NS: u32 = 1_000_000;
+/// A board's step [ns].
+pub const STEP_NS: u32 = 1_000_000;
 const STEP: Duration = Duration::from_nanos(STEP_NS as u64);
 /// Steps that are run after the last client has left.
 const STEPS_ALONE: u32 = 2_000;
@@ -61,7 +62,7 @@ fn build() -> String {
 pub fn connect() -> Result<TcpStream, BoardError> {
     match plugged_in() {
         Some(stream) => Ok(stream),
-        None => plug(None),
+        None => plug(Variant::Standard, None),
     }
 }
 
@@ -79,10 +80,10 @@ fn plugged_in() -> Option<TcpStream> {
     Some(stream)
 }
 
-/// Plugs in a board with the muscle of a scenario file, replacing an earlier one.
-pub fn plug(scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
+/// Plugs in a board with an image and the muscle or joint of a scenario file, replacing an earlier one.
+pub fn plug(image: Variant, scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
     // Prepared here, so that the caller gets the errors.
-    let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
+    let (scripts, image) = (image::prepare_emulator()?, image::firmware(image)?);
     unplug();
     let mut command = Command::new(env::current_exe()?);
     command.arg(TASK).args([&scripts, &image, &file()]).args(scenario);
@@ -116,7 +117,7 @@ pub fn is_plugged_in() -> bool {
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
-    let board = thread::spawn(move || serve(&scripts, &image, &file(), &loaded));
+    let board = thread::spawn(move || serve(&scripts, &image, &file(), muscle(&loaded)?));
     while !is_plugged_in() {
         if board.is_finished() {
             let silent = Err(BoardError::Silent { asked: "a connection" });
@@ -141,11 +142,29 @@ pub fn unplug() -> bool {
     fs::remove_file(file()).is_ok()
 }
 
+/// The muscle of a scenario at a board's pins: each call runs a millisecond of both.
+pub fn muscle(
+    loaded: &Loaded,
+) -> Result<impl FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError> + use<>, BoardError> {
+    let emulator = |message: String| BoardError::Emulator { message };
+    let mut rig = Rig::behind_pins(loaded).map_err(|error| emulator(error.to_string()))?;
+    Ok(move |board: &mut EmulatedBoard| {
+        let exchange = board.run(&rig.sample(), STEP_NS)?;
+        rig.advance(exchange.actuation()).map_err(|error| emulator(error.to_string()))?;
+        Ok(exchange)
+    })
+}
+
 /// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
-/// or has been idle for long.
-pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Result<(), BoardError> {
+/// or has been idle for long. Each call of `run` runs a millisecond of the board and of the plant at
+/// its pins.
+pub fn serve<R>(scripts: &Path, image: &Path, file: &Path, run: R) -> Result<(), BoardError>
+where
+    R: FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError>,
+{
     let flash = file.with_extension("flash");
-    let mut board = Emulated::new(loaded, EmulatedBoard::with_flash(scripts, image, &flash)?)?;
+    let board = EmulatedBoard::with_flash(scripts, image, &flash)?;
+    let mut board = Emulated { board, run, to_client: Vec::new() };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());
@@ -200,21 +219,15 @@ pub fn serve(scripts: &Path, image: &Path, file: &Path, loaded: &Loaded) -> Resu
     Ok(())
 }
 
-/// The board and its muscle.
-struct Emulated {
+/// The board and the plant at its pins.
+struct Emulated<R> {
     board: EmulatedBoard,
-    rig: Rig,
+    run: R,
     /// Bytes that the client has not accepted yet.
     to_client: Vec<u8>,
 }
 
-impl Emulated {
-    fn new(loaded: &Loaded, board: EmulatedBoard) -> Result<Self, BoardError> {
-        let rig = Rig::behind_pins(loaded)
-            .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
-        Ok(Self { board, rig, to_client: Vec::new() })
-    }
-
+impl<R: FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError>> Emulated<R> {
     /// Runs one millisecond; returns whether the client is still connected.
     fn step(&mut self, client: Option<&mut TcpStream>) -> Result<bool, BoardError> {
         let mut connected = client.is_some();
@@ -233,13 +246,10 @@ impl Emulated {
         if !connected {
             self.to_client.clear();
         }
-        let sample = self.rig.sample();
-        let exchange = self.board.run(&sample, STEP_NS)?;
+        (self.run)(&mut self.board)?;
         self.to_client.extend(self.board.read());
         self.board.take_telemetry();
-        self.rig
-            .advance(exchange.actuation())
-            .map_err(|error| BoardError::Emulator { message: error.to_string() })?;
+        self.board.take_joint_telemetry();
         Ok(connected)
     }
 }

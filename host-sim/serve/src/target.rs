@@ -1,6 +1,7 @@
 //! The served board: at a port, emulated, or emulated with the muscle of a scenario.
 
 use std::path::{Path, PathBuf};
+use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
 use thermyo_files::input::InputError;
@@ -42,7 +43,7 @@ impl Target {
     pub fn open(&self) -> Result<LiveBoard, OpenError> {
         let Self::Scenario(path) = self else { return Ok(LiveBoard::open(self.port())?) };
         let muscle = thermyo_setup::load(path)?;
-        drop(service::plug(Some(path))?);
+        drop(service::plug(Variant::Standard, Some(path))?);
         let mut board = LiveBoard::open(port::EMULATED)?;
         board.configure(&core_config(&muscle.believed), &self.muscle_name())?;
         Ok(board)

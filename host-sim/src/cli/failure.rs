@@ -2,12 +2,13 @@
 
 use crate::commands::flash::FlashError;
 use crate::commands::monitor::MonitorError;
+use model_core::joint::JointError;
 use model_core::{Faults, SetPointError};
 use std::fmt;
 use thermyo_evaluate::truth::TruthError;
 use thermyo_files::input::InputError;
 use thermyo_identify::IdentifyError;
-use thermyo_protocol::Refusal::{NotConfigured, SetPoint};
+use thermyo_protocol::Refusal::{JointSetPoint, NotConfigured, SetPoint};
 use thermyo_serve::OpenError;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
@@ -84,7 +85,9 @@ fn remedy(error: &BoardError) -> &'static str {
         BoardError::Refused(NotConfigured | SetPoint(Latched(Faults::NOT_CONFIGURED))) => {
             ": `thermyo board PORT config write SCENARIO.toml`"
         }
-        BoardError::Refused(SetPoint(NotArmed)) => ": `thermyo board PORT arm`, or `--arm`",
+        BoardError::Refused(SetPoint(NotArmed) | JointSetPoint(JointError::NotArmed)) => {
+            ": `thermyo board PORT arm`, or `--arm`"
+        }
         _ => "",
     }
 }

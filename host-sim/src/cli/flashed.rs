@@ -15,6 +15,7 @@ use model_core::safety::supervisor::VENTING;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
@@ -33,7 +34,7 @@ use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
 #[derive(Debug, Args)]
 pub(super) struct BoardCommand {
     /// Serial port, such as /dev/ttyACM0, or "emulated": the firmware on an emulated Pico, with a simulated
-    /// muscle at its pins
+    /// muscle or joint at its pins
     port: String,
     /// Print the result as JSON on standard output
     #[arg(long, global = true)]
@@ -69,7 +70,7 @@ enum BoardTask {
     Calibrate(calibrate::CalibrateArgs),
     /// Drive a profile and record it like a simulated run: trace.csv, summary.json, report.html
     Drive(DriveArgs),
-    /// Plug in the emulated board again, with the muscle of a scenario
+    /// Plug in the emulated board again, with the muscle of a scenario, or with the joint of one and its image
     Plug {
         /// Scenario file (TOML) [default: the nominal muscle]
         scenario: Option<PathBuf>,
@@ -201,11 +202,16 @@ fn plug(
     }
     match task {
         BoardTask::Plug { scenario } => {
+            let mut plugged = (Variant::Standard, "plugged in\n");
             if let Some(scenario) = &scenario {
-                thermyo_setup::load(scenario)?;
+                match thermyo_joint::load(scenario)? {
+                    Some(_) => plugged = (Variant::Joint, "plugged in: a joint\n"),
+                    None => drop(thermyo_setup::load(scenario)?),
+                }
             }
-            service::plug(scenario.as_deref())?;
-            format.done(out, &json!({ "plugged": true }), "plugged in\n")
+            let (image, words) = plugged;
+            service::plug(image, scenario.as_deref())?;
+            format.done(out, &json!({ "plugged": true }), words)
         }
         _ => {
             let words = if service::unplug() { "unplugged\n" } else { "it was not plugged in\n" };
@@ -224,11 +230,16 @@ pub(super) struct ServeArgs {
 }
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
-    let loaded = match &args.scenario {
+    let ServeArgs { scripts, image, file, scenario } = args;
+    let joint = scenario.as_deref().map(thermyo_joint::load).transpose()?.flatten();
+    if let Some(joint) = joint {
+        return Ok(service::serve(scripts, image, file, joint_board::at_pins(&joint)?)?);
+    }
+    let loaded = match scenario {
         Some(path) => thermyo_setup::load(path)?,
         None => thermyo_setup::parse("", Path::new("the nominal muscle"))?,
     };
-    Ok(service::serve(&args.scripts, &args.image, &args.file, &loaded)?)
+    Ok(service::serve(scripts, image, file, service::muscle(&loaded)?)?)
 }
 
 fn info(
@@ -269,6 +280,19 @@ fn arm(
     format.done(out, &json!({ "armed_pa": armed_pa }), &words)
 }
 
+/// A joint's scenario is nothing for a board that drives one muscle.
+fn refuse_joint(file: &Path) -> Result<(), Failure> {
+    if thermyo_joint::load(file)?.is_none() {
+        return Ok(());
+    }
+    let file = file.display();
+    let usage = format!(
+        "{file}: has a [joint], and the board drives one muscle: `thermyo flash --joint`, or without hardware \
+         `thermyo board emulated plug {file}`"
+    );
+    Err(Failure::Usage(usage))
+}
+
 fn configure(
     board: &mut LiveBoard,
     task: ConfigTask,
@@ -278,6 +302,7 @@ fn configure(
 ) -> Result<(), Failure> {
     match task {
         ConfigTask::Write { file } => {
+            refuse_joint(&file)?;
             let config = core_config(&load(&file, format, err)?.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;

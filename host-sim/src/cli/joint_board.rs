@@ -4,13 +4,20 @@ use super::board_status::{Overview, configuration, configuration_json};
 use super::set::{SetArgs, SetPointArgs};
 use super::{Failure, FormatArgs, interrupt, print};
 use model_core::Faults;
-use model_core::joint::{JointFaults, JointMode, JointSetPoint, JointTelemetry, Motion};
+use model_core::joint::{
+    JointError, JointFaults, JointMode, JointSetPoint, JointTelemetry, Motion,
+};
 use model_core::safety::supervisor::VENTING;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_boards::emulated::{EmulatedBoard, Exchange};
 use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::service::STEP_NS;
 use thermyo_files::units::UnitSystem;
+use thermyo_joint::{Inputs, JointLoaded, Rig, RunError};
+use thermyo_protocol::Refusal;
+use thermyo_simulation::board::BoardError;
 
 /// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
@@ -24,6 +31,20 @@ pub(super) enum JointTask {
     Write { file: PathBuf },
     Save,
     Forget,
+}
+
+/// The joint of a scenario at an emulated board's pins: each call runs a millisecond of both. It begins
+/// where the drive begins.
+pub(super) fn at_pins(
+    loaded: &JointLoaded,
+) -> Result<impl FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError> + use<>, Failure> {
+    let mut rig = Rig::new(loaded, Inputs::of(loaded.motion(0.0))).map_err(Failure::Joint)?;
+    Ok(move |board: &mut EmulatedBoard| {
+        let exchange = board.run(&rig.sample(), STEP_NS)?;
+        let diverged = |error: RunError| BoardError::Emulator { message: error.to_string() };
+        rig.advance(exchange.set_duties()).map_err(diverged)?;
+        Ok(exchange)
+    })
 }
 
 /// `None`: a task that only a board for one muscle has.
@@ -42,7 +63,7 @@ pub(super) fn run(
     match task {
         JointTask::Info => info(&mut board, (format, units), out),
         JointTask::Arm { max_pressure } => {
-            board.arm(max_pressure.map(|pa| pa as f32))?;
+            board.arm(max_pressure.map(|pa| pa as f32)).map_err(refused)?;
             let armed_pa = board.status()?.armed_pa.unwrap_or_default();
             let most = units.text(armed_pa.into(), "Pa", 1);
             let words = format!("armed up to {most} in either muscle, absolute\n");
@@ -82,7 +103,11 @@ fn write(
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
     let Some(loaded) = thermyo_joint::load(file)? else {
-        let usage = format!("{}: has no [joint], and the board drives one", file.display());
+        let file = file.display();
+        let usage = format!(
+            "{file}: has no [joint], and the board drives one: `thermyo flash` for one muscle, or without \
+             hardware `thermyo board emulated plug {file}`"
+        );
         return Err(Failure::Usage(usage));
     };
     let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -108,13 +133,31 @@ fn shown(telemetry: &JointTelemetry) -> Value {
 
 /// Faults that vent; none: it may be armed.
 fn venting(telemetry: &JointTelemetry) -> Option<String> {
-    let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.of(VENTING));
-    let named = [("muscle a", a.to_string()), ("muscle b", b.to_string())];
-    let joint = ("joint", telemetry.faults.to_string());
-    let none = a == Faults::NONE && b == Faults::NONE && telemetry.faults == JointFaults::NONE;
-    let held = named.into_iter().chain([joint]).filter(|(_, faults)| !faults.is_empty());
+    named(telemetry.muscles.map(|muscle| muscle.faults.of(VENTING)), telemetry.faults)
+}
+
+/// Faults of the muscles and of the joint, each with its place.
+fn named(muscles: [Faults; 2], joint: JointFaults) -> Option<String> {
+    let [a, b] = muscles.map(|faults| faults.to_string());
+    let all = [("muscle a", a), ("muscle b", b), ("joint", joint.to_string())];
+    let held = all.into_iter().filter(|(_, faults)| !faults.is_empty());
     let texts: Vec<String> = held.map(|(of, faults)| format!("{of}: {faults}")).collect();
-    (!none).then(|| texts.join("; "))
+    (!texts.is_empty()).then(|| texts.join("; "))
+}
+
+/// A refusal that names only what holds, and the command that helps.
+fn refused(error: BoardError) -> Failure {
+    let BoardError::Refused(Refusal::JointSetPoint(JointError::Faults(muscles, joint))) = error
+    else {
+        return error.into();
+    };
+    if muscles.contains(&Faults::NOT_CONFIGURED) {
+        return BoardError::Refused(Refusal::NotConfigured).into();
+    }
+    let faults = named(muscles, joint).unwrap_or_default();
+    let words =
+        format!("the board vents until this is cleared: {faults}: `thermyo board PORT clear`");
+    Failure::Usage(words)
 }
 
 /// The joint in one line.
@@ -182,9 +225,9 @@ fn set(
     let set_point = set_point(args)?;
     interrupt::watch();
     if args.arm {
-        board.arm(None)?;
+        board.arm(None).map_err(refused)?;
     }
-    let first = board.set(set_point)?;
+    let first = board.set(set_point).map_err(refused)?;
     if set_point == JointSetPoint::Vent {
         return format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n");
     }
