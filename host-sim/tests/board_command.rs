@@ -262,6 +262,7 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert!((angle_rad - 0.349).abs() < 0.02, "{held}");
     let stiffness = held["stiffness_n_m_rad"].as_f64().unwrap();
     assert!((stiffness - 14.0).abs() < 1.0, "{held}");
+    assert_pressures_and_duties_are_taken(&bench);
     let info = bench.ok("thermyo board emulated info");
     assert!(info.contains(", a joint\n") && info.contains("; 0 missed of "), "{info}");
     assert!(
@@ -276,6 +277,25 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     let joint = bench.refused(&format!("thermyo board emulated config write {scenario}"));
     assert!(joint.contains("has a [joint]") && joint.contains("emulated plug"), "{joint}");
     assert!(bench.refused(set).contains("thermyo flash --joint"));
+}
+
+fn assert_pressures_and_duties_are_taken(bench: &Bench) {
+    let set = "thermyo board emulated set";
+    let held = json(bench.ok(&format!("{set} pressures 2bar 2.5bar --hold 1.5 --json")));
+    for (side, wanted_pa) in [2.0e5, 2.5e5].into_iter().enumerate() {
+        let pressure_pa = held["pressure_pa"][side].as_f64().unwrap();
+        assert!((pressure_pa - wanted_pa).abs() < 4000.0, "{held}");
+    }
+    let bar = bench.refused(&format!("{set} pressures 2bar 1.3"));
+    assert!(bar.contains(" kPa; use 1.3bar, which is 130000 Pa\n"), "{bar}");
+    let high = bench.refused(&format!("{set} pressures 2bar 9bar"));
+    assert!(high.contains("pressure_pa = 900000: must be from 0 to "), "{high}");
+    // Inlet of muscle a open, outlet of muscle b.
+    let filled = json(bench.ok(&format!("{set} duties 30% 0 0 1 --hold 0.3 --json")));
+    let [a, b] = [0, 1].map(|side: usize| filled["pressure_pa"][side].as_f64().unwrap());
+    assert!(a > b + 5.0e4, "{filled}");
+    let duty = bench.refused(&format!("{set} duties 0 0 1.1 0"));
+    assert!(duty.contains("inlet = 1.1: must be from 0 to 1"), "{duty}");
 }
 
 /// The lines that begin with `thermyo` in code blocks of the document, for the emulated board.

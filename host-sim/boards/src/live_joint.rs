@@ -95,12 +95,34 @@ impl LiveJoint {
     }
 
     /// Sends a set point; returns the step from which on it holds.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`] below ambient, where a muscle would vent.
     pub fn set(&mut self, set_point: JointSetPoint) -> Result<u32, BoardError> {
+        if let JointSetPoint::Pressures { pressure_pa } = set_point {
+            self.check_above_ambient(pressure_pa)?;
+        }
         // A set point whose answer is lost drives the joint too.
         self.driving |= set_point != JointSetPoint::Vent;
         let step = self.done(HostCommand::SetJoint(set_point), "set")?;
         self.last_sent = Instant::now();
         Ok(step)
+    }
+
+    fn check_above_ambient(&mut self, pressures_pa: [f32; 2]) -> Result<(), BoardError> {
+        for (side, pressure_pa) in [Side::A, Side::B].into_iter().zip(pressures_pa) {
+            let asked = "configuration of a muscle";
+            let Answer::Config(config) = self.line.ask(HostCommand::ReadMuscle(side), asked)?
+            else {
+                return Err(BoardError::Silent { asked });
+            };
+            let least_pa = config.ambient.pressure_pa;
+            if pressure_pa < least_pa {
+                let most_pa = self.status()?.armed_pa.unwrap_or(config.working_limit_pa());
+                return Err(BoardError::Pressure { pressure_pa, least_pa, most_pa });
+            }
+        }
+        Ok(())
     }
 
     pub fn stop(&mut self) -> Result<(), BoardError> {

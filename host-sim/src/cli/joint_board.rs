@@ -206,10 +206,16 @@ fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
         SetPointArgs::Torque { torque_n_m, stiffness: stiffness_n_m_rad } => {
             JointSetPoint::Torque { torque_n_m, stiffness_n_m_rad }
         }
+        SetPointArgs::Pressures { pressure_a_pa, pressure_b_pa } => {
+            JointSetPoint::Pressures { pressure_pa: [pressure_a_pa, pressure_b_pa] }
+        }
+        SetPointArgs::Duties { inlet_a, outlet_a, inlet_b, outlet_b } => {
+            JointSetPoint::Duty { inlet: [inlet_a, inlet_b], outlet: [outlet_a, outlet_b] }
+        }
         SetPointArgs::Lock => JointSetPoint::Lock,
         SetPointArgs::Vent => JointSetPoint::Vent,
         _ => {
-            let usage = "a joint's board takes angle, torque, lock and vent";
+            let usage = "a joint's board takes angle, torque, pressures, duties, lock and vent";
             return Err(Failure::Usage(usage.to_owned()));
         }
     })
@@ -256,6 +262,7 @@ fn set(
     let json = json!({
         "angle_rad": last.angle_rad,
         "stiffness_n_m_rad": last.stiffness_n_m_rad,
+        "pressure_pa": last.muscles.map(|muscle| muscle.pressure_pa),
         "limited": last.limited,
         "mode": "vent",
     });

@@ -83,6 +83,30 @@ pub(super) enum SetPointArgs {
         #[arg(long, value_name = "STIFFNESS", value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
     },
+    /// Absolute pressures of a joint's muscles
+    Pressures {
+        /// Pressure of muscle a, such as 2bar, 200kPa or 200000 (Pa)
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("Pa"))]
+        pressure_a_pa: f32,
+        /// Pressure of muscle b
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity("Pa"))]
+        pressure_b_pa: f32,
+    },
+    /// Fixed duties of a joint's valves
+    Duties {
+        /// Inlet of muscle a, 0 to 1 or 0% to 100%
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        inlet_a: f32,
+        /// Outlet of muscle a
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        outlet_a: f32,
+        /// Inlet of muscle b
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        inlet_b: f32,
+        /// Outlet of muscle b
+        #[arg(allow_hyphen_values = true, value_parser = core_quantity(""))]
+        outlet_b: f32,
+    },
     /// All valves of a joint shut, for joint.lock_s at most; then it vents
     Lock,
     /// Inlet shut, outlet open
@@ -94,7 +118,11 @@ impl TryFrom<SetPointArgs> for SetPoint {
 
     fn try_from(args: SetPointArgs) -> Result<Self, Failure> {
         Ok(match args {
-            SetPointArgs::Angle { .. } | SetPointArgs::Torque { .. } | SetPointArgs::Lock => {
+            SetPointArgs::Angle { .. }
+            | SetPointArgs::Torque { .. }
+            | SetPointArgs::Pressures { .. }
+            | SetPointArgs::Duties { .. }
+            | SetPointArgs::Lock => {
                 return Err(BoardError::Refused(Refusal::OtherImage { joint: false }).into());
             }
             SetPointArgs::Pressure { pressure_pa } => Self::Pressure { pressure_pa },
