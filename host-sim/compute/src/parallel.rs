@@ -14,6 +14,10 @@ pub trait Watch: Sync {
     fn stopped(&self) -> bool {
         false
     }
+    /// Most threads to work on: all cores, where nothing else is to go on meanwhile.
+    fn threads(&self) -> usize {
+        thread::available_parallelism().map_or(1, usize::from)
+    }
 }
 
 impl Watch for () {}
@@ -38,7 +42,7 @@ pub fn map_watched<J: Sync, R: Send>(
         }
         done
     };
-    let threads = thread::available_parallelism().map_or(1, usize::from).min(jobs.len());
+    let threads = watch.threads().clamp(1, jobs.len().max(1));
     let mut results: Vec<(usize, R)> = thread::scope(|scope| {
         let threads: Vec<_> = (0..threads).map(|_| scope.spawn(worker)).collect();
         let joined = threads.into_iter().map(|thread| thread.join());

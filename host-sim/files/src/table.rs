@@ -85,17 +85,28 @@ pub fn read_whole(path: &Path) -> Result<Table, InputError> {
 /// # Errors
 /// As [`read_record`] and [`read_table`].
 pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Table, InputError> {
-    let bytes = read_bytes(path)?;
-    let mut lines = bytes.split(|byte| *byte == b'\n');
-    let first = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
-    let names = Table::rows_of(first, path);
-    if names.is_ok_and(|(names, _)| made_by_hand(&names)) {
-        return Table::undamaged(Table::rows_of(&bytes, path)?);
-    }
-    Table::parse_record(&bytes, path)
+    Table::parse_either(&read_bytes(path)?, path, made_by_hand)
 }
 
 impl Table {
+    /// As [`read_either`], from the content of a file; `file` is its name in messages.
+    ///
+    /// # Errors
+    /// As [`read_either`].
+    pub fn parse_either(
+        bytes: &[u8],
+        file: &Path,
+        made_by_hand: fn(&Self) -> bool,
+    ) -> Result<Self, InputError> {
+        let mut lines = bytes.split(|byte| *byte == b'\n');
+        let first = lines.find(|line| !line.trim_ascii().is_empty()).unwrap_or_default();
+        let names = Self::rows_of(first, file);
+        if names.is_ok_and(|(names, _)| made_by_hand(&names)) {
+            return Self::undamaged(Self::rows_of(bytes, file)?);
+        }
+        Self::parse_record(bytes, file)
+    }
+
     /// Parses a table; `file` is its name in messages.
     pub fn parse(text: &str, file: &Path) -> Result<Self, InputError> {
         Self::undamaged(Self::rows_of(text.as_bytes(), file)?)

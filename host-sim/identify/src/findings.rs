@@ -41,13 +41,18 @@ impl Fitted {
         self.standard_error.is_none_or(|error| error > most * self.value)
     }
 
-    /// A line for a terminal.
-    pub fn line(&self, path: &str) -> String {
+    /// Value with its standard error, and unit.
+    pub fn text(&self) -> String {
         let value = match self.standard_error {
             Some(error) => with_error(self.value, error),
             None => format!("{} ± open", significant(self.value, 6)),
         };
-        format!("{path:<34} {value} {}", self.unit).trim_end().to_owned() + "\n"
+        format!("{value} {}", self.unit).trim_end().to_owned()
+    }
+
+    /// A line for a terminal.
+    pub fn line(&self, path: &str) -> String {
+        format!("{path:<34} {}\n", self.text())
     }
 }
 

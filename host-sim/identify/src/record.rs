@@ -3,8 +3,9 @@
 use super::motion;
 use super::static_map::{self, Readings};
 use super::stops;
-use super::{Identified, IdentifyError, identify, page};
+use super::{Fitted, Identified, IdentifyError, identify, page};
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::Path;
 use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem};
@@ -12,6 +13,10 @@ use thermyo_files::table::Table;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::measured::Measured;
 use thermyo_setup::Loaded;
+
+fn named<K: AsRef<str>>(parameters: &BTreeMap<K, Fitted>) -> Vec<(&str, &Fitted)> {
+    parameters.iter().map(|(path, fitted)| (path.as_ref(), fitted)).collect()
+}
 
 #[derive(Debug)]
 pub enum Found {
@@ -41,27 +46,52 @@ pub fn identify_table(
         let readings = Readings::of(table)?;
         let against = against.map(|other| readings.to_compare(other)).transpose()?;
         let found = static_map::identify(loaded, readings, against.as_ref(), config, data)?;
-        if watch.stopped() {
-            // The searches of a static map take a second and count as one part.
-            return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });
-        }
-        return Ok(Found::Map(found));
+        return whole(Found::Map(found), watch);
     }
     if motion::is_asked_for(loaded) {
-        return Ok(Found::Motion(motion::identify(loaded, config, table, against)?));
+        let found = motion::identify(loaded, config, table, against, watch)?;
+        return whole(Found::Motion(found), watch);
     }
     if against.is_some() {
         return Err(InputError::file(data, Problem::NoMap).into());
     }
     if stops::are_asked_for(loaded, table) {
-        return Ok(Found::Stops(stops::identify(loaded, table, data)?));
+        return whole(Found::Stops(stops::identify(loaded, table, data)?), watch);
     }
     let known = [every_column(), REFERENCE.to_vec()].concat();
     let measured = Measured::new(table, &known)?;
     identify(loaded, config, &measured, data, watch).map(Found::Record)
 }
 
+/// The result of a search that is of one part, unless it was stopped.
+fn whole(found: Found, watch: &dyn Watch) -> Result<Found, IdentifyError> {
+    if watch.stopped() {
+        return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });
+    }
+    Ok(found)
+}
+
 impl Found {
+    /// The values found, by their keys.
+    pub fn values(&self) -> Vec<(&str, &Fitted)> {
+        match self {
+            Self::Record(found) => named(&found.findings.parameters),
+            Self::Map(found) => named(&found.findings.parameters),
+            Self::Stops(found) => named(&found.findings.parameters),
+            Self::Motion(found) => named(&found.findings.parameters),
+        }
+    }
+
+    /// Remarks on what the data leave open.
+    pub fn remarks(&self) -> &[String] {
+        match self {
+            Self::Record(found) => &found.findings.remarks,
+            Self::Map(found) => &found.findings.remarks,
+            Self::Stops(found) => &found.findings.remarks,
+            Self::Motion(found) => &found.findings.remarks,
+        }
+    }
+
     /// Content of `summary.json`.
     pub fn findings(&self) -> impl Serialize {
         #[derive(Serialize)]

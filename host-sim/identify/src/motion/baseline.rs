@@ -72,7 +72,7 @@ pub fn laws(loaded: &Loaded, config: &Path, table: &Table) -> Result<Vec<LawLeft
         change(&mut scenario);
         scenario.identify.parameters = keys.to_vec();
         let mut searched = parameters(&scenario, config)?;
-        let Searched { values, start, .. } = search(&scenario, &mut searched, &thin);
+        let Searched { values, start, .. } = search(&scenario, &mut searched, &thin, &());
         let found = searched.iter().zip(&values).map(|(p, value)| (p.key, value.value));
         let scenario = super::fit::adopt(&scenario, found);
         let left = Left::of(&scenario, &fitted, &start, 0);

@@ -14,6 +14,7 @@ use super::record::Record;
 use crate::search::{self, Found, LeastSquares};
 use crate::uncertainty::correlation_rows;
 use nalgebra::{DMatrix, DVector};
+use thermyo_compute::parallel::{Watch, map_watched};
 use thermyo_scenario::preset::MusclePreset;
 use thermyo_scenario::{Scenario, at_rest, number, with_numbers};
 
@@ -136,12 +137,18 @@ pub struct Problem<'a> {
     parameters: &'a [Parameter],
     record: &'a Record,
     deviation: f64,
+    watch: &'a dyn Watch,
 }
 
 impl<'a> Problem<'a> {
-    pub fn new(scenario: &'a Scenario, parameters: &'a [Parameter], record: &'a Record) -> Self {
+    pub fn new(
+        scenario: &'a Scenario,
+        parameters: &'a [Parameter],
+        record: &'a Record,
+        watch: &'a dyn Watch,
+    ) -> Self {
         let largest = if record.has_force { record.largest_n() } else { record.stroke_m() };
-        Self { scenario, parameters, record, deviation: LEFT * largest }
+        Self { scenario, parameters, record, deviation: LEFT * largest, watch }
     }
 
     fn start(&self, place: &DVector<f64>) -> Start {
@@ -161,9 +168,9 @@ impl<'a> Problem<'a> {
         residuals(&self.at(place), self.record, &self.start(place))
     }
 
-    /// The best of several searches.
+    /// The best of several searches; where they were stopped, a place that means nothing.
     pub fn search(&self) -> Found {
-        let ends = thermyo_compute::parallel::map(&STARTS, |factors| {
+        let ends = map_watched(&STARTS, self.watch, |factors| {
             let [force, stiffness, creep] = factors.map(f64::ln);
             let start = self.parameters.iter().map(|parameter| match parameter.key {
                 "muscle.slip_force_n" => force,
@@ -174,7 +181,9 @@ impl<'a> Problem<'a> {
             let start = start.chain([0.0, 0.0]).collect::<Vec<f64>>();
             search::minimize(self, DVector::from_vec(start), TOLERANCE, PATIENCE)
         });
-        ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("there are three starts")
+        let best = ends.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let place = DVector::zeros(self.parameters.len() + START_N.len());
+        best.unwrap_or(Found { place, cost: f64::INFINITY, converged: false, stopped: true })
     }
 
     /// Values at the end of a search, with deviations by the scatter and how long it lasts.
@@ -263,5 +272,9 @@ impl LeastSquares for Problem<'_> {
             })
             .collect();
         DMatrix::from_columns(&columns)
+    }
+
+    fn stopped(&self) -> bool {
+        self.watch.stopped()
     }
 }

@@ -25,6 +25,7 @@ use law::{Law, Start};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
+use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
@@ -111,6 +112,7 @@ fn parameters(scenario: &Scenario, config: &Path) -> Result<Vec<Parameter>, Inpu
 }
 
 /// Identifies from a table; `against` is a second record. `config` names the scenario in messages.
+/// Where `watch` has stopped it, the result means nothing.
 ///
 /// # Errors
 /// As [`Record::of`], and for parameters that a record of motion cannot determine.
@@ -119,12 +121,13 @@ pub fn identify(
     config: &Path,
     table: &Table,
     against: Option<&Table>,
+    watch: &dyn Watch,
 ) -> Result<Identified, InputError> {
     let scenario = &loaded.plant;
     let all = parameters(scenario, config)?;
     let record = Record::of(table, scenario)?;
     let against = against.map(|other| Record::of(other, scenario)).transpose()?;
-    Ok(of_record(loaded, all, record, against.as_ref()))
+    Ok(of_record(loaded, all, record, against.as_ref(), watch))
 }
 
 /// End of a search.
@@ -136,10 +139,15 @@ struct Searched {
 
 /// Searches, and leaves out what the record leaves open: it stays at the scenario's value, and the others
 /// are searched again.
-fn search(scenario: &Scenario, searched: &mut Vec<Parameter>, record: &Record) -> Searched {
+fn search(
+    scenario: &Scenario,
+    searched: &mut Vec<Parameter>,
+    record: &Record,
+    watch: &dyn Watch,
+) -> Searched {
     let mut open = Vec::new();
     loop {
-        let problem = Problem::new(scenario, searched, record);
+        let problem = Problem::new(scenario, searched, record, watch);
         let place = problem.search().place;
         let values = problem.values(&place);
         let start = problem.found_start(&place);
@@ -155,9 +163,10 @@ fn of_record(
     mut searched: Vec<Parameter>,
     record: Record,
     against: Option<&Record>,
+    watch: &dyn Watch,
 ) -> Identified {
     let thin = record.thinned(MOST_ROWS);
-    let Searched { open, values, start } = search(&loaded.plant, &mut searched, &thin);
+    let Searched { open, values, start } = search(&loaded.plant, &mut searched, &thin, watch);
     let found: Vec<(&'static str, f64)> =
         searched.iter().zip(&values).map(|(p, value)| (p.key, value.value)).collect();
     let mut scenario = loaded.clone();
@@ -198,7 +207,7 @@ fn compared(scenario: &Scenario, record: &Record) -> Left {
     let begins = of_time.min((START_SHARE * rows.len() as f64) as usize).max(1);
     let head = Record { rows: rows[..begins].to_vec(), has_force: record.has_force };
     let head = head.thinned(MOST_ROWS);
-    let problem = Problem::new(scenario, &[], &head);
+    let problem = Problem::new(scenario, &[], &head, &());
     let start = problem.found_start(&problem.search().place);
     Left::of(scenario, record, &start, begins)
 }

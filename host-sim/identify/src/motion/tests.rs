@@ -2,9 +2,11 @@
 //! that cannot be used.
 
 use super::*;
+use crate::{IdentifyError, identify_table};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use thermyo_files::shipped;
 use thermyo_record::trace::Row as Sample;
 use thermyo_scenario::DriveKind;
@@ -72,7 +74,7 @@ fn a_muscle_is_found_from_its_own_plan() {
     // A second record of the same muscle: the middle of the first.
     let second = [&all[..1], &all[3000..8000]].concat().join("\n") + "\n";
     let found =
-        identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), Some(&table(&second)))
+        identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), Some(&table(&second)), &())
             .unwrap();
     let findings = &found.findings;
     println!("{}", findings.text());
@@ -106,7 +108,7 @@ fn what_a_record_does_not_show_stays_open() {
         (t, 2.0e5 + 9.0e4 * (9.0 * t).sin())
     });
     let text = record(&muscle, points.collect());
-    let found = identify(&muscle, CONFIG.as_ref(), &table(&text), None).unwrap();
+    let found = identify(&muscle, CONFIG.as_ref(), &table(&text), None, &()).unwrap();
     let Findings { open, holds, parameters, .. } = &found.findings;
     println!("{}", found.findings.text());
     assert!(!holds && open.contains(&"muscle.creep_slow_s"), "{open:?}");
@@ -114,6 +116,31 @@ fn what_a_record_does_not_show_stays_open() {
     assert_eq!((slow.value, slow.standard_error), (26.0, None));
     assert_eq!(found.scenario.plant.muscle.creep_slow_s, 26.0);
     assert!(found.findings.failed().unwrap().contains("--plan motion"));
+}
+
+/// Asks to stop after so many questions.
+struct StopsAfter {
+    questions: AtomicUsize,
+}
+
+impl Watch for StopsAfter {
+    fn stopped(&self) -> bool {
+        self.questions.fetch_add(1, Ordering::Relaxed) >= 4
+    }
+}
+
+#[test]
+fn a_search_that_is_stopped_has_no_result() {
+    let muscle = shipped_scenario();
+    let points =
+        (0..250).map(|i| (0.02 * f64::from(i), 2.0e5 + 9.0e4 * (0.2 * f64::from(i)).sin()));
+    let table = table(&record(&muscle, points.collect()));
+    let watch = StopsAfter { questions: AtomicUsize::new(0) };
+    let data = Path::new("motion.csv");
+    let stopped = identify_table(&muscle, CONFIG.as_ref(), &table, data, None, &watch);
+    assert!(matches!(stopped, Err(IdentifyError::Stopped { .. })));
+    let asked = watch.questions.load(Ordering::Relaxed);
+    assert!((5..100).contains(&asked), "it went on for {asked} evaluations");
 }
 
 /// A record of 100 rows, each cell by a function of the row.
