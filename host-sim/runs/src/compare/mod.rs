@@ -3,8 +3,9 @@
 //! Rows may lie at different times: each run is interpolated linearly at the times of the first.
 
 mod page;
+mod several;
 
-pub use page::page;
+pub use several::{Comparison, Recorded};
 
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -26,6 +26,9 @@ const SECTIONS: [(&str, &[&str]); 3] = [
     ("Air", &["mass_kg", "flow_in_kg_s", "flow_out_kg_s", "duty_in", "duty_out"]),
 ];
 
+/// Columns of the separate drawing.
+const DRAWN: [&str; 4] = ["pressure_pa", "estimate_k", "sensor_gas_k", "length_m"];
+
 /// `compared` contains all runs but the first.
 pub fn page(runs: &[Run], compared: &[Compared]) -> String {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
@@ -66,27 +69,30 @@ fn differences(compared: &[Compared]) -> Section {
     compared.iter().fold(Section::new("Differences"), |section, compared| {
         let caption =
             format!("{} less {}, at {} rows of both", compared.run, compared.with, compared.rows);
-        let rows: Vec<Vec<String>> = COMPARABLE
-            .into_iter()
-            .filter_map(|name| {
-                let difference = compared.differences.get(name)?;
-                let shown = |value| of_column(value, name);
-                let name = label(name).to_owned();
-                Some(vec![
-                    name,
-                    shown(difference.rms),
-                    shown(difference.mean),
-                    shown(difference.max),
-                ])
-            })
-            .collect();
-        let none = vec![vec![
-            "nothing in common".to_owned(),
-            MISSING.into(),
-            MISSING.into(),
-            MISSING.into(),
-        ]];
-        let rows = if rows.is_empty() { none } else { rows };
+        let rows = rows(compared).into_iter().map(|row| row.to_vec()).collect();
         section.table(Table { caption, columns: columns.clone(), rows })
     })
+}
+
+/// Quantity, RMS, mean and largest difference; a row that says so where there is none.
+pub fn rows(compared: &Compared) -> Vec<[String; 4]> {
+    let rows = COMPARABLE.into_iter().filter_map(|name| {
+        let difference = compared.differences.get(name)?;
+        let shown = |value| of_column(value, name);
+        let name = label(name).to_owned();
+        Some([name, shown(difference.rms), shown(difference.mean), shown(difference.max)])
+    });
+    let rows: Vec<[String; 4]> = rows.collect();
+    if rows.is_empty() {
+        let missing = || MISSING.to_owned();
+        return vec![["nothing in common".to_owned(), missing(), missing(), missing()]];
+    }
+    rows
+}
+
+/// The main quantities of all runs as a separate drawing.
+pub fn plot(runs: &[Run]) -> String {
+    let panels = DRAWN.iter().filter_map(|column| panel(runs, column));
+    let chart = panels.fold(Chart::new(Axis::new("Time", "s")).half(), Chart::panel);
+    chart.document("Runs compared")
 }
