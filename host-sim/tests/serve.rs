@@ -18,11 +18,11 @@ use crate::board_support::{Bench, skip_emulator};
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
 /// Longest wait of a test \[s\], even on a busy machine: it detects hanging and is not a figure.
-const HANGS_S: f64 = 60.0;
+pub(crate) const HANGS_S: f64 = 60.0;
 
 /// A server, which is stopped with its board.
-struct Served {
-    bench: Bench,
+pub(crate) struct Served {
+    pub(crate) bench: Bench,
     child: Child,
     url: String,
     _turn: MutexGuard<'static, ()>,
@@ -30,7 +30,7 @@ struct Served {
 
 impl Served {
     /// `what` is the argument; recordings go to `out/serve` in the test's folder.
-    fn new(what: &str) -> Self {
+    pub(crate) fn new(what: &str) -> Self {
         Self::after("", what)
     }
 
@@ -56,12 +56,12 @@ impl Served {
         Self { bench, child, url: url.trim().to_owned(), _turn: turn }
     }
 
-    fn host(&self) -> &str {
+    pub(crate) fn host(&self) -> &str {
         self.url.trim_start_matches("http://").split('/').next().unwrap()
     }
 
     /// Status line and body of an address.
-    fn get(&self, path: &str, host: &str) -> (u16, String) {
+    pub(crate) fn get(&self, path: &str, host: &str) -> (u16, String) {
         let mut stream = TcpStream::connect(self.host()).unwrap();
         write!(stream, "GET {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").unwrap();
         let mut text = String::new();
@@ -69,11 +69,11 @@ impl Served {
         (text.split(' ').nth(1).unwrap().parse().unwrap(), text)
     }
 
-    fn path(&self, file: &str) -> String {
+    pub(crate) fn path(&self, file: &str) -> String {
         format!("/{}/{file}", self.url.split('/').nth(3).unwrap())
     }
 
-    fn page(&self) -> Page {
+    pub(crate) fn page(&self) -> Page {
         self.page_from(None).unwrap()
     }
 
@@ -114,12 +114,12 @@ impl Drop for Served {
 }
 
 /// A page, and its last messages.
-struct Page {
+pub(crate) struct Page {
     socket: WebSocket<TcpStream>,
     received: u64,
-    state: Value,
-    own: Value,
-    frame: Value,
+    pub(crate) state: Value,
+    pub(crate) own: Value,
+    pub(crate) frame: Value,
 }
 
 impl Page {
@@ -127,7 +127,7 @@ impl Page {
         self.socket.send(Message::text(word.to_string())).unwrap();
     }
 
-    fn order(&mut self, order: Value) {
+    pub(crate) fn order(&mut self, order: Value) {
         self.say(json!({ "order": order }));
     }
 
@@ -147,7 +147,12 @@ impl Page {
     }
 
     /// Waits for a condition; returns the waiting time.
-    fn until(&mut self, what: &str, limit_s: f64, done: impl Fn(&Self) -> bool) -> Duration {
+    pub(crate) fn until(
+        &mut self,
+        what: &str,
+        limit_s: f64,
+        done: impl Fn(&Self) -> bool,
+    ) -> Duration {
         let start = Instant::now();
         // It may have been behind.
         self.say(json!({ "seen": self.received }));
@@ -164,13 +169,13 @@ impl Page {
         self.frame["rows"].as_array().and_then(|rows| rows.last()?[1].as_f64()).unwrap_or(f64::NAN)
     }
 
-    fn happened(&self, what: &str) -> bool {
+    pub(crate) fn happened(&self, what: &str) -> bool {
         let mut events = self.state["events"].as_array().into_iter().flatten();
         events.any(|event| event["text"].as_str().unwrap().contains(what))
     }
 
     /// Configures the muscle, arms, and holds a pressure.
-    fn drive(&mut self, pressure_pa: f64) {
+    pub(crate) fn drive(&mut self, pressure_pa: f64) {
         self.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
         if self.state["configuration"]["configured"] == false {
             self.order(json!({ "configure": null }));
@@ -674,6 +679,7 @@ fn the_page_in_a_browser() {
     assert!(most.starts_with("1500.0 kPa: must be from 101.3 to 660.1 kPa."), "{seen}");
     assert_eq!(seen["most"][2], "400.0", "{seen}");
     assert_the_page_is_of_a_piece(&seen);
+    assert_records_are_used(&seen);
     let in_bar = &seen["in_bar"];
     let pressure_bar = in_bar["pressure"].as_f64().unwrap();
     assert!((3.2..3.4).contains(&pressure_bar), "{seen}");
@@ -714,6 +720,17 @@ fn the_page_in_a_browser() {
     assert_eq!(seen["temperature_above"], true, "{seen}");
     assert_eq!(seen["serious"], json!([]), "{seen}");
     assert_eq!(seen["killed"], json!({ "armed": "was armed", "set": false }), "{seen}");
+}
+
+/// The card of records: its keyboard, messages and widths.
+fn assert_records_are_used(seen: &Value) {
+    assert_eq!(seen["ticked"], json!([false, true, true, false, false]), "{seen}");
+    let refused = seen["not_identified"].as_str().unwrap();
+    assert!(refused.starts_with("second.csv: column duty_in is missing"), "{seen}");
+    let warning =
+        "Warning: second.csv lasts 19.9 s and first.csv 29.9 s: only the common time is compared.";
+    assert!(seen["compared"].as_str().unwrap().contains(warning), "{seen}");
+    assert_eq!(seen["records_px"], json!([1280, 390]), "{seen}");
 }
 
 /// Colours, units and widths of the page's parts.

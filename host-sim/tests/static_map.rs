@@ -35,7 +35,7 @@ fn muscle([length_m, diameter_m, angle_deg, full_n, strain, slack]: [f64; 6]) ->
 
 /// Map of a muscle at these contractions and gauge pressures \[Pa\], with noise \[N\] and friction
 /// \[N\].
-fn map(
+pub(crate) fn map(
     muscle: &Muscle,
     places: &[(f64, f64, f64)],
     noise_n: f64,
@@ -70,7 +70,7 @@ fn readings(
     parse(&map(muscle, places, noise_n, friction_n, seed))
 }
 
-fn grid(directions: &[f64]) -> Vec<(f64, f64, f64)> {
+pub(crate) fn grid(directions: &[f64]) -> Vec<(f64, f64, f64)> {
     let mut places = Vec::new();
     for contraction in [0.0, 0.03, 0.06, 0.1, 0.14, 0.18] {
         for bar in 1..=6 {

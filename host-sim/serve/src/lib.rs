@@ -1,5 +1,5 @@
 //! `thermyo serve`: a board on a local page: live plots, set points, recording, calibration,
-//! tuning.
+//! tuning, identification and comparison of records.
 //!
 //! ```text
 //! board --link--> operator (a thread) --every step--> recording (a thread) --> trace, summary, report
@@ -24,9 +24,12 @@ mod results;
 mod seats;
 mod shared;
 mod socket;
+mod sought;
 mod state;
+mod study;
 mod target;
 mod tuning;
+mod uploads;
 mod web;
 mod word;
 

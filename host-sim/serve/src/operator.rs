@@ -6,10 +6,12 @@ use super::orders::Next;
 use super::recording::Recording;
 use super::results::{Outcome, next_folder};
 use super::shared::Shared;
+use super::sought::Sought;
 use super::state::{Configuration, Guide, Link, ResultLink, State, Weight};
+use super::study::{Content, Fit, Study};
 use super::target::Target;
 use super::tuning;
-use super::word::{Order, ScenarioText};
+use super::word::{Order, ScenarioText, Source};
 use model_core::control::Mode;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint, Telemetry};
@@ -67,6 +69,7 @@ pub struct Operator {
     writers: Vec<JoinHandle<()>>,
     guided: Option<Guided>,
     tuning: Option<Guide>,
+    study: Study,
     faults: Faults,
     set_point: SetPoint,
     next_step: Option<u32>,
@@ -113,6 +116,16 @@ enum NotDone {
 
 const NO_LINK: NotDone = NotDone::NotNow("there is no link to the board");
 const NO_FORMER: NotDone = NotDone::NotNow("this page has changed no configuration yet");
+const ONE_STUDY: NotDone =
+    NotDone::NotNow("an identification or a comparison goes on: wait for it, or cancel it");
+const NO_SOURCE: NotDone =
+    NotDone::NotNow("that record is no longer here: the last four files are kept; choose it again");
+const NO_FIT: NotDone = NotDone::NotNow("there are no identified values to apply");
+const OTHER_CONFIG: NotDone = NotDone::NotNow(
+    "the board has another configuration than the identification began with: identify again",
+);
+const DRIVEN: NotDone =
+    NotDone::NotNow("the muscle is driven, and new values would vent it: vent first");
 const RECORDS: NotDone =
     NotDone::NotNow("a recording runs, and a record has one configuration: end it first");
 
@@ -144,6 +157,7 @@ impl Operator {
             writers: Vec::new(),
             guided: None,
             tuning: None,
+            study: Study::default(),
             faults: Faults::NONE,
             set_point: SetPoint::Vent,
             next_step: None,
@@ -187,6 +201,7 @@ impl Operator {
             self.show();
         }
         self.vent();
+        self.study.close();
         self.finish_recording();
         for writer in self.writers.drain(..) {
             let _ = writer.join();
@@ -415,25 +430,7 @@ impl Operator {
     }
 
     fn attempt(&mut self, order: Order, wanted: &dyn Fn() -> bool) -> Result<(), NotDone> {
-        match order {
-            Order::Leave => {
-                self.guided = None;
-                return Ok(());
-            }
-            Order::Finish => {
-                self.finish_recording();
-                return Ok(());
-            }
-            Order::Reference(text) => {
-                if let Some(Guided::Calibration(calibration)) = &mut self.guided {
-                    calibration.answer(&text);
-                }
-                return Ok(());
-            }
-            Order::Tune { most_pa } => return self.tune(most_pa, wanted),
-            Order::Stops { most_pa } => return self.measure_stops(most_pa, wanted),
-            _ => (),
-        }
+        let Some(order) = self.attempt_beside(order, wanted)? else { return Ok(()) };
         let board = self.board.as_mut().ok_or(NO_LINK)?;
         match order {
             Order::Arm { most_pa } => board.arm(most_pa)?,
@@ -468,10 +465,48 @@ impl Operator {
             | Order::Leave
             | Order::Finish
             | Order::Reference(_)
+            | Order::Identify { .. }
+            | Order::Compare(_)
+            | Order::Apply
+            | Order::Close
             | Order::Tune { .. }
             | Order::Stops { .. } => (),
         }
         Ok(())
+    }
+
+    /// Carries out an order that is more than a request to the board; returns any other.
+    fn attempt_beside(
+        &mut self,
+        order: Order,
+        wanted: &dyn Fn() -> bool,
+    ) -> Result<Option<Order>, NotDone> {
+        match order {
+            Order::Leave => self.guided = None,
+            Order::Finish => self.finish_recording(),
+            Order::Reference(text) => {
+                if let Some(Guided::Calibration(calibration)) = &mut self.guided {
+                    calibration.answer(&text);
+                }
+            }
+            Order::Identify { data, sought, keys } => {
+                let begun = self.identify(data, sought, &keys);
+                self.said("Identification", begun)?;
+            }
+            Order::Compare(records) => {
+                let begun = self.compare(records);
+                self.said("Comparison", begun)?;
+            }
+            Order::Apply => {
+                let applied = self.apply();
+                self.said("Identification", applied)?;
+            }
+            Order::Close => self.study.close(),
+            Order::Tune { most_pa } => self.tune(most_pa, wanted)?,
+            Order::Stops { most_pa } => self.measure_stops(most_pa, wanted)?,
+            other => return Ok(Some(other)),
+        }
+        Ok(None)
     }
 
     /// Keeps the known configuration as the former one: the board has just got another.
@@ -487,6 +522,61 @@ impl Operator {
         self.board.as_mut().ok_or(NO_LINK)?.configure(&config, &name)?;
         self.remember();
         self.guided = None;
+        if !self.study.works() {
+            self.study.close();
+        }
+        Ok(())
+    }
+
+    /// Shows a refusal where the study is shown.
+    fn said(&mut self, title: &str, done: Result<(), NotDone>) -> Result<(), NotDone> {
+        if let Err(error) = &done {
+            self.study.refused(title, error.to_string());
+        }
+        done
+    }
+
+    fn identify(&mut self, data: Source, sought: Sought, keys: &[String]) -> Result<(), NotDone> {
+        if self.study.works() {
+            return Err(ONE_STUDY);
+        }
+        if self.known.status.config_source == ConfigSource::Defaults {
+            return Err(BoardError::Refused(Refusal::NotConfigured).into());
+        }
+        self.study.close();
+        let data = Content::of(data, &self.shared).ok_or(NO_SOURCE)?;
+        self.study.identify(self.known.config, (sought, keys), data, &self.out)?;
+        self.shared.log(Weight::Plain, "identification begins");
+        Ok(())
+    }
+
+    fn compare(&mut self, records: [Source; 2]) -> Result<(), NotDone> {
+        if self.study.works() {
+            return Err(ONE_STUDY);
+        }
+        self.study.close();
+        let [first, second] = records.map(|source| Content::of(source, &self.shared));
+        self.study.compare([first.ok_or(NO_SOURCE)?, second.ok_or(NO_SOURCE)?], &self.out);
+        Ok(())
+    }
+
+    /// Gives the board the identified values.
+    fn apply(&mut self) -> Result<(), NotDone> {
+        let Fit { before, after } = self.study.fit().cloned().ok_or(NO_FIT)?;
+        if self.recording.is_some() {
+            return Err(RECORDS);
+        }
+        if self.set_point != SetPoint::Vent {
+            return Err(DRIVEN);
+        }
+        if before != self.known.config {
+            return Err(OTHER_CONFIG);
+        }
+        let name = self.known.status.config_name;
+        self.board.as_mut().ok_or(NO_LINK)?.configure(&after, name.as_str())?;
+        self.remember();
+        self.study.applied();
+        self.shared.log(Weight::Plain, "the board has the identified values, and vents");
         Ok(())
     }
 
@@ -542,7 +632,7 @@ impl Operator {
         tuning::write(tuned, &folder, &name)?;
         self.shared.log(Weight::Plain, format!("tuned: {}", folder.display()));
         let text = "friction, valves and gains".to_owned();
-        self.shared.add_result(Outcome { name: name.clone(), folder, text });
+        self.shared.add_result(Outcome { name: name.clone(), folder, text, trace: false });
         let adopted = tuned.findings.adopted;
         let has = if adopted {
             "The board has the tuned values, and vents; they are not saved."
@@ -625,7 +715,7 @@ impl Operator {
         files.publish()?;
         self.shared.log(Weight::Plain, format!("stops measured: {}", folder.display()));
         let text = "gas temperature at stops, heat transfer".to_owned();
-        self.shared.add_result(Outcome { name: name.clone(), folder, text });
+        self.shared.add_result(Outcome { name: name.clone(), folder, text, trace: true });
         self.guided = Some(Guided::Over(Guide {
             title: "Stops".to_owned(),
             text: findings.text(UnitSystem::Practical),
@@ -671,6 +761,7 @@ impl Operator {
             return;
         }
         self.shown = Some(Instant::now());
+        self.study.poll(&self.shared);
         let Known { status, timing, .. } = &self.known;
         let guide = self.guided.as_ref().map(Guided::state);
         let state = State {
@@ -688,6 +779,7 @@ impl Operator {
             recording: self.recording.as_ref().map(Recording::recorded),
             results: self.results(),
             guide: self.tuning.clone().or(guide),
+            study: self.study.state(),
             events: self.shared.events(),
         };
         let json = serde_json::to_string(&state).expect("plain data");
@@ -702,7 +794,8 @@ impl Operator {
 
     fn results(&self) -> Vec<ResultLink> {
         let results = self.shared.results().into_iter().rev();
-        results.map(|Outcome { name, text, .. }| ResultLink { name, text }).collect()
+        let link = |Outcome { name, text, trace, .. }| ResultLink { name, text, trace };
+        results.map(link).collect()
     }
 }
 

@@ -162,7 +162,7 @@ impl Writer {
                 let lost = summary.lost_steps;
                 let text = format!("{:.1} s, {rows} steps, {lost} lost", summary.duration_s);
                 shared.log(Weight::Plain, format!("recorded in {}: {text}", folder.display()));
-                shared.add_result(Outcome { name, folder, text });
+                shared.add_result(Outcome { name, folder, text, trace: true });
             }
             Err(error) => shared.log(Weight::Fault, format!("recording: {error}")),
         }

@@ -1,14 +1,21 @@
-//! Results of recordings and tunings, which the page can open.
+//! Results of recordings, tunings and studies, which the page can open.
 
 use std::path::{Path, PathBuf};
 
+const SVG: &str = "image/svg+xml";
 /// Files of a result that a page may request, with their types.
-const FILES: [(&str, &str); 5] = [
+const FILES: [(&str, &str); 11] = [
     ("report.html", "text/html; charset=utf-8"),
     ("trace.csv", "text/csv; charset=utf-8"),
     ("summary.json", "application/json"),
     ("scenario.toml", "text/plain; charset=utf-8"),
     ("tuned.toml", "text/plain; charset=utf-8"),
+    ("identified.toml", "text/plain; charset=utf-8"),
+    ("fit.svg", SVG),
+    ("map.svg", SVG),
+    ("stops.svg", SVG),
+    ("motion.svg", SVG),
+    ("runs.svg", SVG),
 ];
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,6 +24,8 @@ pub struct Outcome {
     pub folder: PathBuf,
     /// Description on the page.
     pub text: String,
+    /// It has a record, `trace.csv`.
+    pub trace: bool,
 }
 
 impl Outcome {

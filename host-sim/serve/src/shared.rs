@@ -4,6 +4,7 @@ use super::orders::Orders;
 use super::results::Outcome;
 use super::seats::Seats;
 use super::state::{Event, Weight};
+use super::uploads::Uploads;
 use std::collections::VecDeque;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -18,6 +19,7 @@ const MOST_EVENTS: usize = 100;
 pub struct Shared {
     pub orders: Orders,
     pub seats: Seats,
+    pub uploads: Uploads,
     /// Measured values, thinned.
     pub frames: broadcast::Sender<Utf8Bytes>,
     /// The serialised `State`.
@@ -32,6 +34,7 @@ impl Default for Shared {
         Self {
             orders: Orders::default(),
             seats: Seats::default(),
+            uploads: Uploads::default(),
             frames: broadcast::Sender::new(MOST_FRAMES),
             state: watch::Sender::new(Utf8Bytes::default()),
             ended: AtomicBool::new(false),

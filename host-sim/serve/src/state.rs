@@ -1,5 +1,6 @@
 //! State of the page besides the measured values: one message, complete every time.
 
+use super::sought::{self, Offer};
 use model_core::Config;
 use model_core::control::contractions;
 use model_core::physics::chamber::{AnyChamber, ChamberConfig};
@@ -46,6 +47,8 @@ pub struct State {
     pub results: Vec<ResultLink>,
     /// The guided task.
     pub guide: Option<Guide>,
+    /// The identification or comparison.
+    pub study: Option<Study>,
     /// The events, the latest first.
     pub events: Vec<Event>,
 }
@@ -82,6 +85,8 @@ pub struct Configuration {
     pub contractions: [f32; 2],
     pub rest_length_m: Option<f64>,
     pub braid: Option<Braid>,
+    /// Identifications that suit it.
+    pub offers: Vec<Offer>,
 }
 
 /// Geometry from which the page computes the diameter.
@@ -115,6 +120,7 @@ impl Configuration {
             contractions: contractions(config, &AnyChamber::new(&config.chamber)),
             rest_length_m: chamber.map(|chamber| chamber.rest_length()),
             braid,
+            offers: sought::offers(config),
         }
     }
 }
@@ -133,6 +139,8 @@ pub struct ResultLink {
     /// Name of its folder, and of its address.
     pub name: String,
     pub text: String,
+    /// It has a record, `trace.csv`.
+    pub trace: bool,
 }
 
 /// Progress of a guided task.
@@ -152,6 +160,39 @@ pub struct Guide {
     pub result: Option<String>,
     /// The task has ended.
     pub over: bool,
+}
+
+/// An identification or comparison, under way or over.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct Study {
+    pub title: String,
+    /// Progress or outcome, and what the data leave open.
+    pub text: String,
+    /// Heads of the table's columns.
+    pub head: Vec<String>,
+    pub rows: Vec<Vec<String>>,
+    /// Finished fraction \[-\], while it goes on.
+    pub progress: Option<f64>,
+    /// Name of the result that the page can open.
+    pub result: Option<String>,
+    /// File of the result with a drawing.
+    pub plot: Option<&'static str>,
+    /// File of the result with the scenario found.
+    pub scenario: Option<&'static str>,
+    /// The values may be applied to the board.
+    pub applies: bool,
+    /// The board has the values: the user keeps them, or goes back to the former configuration.
+    pub chooses: bool,
+    /// Reason why the last order about it was refused.
+    pub refused: Option<String>,
+    pub over: bool,
+}
+
+impl Study {
+    /// One that ended without a result.
+    pub fn failed(title: &str, text: String) -> Self {
+        Self { title: title.to_owned(), text, over: true, ..Self::default() }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

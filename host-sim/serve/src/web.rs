@@ -8,8 +8,9 @@ use super::page;
 use super::results::Outcome;
 use super::shared::Shared;
 use super::socket;
-use http_body_util::Full;
-use hyper::body::{Bytes, Incoming};
+use super::uploads::LARGEST;
+use http_body_util::{BodyExt, Full, LengthLimitError, Limited};
+use hyper::body::{Body, Bytes, Incoming};
 use hyper::header::{
     CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderMap, HeaderName, HeaderValue,
     LOCATION, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
@@ -163,11 +164,14 @@ async fn door(site: Site, known: &Known, request: Request<Incoming>) -> Response
 
 /// The path begins with the secret.
 async fn route(site: Site, request: Request<Incoming>) -> Response {
+    let path = request.uri().path().to_owned();
+    let parts: Vec<&str> = path.split('/').skip(2).collect();
+    if request.method() == Method::POST && parts[..] == ["files"] {
+        return keep(&site, request).await;
+    }
     if ![Method::GET, Method::HEAD].contains(request.method()) {
         return answer(StatusCode::METHOD_NOT_ALLOWED, PLAIN, "");
     }
-    let path = request.uri().path().to_owned();
-    let parts: Vec<&str> = path.split('/').skip(2).collect();
     match parts[..] {
         [] => {
             let mut response = answer(StatusCode::PERMANENT_REDIRECT, PLAIN, "");
@@ -233,6 +237,29 @@ fn file(name: &str) -> Response {
         Some(text) => answer(StatusCode::OK, kind, text),
         None => answer(StatusCode::NOT_FOUND, PLAIN, ""),
     }
+}
+
+/// Keeps a file that the page sends; the answer is its number.
+async fn keep(site: &Site, request: Request<Incoming>) -> Response {
+    let stated = request.body().size_hint().lower();
+    if stated <= LARGEST as u64 {
+        // Without a stated length it is read up to the limit.
+        match Limited::new(request.into_body(), LARGEST).collect().await {
+            Ok(body) => {
+                let number = site.shared.uploads.put(body.to_bytes());
+                return answer(StatusCode::OK, PLAIN, number.to_string());
+            }
+            Err(error) if !error.is::<LengthLimitError>() => {
+                return answer(StatusCode::BAD_REQUEST, PLAIN, "the file did not arrive whole\n");
+            }
+            Err(_) => (),
+        }
+    }
+    let text = format!(
+        "a file for this page may have {} MiB; the command takes larger ones\n",
+        LARGEST >> 20
+    );
+    answer(StatusCode::PAYLOAD_TOO_LARGE, PLAIN, text)
 }
 
 async fn result(site: &Site, name: &str, file: &str) -> Response {

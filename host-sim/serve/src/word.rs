@@ -1,5 +1,6 @@
 //! Messages from a page.
 
+use super::sought::Sought;
 use model_core::SetPoint;
 use serde::Deserialize;
 use thermyo_studies::calibrate::Sensor;
@@ -53,6 +54,31 @@ pub enum Order {
     },
     /// Leaves the guided task, or closes its result.
     Leave,
+    /// Identifies these keys of the board's configuration from a record.
+    Identify {
+        data: Source,
+        sought: Sought,
+        keys: Vec<String>,
+    },
+    /// Compares the second record with the first.
+    Compare([Source; 2]),
+    /// Sends the configuration with the identified values.
+    Apply,
+    /// Cancels the identification, or closes the result of it or of a comparison.
+    Close,
+}
+
+/// A record that the page has sent, or one of a result.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Source {
+    File {
+        /// Number that the answer to its sending has.
+        number: u64,
+        name: String,
+    },
+    /// By the name of the result.
+    Result(String),
 }
 
 impl Order {

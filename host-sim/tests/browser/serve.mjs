@@ -5,6 +5,7 @@
 // THERMYO is the command, PLACE the temporary folder in which the emulated board is plugged in,
 // SERVER the process of the server, which is killed in the end.
 import { execFileSync } from "node:child_process";
+import { writeFileSync } from "node:fs";
 import puppeteer from "puppeteer-core";
 import { findings } from "./accessibility.mjs";
 
@@ -210,6 +211,47 @@ for (const width of [1280, 390]) {
 await page.setViewport(wide);
 await until(page, () => innerWidth === 1280);
 
+// Records: by the keyboard, and at both widths.
+const record = (rows) => "time_s,pressure_pa,sensor_gas_k,length_m\n" + Array.from({ length: rows }, (_, i) =>
+  `${i / 10},${2e5 + 1e4 * rows + 8e4 * Math.sin(i / 8)},${298 + 2 * Math.sin(i / 8 - 1)},${.22 - .01 * Math.sin(i / 8)}\n`).join("");
+const chosen = [["first.csv", 300], ["second.csv", 200]].map(([name, rows]) => {
+  writeFileSync(`${place}/${name}`, record(rows));
+  return `${place}/${name}`;
+});
+await page.focus("#records summary");
+await page.keyboard.press("Enter");
+const sent = async (path) => (await page.$("#csv")).uploadFile(path);
+for (const [i, path] of chosen.entries()) {
+  await sent(path);
+  await until(page, (count) => document.querySelectorAll("#compare-first option").length === count, i + 2);
+}
+const studied = (text) => until(page, (text) => document.getElementById("study-text").textContent.includes(text), text);
+// A box by Enter, the forms by their buttons; a record without duties cannot be identified from.
+await page.focus("#identify-keys input");
+await page.keyboard.press("Enter");
+const ticked = await page.$$eval("#identify-keys input", (boxes) => boxes.map((box) => box.checked));
+await page.focus("#identify [type=submit]");
+await page.keyboard.press("Enter");
+await studied("second.csv: column ");
+const not_identified = await text(page, "study-text");
+
+await page.focus("#compare [type=submit]");
+await page.keyboard.press("Enter");
+await studied("second.csv less first.csv");
+const compared = await text(page, "study-text");
+await until(page, () => document.querySelector("#study-plot img").naturalWidth > 0);
+const records_px = [];
+for (const width of [1280, 390]) {
+  await page.setViewport({ ...wide, width });
+  await until(page, (width) => innerWidth === width, width);
+  await pause(300);
+  serious.push(...await findings(page));
+  records_px.push(await page.evaluate(() => document.documentElement.scrollWidth));
+  await page.screenshot({ path: `${screenshots}-records-${width}.png`, fullPage: true });
+}
+await page.setViewport(wide);
+await until(page, () => innerWidth === 1280);
+
 // The link, lost and restored, from the loss of the board on.
 const plugged = (how) => execFileSync(thermyo, ["board", "emulated", how, "--quiet"], { env: { ...process.env, TMPDIR: place } });
 const link = async (shown) => {
@@ -235,4 +277,4 @@ process.kill(Number(server), "SIGKILL");
 await link("no server");
 const killed = { armed: await text(page, "armed"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
 await browser.close();
-console.log(JSON.stringify({ problems, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, table_px, serious }));
+console.log(JSON.stringify({ problems, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, table_px, ticked, not_identified, compared, records_px, serious }));

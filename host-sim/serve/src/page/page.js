@@ -194,7 +194,7 @@ function showState() {
   $("configure").hidden = configured;
   $("own").hidden = !configuration.own;
   $("own").textContent = `Use ${configuration.own}`;
-  for (const field of document.querySelectorAll(".controls button, .controls input")) field.disabled = !steers;
+  for (const field of document.querySelectorAll(".controls button, .controls input, .controls select")) field.disabled = !steers;
   document.body.classList.toggle("watch", !steers);
   const able = steers && configured && !busy;
   for (const id of ["arm", "steer", "tune", "stops"]) for (const field of $(id).elements) field.disabled = !able;
@@ -221,6 +221,8 @@ function showState() {
   } else $("record-text").textContent = "Records every step, even if this page shows fewer.";
   showResults();
   showGuide(guide);
+  showRecords(steers && !busy);
+  showStudy(state.study);
   showEvents();
 
   const timing = state.timing;
@@ -261,9 +263,8 @@ function showGuide(guide) {
   $("guide-title").textContent = guide ? guide.title : "Calibrate, tune, measure";
   if (!guide) return;
   $("guide").open = true;
-  const text = $("guide-text");
-  if (text.textContent !== guide.text) text.textContent = guide.text;
-  showTable(guide.table);
+  showText("guide-text", guide.text);
+  showTable("guide-table", guide.table);
   $("guide-progress").hidden = guide.progress === null;
   if (guide.progress !== null) $("guide-progress").value = guide.progress;
   $("reference").hidden = !guide.asks;
@@ -275,17 +276,121 @@ function showGuide(guide) {
   $("go-back").hidden = !guide.chooses;
 }
 
-let tableShown = "";
-function showTable(rows) {
+/** A changed text is read out; an unchanged one is left alone. */
+function showText(id, text) {
+  if ($(id).textContent !== text) $(id).textContent = text;
+}
+
+/** The last content of each table or list. */
+const shownRows = {};
+function changes(id, rows) {
   const key = JSON.stringify(rows);
-  $("guide-table").hidden = !rows.length;
-  if (key === tableShown) return;
-  tableShown = key;
-  $("guide-table").tBodies[0].replaceChildren(...rows.map(([name, ...values]) => {
+  if (shownRows[id] === key) return false;
+  shownRows[id] = key;
+  return true;
+}
+
+function showTable(id, rows) {
+  $(id).hidden = !rows.length;
+  if (changes(id, rows)) $(id).tBodies[0].replaceChildren(...rows.map(([name, ...values]) => {
     const row = document.createElement("tr");
     row.append(element("th", name, { scope: "row" }), ...values.map((value) => element("td", value)));
     return row;
   }));
+}
+
+// Records: files of this page, and recordings of the session
+
+/** Files that the server keeps, and the size of the largest. */
+const FILES = 4, LARGEST_MB = 64;
+let files = [];
+
+/** A record as the value of an option. */
+const sourceOf = (record) => JSON.stringify(record);
+
+function showRecords(able) {
+  const recorded = state.results.filter(({ trace }) => trace).map(({ name }) => [sourceOf({ result: name }), name]);
+  const records = [...files.map((file) => [sourceOf({ file }), file.name]), ...recorded], { offers, configured } = state.configuration;
+  for (const id of ["identify-data", "compare-second", "compare-first"]) if (changes(id, records)) {
+    const chosen = $(id).value;
+    options(id, records);
+    if (!chosen && id === "compare-first" && records.length > 1) $(id).selectedIndex = 1;
+  }
+  if (changes("identify-sought", offers)) {
+    options("identify-sought", offers.map(({ kind, name }) => [kind, name]));
+    showKeys();
+  }
+  const free = able && (!state.study || state.study.over);
+  for (const id of ["identify", "compare"]) for (const field of $(id).elements) field.disabled = !free || !records.length || (id === "identify" && !configured);
+  $("compare").elements[2].disabled ||= records.length < 2;
+}
+
+/** Fills a list, and keeps what was chosen. */
+function options(id, all) {
+  const before = $(id).value;
+  $(id).replaceChildren(...all.map(([value, text]) => element("option", text, { value })));
+  if (all.some(([value]) => value === before)) $(id).value = before;
+}
+
+function showKeys() {
+  const offer = state.configuration.offers.find(({ kind }) => kind === $("identify-sought").value);
+  $("identify-hint").textContent = offer?.hint ?? "";
+  $("identify-keys").hidden = !offer?.keys.length;
+  const boxes = (offer?.keys ?? []).map((key, i) => {
+    const label = element("label", "");
+    label.append(element("input", "", { type: "checkbox", name: "key", value: key, checked: i < offer.usual }), element("span", key));
+    return label;
+  });
+  $("identify-keys").replaceChildren(element("legend", "Values"), ...boxes);
+}
+
+function showStudy(study) {
+  $("study").hidden = !study;
+  if (!study) return;
+  $("records").open = true;
+  $("study-title").textContent = study.title;
+  showText("study-text", study.text);
+  if (changes("study-head", study.head)) $("study-table").tHead.rows[0].replaceChildren(...study.head.map((name) => element("th", name, { scope: "col" })));
+  showTable("study-table", study.rows);
+  $("study-progress").hidden = study.progress === null;
+  if (study.progress !== null) $("study-progress").value = study.progress;
+  const path = (file) => (study.result && file ? `results/${study.result}/${file}` : "");
+  for (const [id, file] of [["study-result", "report.html"], ["study-scenario", study.scenario], ["study-plot", study.plot]]) {
+    $(id).hidden = !path(file);
+    if (path(file)) $(id).href = path(file);
+  }
+  if (changes("study-image", path(study.plot)) && study.plot) {
+    Object.assign($("study-plot").firstElementChild, { src: path(study.plot), alt: `${study.title}: the records drawn over time. The table and the report have the values.` });
+  }
+  $("study-refused").hidden = !study.refused;
+  showText("study-refused", study.refused ?? "");
+  $("apply").hidden = !study.applies;
+  $("close").textContent = study.chooses ? "Keep" : study.over ? "Done" : "Cancel";
+  $("study-back").hidden = !study.chooses;
+}
+
+/** Sends files to the server, which answers with their numbers. */
+async function add(list) {
+  let refused = "";
+  for (const file of list) {
+    if (file.size > LARGEST_MB * 2 ** 20) {
+      refused = `${file.name}: a file for this page may have ${LARGEST_MB} MiB; the command takes larger ones.`;
+      continue;
+    }
+    try {
+      const answer = await fetch("files", { method: "POST", body: file }), text = await answer.text();
+      if (answer.ok) files = [{ number: +text, name: file.name }, ...files].slice(0, FILES);
+      else refused = `${file.name}: ${text}`;
+    } catch {
+      refused = `${file.name}: it did not arrive.`;
+    }
+  }
+  $("csv-refused").hidden = !refused;
+  showText("csv-refused", refused);
+  if (!state) return;
+  showState();
+  // The latest file with the one before it.
+  if (!refused) for (const [i, id] of ["identify-data", "compare-second", "compare-first"].entries()) $(id).selectedIndex = Math.min(+(i === 2), $(id).length - 1);
 }
 
 let eventsShown = "";
@@ -455,6 +560,33 @@ for (const task of ["tune", "stops"]) on(task, "submit", () => {
   const most_pa = asked(`${task}-most`, "Pa", reached());
   if (most_pa !== null) order({ [task]: { most_pa } });
 });
+on("csv", "change", async ({ target }) => {
+  await add([...target.files]);
+  target.value = "";
+});
+// Anywhere on the page: a file dropped beside the card would replace the page, and vent.
+for (const event of ["dragover", "dragleave", "drop"]) addEventListener(event, (happened) => {
+  happened.preventDefault();
+  $("drop").classList.toggle("over", event === "dragover");
+  if (event !== "drop" || $("csv").disabled) return;
+  $("records").open = true;
+  add([...happened.dataTransfer.files]);
+});
+on("identify-sought", "change", showKeys);
+// Space vents: a box is ticked by Enter.
+on("identify-keys", "keydown", (event) => {
+  if (event.key !== "Enter" || event.target.type !== "checkbox") return;
+  event.preventDefault();
+  event.target.checked = !event.target.checked;
+});
+on("identify", "submit", () => {
+  const keys = [...document.querySelectorAll("[name=key]:checked")].map(({ value }) => value);
+  order({ identify: { data: JSON.parse($("identify-data").value), sought: $("identify-sought").value, keys } });
+});
+on("compare", "submit", () => order({ compare: ["compare-first", "compare-second"].map((id) => JSON.parse($(id).value)) }));
+on("apply", "click", () => order("apply"));
+on("close", "click", () => order("close"));
+on("study-back", "click", () => order("back"));
 on("reference", "submit", () => {
   const value = asked("reference-value", state.guide.asks);
   if (value === null) return;
