@@ -30,6 +30,10 @@ use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 
+/// Lowest priority of a thread on Linux.
+#[cfg(target_os = "linux")]
+const LEAST_URGENT: i32 = 19;
+
 /// The one study of the page.
 #[derive(Debug, Default)]
 pub struct Study {
@@ -203,7 +207,10 @@ impl Study {
     ) {
         let progress = Arc::new(Progress::default());
         let watch = Arc::clone(&progress);
-        let thread = thread::spawn(move || work(&watch));
+        let thread = thread::spawn(move || {
+            yield_to_the_board();
+            work(&watch)
+        });
         (self.works, self.over) = (Some(Works { title, progress, thread }), None);
     }
 
@@ -274,6 +281,14 @@ impl Study {
         let progress = Some(if parts == 0 { 0.0 } else { done as f64 / parts as f64 });
         Some(state::Study { title: (*title).to_owned(), text, progress, ..state::Study::default() })
     }
+}
+
+/// On Linux this thread, and those that it starts, get the time that the link, the page and an
+/// emulated board leave.
+fn yield_to_the_board() {
+    #[cfg(target_os = "linux")]
+    // A refusal only makes the work as urgent as the rest.
+    let _ = rustix::process::nice(LEAST_URGENT);
 }
 
 fn fit(
