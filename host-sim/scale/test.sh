@@ -23,13 +23,14 @@ shards=8
 study=(
     --lhs "$points" --seed 3
     --vary sensor.gas.time_constant_s=0.1:10:log
-    --vary believed.heat.inner_w_m2_k=60:120
+    --vary believed.heat.scale=0.7:1.4
     --vary load.force_n=50:150
-    --vary heat.model=constant,correlation
+    --vary supply.pressure_pa=5bar,6bar
 )
 
 export TIMEFORMAT=%R
-{ time "$program" sweep "$folder/short.toml" "${study[@]}" --quiet --out "$folder/one" >/dev/null; } 2>"$folder/seconds"
+{ time "$program" sweep "$folder/short.toml" "${study[@]}" --quiet --out "$folder/one" >/dev/null; } 2>"$folder/seconds" ||
+    { cat "$folder/seconds" && exit 1; }
 echo "one machine: $points points in $(<"$folder/seconds") s on $(nproc) cores"
 { time "$program" sweep "$folder/nothing.toml" "${study[@]}" --quiet --out "$folder/none" >/dev/null; } 2>"$folder/seconds"
 echo "a point that costs nothing: $(host-sim/scale/per_point.sh "$(<"$folder/seconds")" "$points")"

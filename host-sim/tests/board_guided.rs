@@ -394,7 +394,7 @@ fn a_monitor_without_a_screen_records() {
         child
     };
     // As `timeout` sends it.
-    let child = start("thermyo monitor emulated --quiet --out out/monitor");
+    let child = start("thermyo monitor emulated --every 10 --quiet --out out/monitor");
     signal(&child, "-TERM");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
@@ -404,7 +404,7 @@ fn a_monitor_without_a_screen_records() {
     let gaps = bench.refused("thermyo replay out/monitor --out out/again");
     assert!(gaps.contains("`thermyo monitor PORT --every 1`"), "{gaps}");
 
-    let child = start("thermyo monitor emulated --every 1 --json --out out/monitor");
+    let child = start("thermyo monitor emulated --json --out out/monitor");
     bench.ok("thermyo board emulated unplug");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", message(&output));

@@ -120,7 +120,7 @@ enum Task {
         format: FormatArgs,
         #[command(flatten)]
         units: UnitArgs,
-        /// Record every N-th step; `thermyo replay` needs every step: 1
+        /// Record every N-th step; `thermyo replay` needs every step
         #[arg(long, value_name = "N", default_value_t = monitor::EVERY, value_parser = |text: &str| whole(text, 1..=1000_u16))]
         every: u16,
         #[command(flatten)]

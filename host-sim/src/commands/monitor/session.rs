@@ -19,8 +19,8 @@ use thermyo_simulation::board::BoardError;
 const RETRY: Duration = Duration::from_millis(500);
 /// A board without telemetry for this long counts as silent.
 const SILENCE: Duration = Duration::from_secs(2);
-/// Telemetry is requested once per this many steps by default: 100 Hz.
-pub const EVERY: u16 = 10;
+/// Telemetry is requested once per this many steps by default: a record of every step can be replayed.
+pub const EVERY: u16 = 1;
 /// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
 const ALIVE: Duration = Duration::from_millis(100);
 /// Requests whose answers are awaited: those of some seconds, fewer than there are sequence
