@@ -2,7 +2,7 @@
 //! noticed yet.
 
 use model_core::Config;
-use model_core::estimation::{Estimator, Measurement, Openings};
+use model_core::estimation::{Estimator, LengthSource, Measurement, Openings};
 use model_core::physics::chamber::AnyChamber;
 use model_core::sensing::{GasReading, Reading};
 
@@ -30,7 +30,7 @@ fn main() {
                     charging: filling,
                     discharging: false,
                 },
-                length_trusted: true,
+                length_source: LengthSource::Sensor,
                 busy: false,
             },
         );

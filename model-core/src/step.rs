@@ -2,7 +2,7 @@
 
 use crate::config::{Config, Load};
 use crate::control::{Controller, Feedback, SetPointError, SetPointField, Target};
-use crate::estimation::{Estimator, Measurement, Openings};
+use crate::estimation::{Estimator, LengthSource, Measurement, Openings};
 use crate::math::limit;
 use crate::parameter::ConfigError;
 use crate::physics::chamber::{AnyChamber, Chamber};
@@ -46,6 +46,7 @@ struct Verdict {
     state: State,
     /// Measured length, or the one that the load implies without its sensor \[m\].
     length_m: f32,
+    length_source: LengthSource,
 }
 
 /// The inputs of a step, read and checked.
@@ -367,7 +368,7 @@ impl Core {
         Feedback {
             pressure_pa: self.pressure_pa,
             length_m: verdict.length_m,
-            length_lost: verdict.faults.intersects(Faults::LENGTH_SENSOR),
+            length_lost: verdict.length_source != LengthSource::Sensor,
             estimate: self.estimator.estimate(),
         }
     }
@@ -394,7 +395,7 @@ impl Core {
             impossible_length: !self.chamber.can_have_length_m(read_m),
         };
         let faults = self.supervisor.step(&sample.into(), readings, activity);
-        let length_m = self.length_m(read_m, self.pressure_pa, faults);
+        let (length_m, length_source) = self.length_m(read_m, self.pressure_pa, faults);
         // Also during the startup check: a set point that waits is dropped like one that drives.
         let state = self.supervisor.state();
         if let State::StartupCheck { causes, .. } | State::Venting { causes } = state
@@ -405,7 +406,7 @@ impl Core {
                 self.set_armed(None);
             }
         }
-        Verdict { faults, state, length_m }
+        Verdict { faults, state, length_m, length_source }
     }
 
     /// The openings of this step.
@@ -426,7 +427,7 @@ impl Core {
         verdict: &Verdict,
         command: Command,
     ) -> Faults {
-        let Verdict { faults, length_m, .. } = *verdict;
+        let Verdict { faults, length_m, length_source, .. } = *verdict;
         let turned = core::mem::replace(&mut self.turned, command.turns(self.command));
         let gas_lost = faults.intersects(Faults::GAS_SENSOR);
         if !gas_lost {
@@ -443,7 +444,7 @@ impl Core {
         let measurement = Measurement {
             pressure: self.supervisor.pressure_trusted().then_some(readings.pressure),
             length: Reading { value: length_m, ..readings.length },
-            length_trusted: !faults.intersects(Faults::LENGTH_SENSOR),
+            length_source,
             gas,
             busy: self.controller.worked(),
             openings: Openings {
@@ -490,21 +491,22 @@ impl Core {
 
     /// Measured length; without its sensor that of the contraction loop's reference, or the one at which the load
     /// balances.
-    fn length_m(&self, read_m: f32, pressure_pa: f32, faults: Faults) -> f32 {
+    fn length_m(&self, read_m: f32, pressure_pa: f32, faults: Faults) -> (f32, LengthSource) {
         if !faults.intersects(Faults::LENGTH_SENSOR) {
-            return self.chamber.limit_length_m(read_m);
+            return (self.chamber.limit_length_m(read_m), LengthSource::Sensor);
         }
-        match self.config.load {
+        let balance_m = match self.config.load {
             Load::Isometric { length_m } => self.chamber.limit_length_m(length_m),
             Load::Isotonic { force_n } if self.chamber.moves() => {
                 if let Some(reference_m) = self.controller.reference_m() {
-                    return reference_m;
+                    return (reference_m, LengthSource::Reference);
                 }
                 let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
                 self.chamber.length_for_force_m(gauge_pa, force_n)
             }
             Load::Isotonic { .. } => self.chamber.limit_length_m(read_m),
-        }
+        };
+        (balance_m, LengthSource::Balance)
     }
 }
 
@@ -804,7 +806,7 @@ mod tests {
                         _ if step % 40 == 39 => sensing.take_gas(),
                         _ => None,
                     },
-                    length_trusted: true,
+                    length_source: LengthSource::Sensor,
                     busy: step % 10 == 0,
                     openings: Openings {
                         turned: [1, 101, 151, 201].contains(&step),

@@ -37,7 +37,6 @@ fn every_fault_is_found_in_time_with_the_right_reaction() {
     assert_eq!(missed(&lines).0, 0);
 }
 
-/// The same runs without their fault: detection is due to the fault.
 /// Without the sensor neither loop takes the length that pressure stands for as measured: both hunted, and the estimate
 /// was 60, 30 and 17 K off.
 #[test]
@@ -55,6 +54,7 @@ fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
     }
 }
 
+/// The same runs without their fault: detection is due to the fault.
 #[test]
 fn without_its_fault_no_run_shows_it() {
     let mut trials: Vec<Trial> = cases::all()

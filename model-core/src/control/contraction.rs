@@ -414,10 +414,10 @@ impl ContractionLoop {
         target_m: f32,
     ) {
         let Contracting { load_n, softening, most_pa, .. } = *wanted;
-        let start_m = self.reference.length_m;
+        let (before, friction_n, held) = (self.reference, self.friction_n, self.held);
         self.reference.advance(&config.controller, &self.gains, chamber, target_m, port);
         let reference = self.reference;
-        let way_m = start_m - reference.length_m;
+        let way_m = before.length_m - reference.length_m;
         let way_n = config.friction.presliding_stiffness_n_m * way_m;
         let coulomb_n = self.observer.coulomb_n(configured_coulomb_n(config, softening));
         self.friction_n = slide(self.friction_n, way_n, coulomb_n);
@@ -429,6 +429,11 @@ impl ContractionLoop {
         let ambient_pa = config.ambient.pressure_pa;
         let gauge_pa = chamber.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
         self.limited = ambient_pa + gauge_pa > most_pa;
+        if self.limited && feedback.length_lost {
+            // Nothing but pressure says where the muscle is: the reference goes no further than pressure may.
+            self.reference = Reference { speed_m_s: 0.0, acceleration_m_s2: 0.0, ..before };
+            (self.friction_n, self.held) = (friction_n, held);
+        }
         self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
     }
 
@@ -561,6 +566,26 @@ mod tests {
     fn wanted(length_m: f32) -> Contracting {
         let contraction = (0.3 - length_m) / 0.3;
         Contracting { contraction, load_n: LOAD_N, softening: 1.0, most_pa: 6.6e5 }
+    }
+
+    /// It learns nothing either: the reference stands for the length.
+    #[test]
+    fn without_a_length_the_reference_goes_no_further_than_pressure() {
+        let config = plain();
+        let start_pa = pressure_pa(LOAD_N);
+        let mut contracting = started(&config, &feedback(start_pa, LENGTH_M));
+        let beyond = Contracting { most_pa: start_pa + 3.0e4, ..wanted(0.2) };
+        for _ in 0..300 {
+            let reference_m = contracting.reference_m();
+            let lost = Feedback { length_lost: true, ..feedback(start_pa, reference_m) };
+            contracting.period(&config, &muscle(), &lost, &port(&lost), &beyond);
+        }
+        let gauge_pa = muscle().gauge_pressure_for_force_pa(LOAD_N, contracting.reference_m());
+        let below_pa = beyond.most_pa - AMBIENT_PA - gauge_pa;
+        assert!(contracting.limited() && !contracting.holding());
+        assert!((0.0..2.5e4).contains(&below_pa), "{below_pa} Pa");
+        assert!(contracting.reference_m() < LENGTH_M - 1.0e-3);
+        assert_eq!(contracting.effort_n, 0.0);
     }
 
     /// A reference at rest at 0.25 m, and its next values for these targets.

@@ -4,7 +4,7 @@ use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transit
 use super::element::Response;
 use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
 use super::zones::{Faces, Flow, Moved, Place, Zones};
-use super::{Balance, Coefficients, Estimator, Measurement};
+use super::{Balance, Coefficients, Estimator, LengthSource, Measurement};
 use crate::config::EstimatorConfig;
 use crate::math::{CompensatedSum, absolute, limit, small_exp, sqrt};
 use crate::physics::chamber::Chamber;
@@ -572,7 +572,7 @@ impl Estimator {
         }
         (self.pending.gains, self.pending.left) = self.covariance.gains(reading_k2);
         self.correct(innovation_k);
-        if self.length_trusted {
+        if self.length_source == LengthSource::Sensor {
             let above_k = self.zones.mean_wall_k() - self.coefficients.ambient.temperature_k;
             let foil_k2 = self.foil_k2();
             self.element.watch(

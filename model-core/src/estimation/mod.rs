@@ -96,8 +96,8 @@ pub struct Measurement {
     pub pressure: Option<Reading>,
     /// Measured length \[m\], limited to what the chamber can have.
     pub length: Reading,
-    /// It is the sensor's; if not, the one at which the load balances.
-    pub length_trusted: bool,
+    /// Origin of the length.
+    pub length_source: LengthSource,
     /// Reading of the gas sensor, where the estimator [starts](Estimator::starts) or an interval
     /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
     pub gas: Option<GasReading>,
@@ -105,6 +105,18 @@ pub struct Measurement {
     pub openings: Openings,
     /// The controller works in this step: what can wait, waits.
     pub busy: bool,
+}
+
+/// Origin of a length. Where it changes the length may jump although nothing moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum LengthSource {
+    /// The length sensor.
+    #[default]
+    Sensor,
+    /// Reference of the contraction loop, without the sensor.
+    Reference,
+    /// Pressure and load, or a configured length, without the sensor.
+    Balance,
 }
 
 /// Where gas may go, as the duties tell.
@@ -173,7 +185,7 @@ pub struct Estimator {
     missing_steps: u16,
     entering: bool,
     started: bool,
-    length_trusted: bool,
+    length_source: LengthSource,
     energy: Energy,
     window: Window,
     interval: Interval,
@@ -211,7 +223,7 @@ impl Estimator {
     ///
     /// ```
     /// use model_core::Config;
-    /// use model_core::estimation::{Estimator, Measurement, Openings};
+    /// use model_core::estimation::{Estimator, LengthSource, Measurement, Openings};
     /// use model_core::physics::chamber::AnyChamber;
     /// use model_core::sensing::{GasReading, Reading};
     ///
@@ -222,7 +234,7 @@ impl Estimator {
     /// estimator.step(&muscle, &Measurement {
     ///     pressure: Some(Reading::exact(2.0e5)),
     ///     length: Reading::exact(0.28),
-    ///     length_trusted: true,
+    ///     length_source: LengthSource::Sensor,
     ///     gas: Some(gas),
     ///     openings: Openings::default(),
     ///     busy: false,
@@ -269,7 +281,7 @@ impl Estimator {
             balance: None,
             pending: Pending::none(),
             started: false,
-            length_trusted: true,
+            length_source: LengthSource::Sensor,
         }
     }
 
@@ -307,10 +319,10 @@ impl Estimator {
         let length = &measurement.length;
         if !self.started {
             self.start(chamber, pressure_pa, measurement);
-        } else if self.length_trusted != measurement.length_trusted {
+        } else if self.length_source != measurement.length_source {
             self.change_length(chamber, length.value);
         }
-        self.length_trusted = measurement.length_trusted;
+        self.length_source = measurement.length_source;
         let uncertainty = uncertainty(length.wide, self.coefficients.length_noise_m);
         let flow_state = measurement.openings.flow_state(self.energy.flowing());
         let change_m = length.value - self.followed_m;
@@ -598,7 +610,7 @@ mod tests {
         Measurement {
             pressure: (pressure_pa > 0.0).then_some(reading(pressure_pa)),
             length: reading(length_m),
-            length_trusted: true,
+            length_source: LengthSource::Sensor,
             gas: (gas_k > 0.0).then_some(GasReading {
                 value_k: gas_k,
                 noise_k2: 1.0e-4,
@@ -675,10 +687,13 @@ mod tests {
             let mut estimator = Estimator::new(&Config::default());
             let mut worst_k = 0.0_f32;
             for step in 0..12_000_u16 {
-                let length_trusted = !(9_987..11_005).contains(&step);
-                let length_m = if length_trusted { 0.28 } else { 0.28 + jump_m };
+                let (length_m, length_source) = match step {
+                    9_987..10_400 => (0.28 + jump_m, LengthSource::Reference),
+                    10_400..11_005 => (0.28 - 0.5 * jump_m, LengthSource::Balance),
+                    _ => (0.28, LengthSource::Sensor),
+                };
                 let measurement = measurement(2.0e5, length_m, 298.0, flow);
-                estimator.step(&muscle(), &Measurement { length_trusted, ..measurement });
+                estimator.step(&muscle(), &Measurement { length_source, ..measurement });
                 worst_k = worst_k.max((estimator.estimate().gas_k - 298.0).abs());
             }
             assert!(worst_k < 0.1, "{jump_m} m, {flow}: {worst_k} K");
