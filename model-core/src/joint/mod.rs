@@ -192,6 +192,8 @@ pub struct Joint {
     started: bool,
     /// Steps that it has been locked for.
     locked_steps: u32,
+    /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
+    limits_pa: [f32; 2],
     /// Faults that hold now, and those that are latched.
     present: JointFaults,
     latched: JointFaults,
@@ -232,6 +234,7 @@ impl Joint {
             commands: [Command::VENT; 2],
             started: false,
             locked_steps: 0,
+            limits_pa: [0.0; 2],
             present: JointFaults::NONE,
             latched: JointFaults::NONE,
             first: None,
@@ -287,8 +290,16 @@ impl Joint {
         self.controller = other.controller;
         self.guard = other.guard;
         self.set_point = if armed { other.set_point } else { JointSetPoint::Vent };
+        self.note_limits();
         self.commands = [Command::VENT; 2];
         self.started = false;
+    }
+
+    /// Keeps the limits of a set point: a fault disarms the muscles, and their supervisors then only have the
+    /// configuration's.
+    fn note_limits(&mut self) {
+        let [a, b] = &self.muscles;
+        self.limits_pa = [a.supervisor().limit_pa(), b.supervisor().limit_pa()];
     }
 
     /// Takes over what was latched before the board restarted. It does not say of which muscle: both have it.
@@ -410,6 +421,7 @@ impl Joint {
         if kind(&set_point) != kind(&self.set_point) && set_point != JointSetPoint::Lock {
             self.started = false;
         }
+        self.note_limits();
         self.set_point = set_point;
         Ok(())
     }
@@ -468,10 +480,11 @@ impl Joint {
         let harmless = [JointFaults::NONE, JointFaults::ANGLE_SENSOR].contains(&self.latched)
             && self.venting().iter().all(|faults| faults.without(HARMLESS) == Faults::NONE);
         let trusted = self.muscles.iter().all(|muscle| muscle.supervisor().pressure_trusted());
-        let limits_pa = self.config.muscles.iter().map(|muscle| muscle.pressure_limit_pa);
-        let below = pressure_pa.iter().zip(limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
+        let below = pressure_pa.iter().zip(self.limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
         let wanted = self.config.mechanism.lock_s > 0.0 && self.set_point != JointSetPoint::Vent;
-        wanted && harmless && trusted && below
+        // Valves that vent until a set point's first period go on venting.
+        let driven = self.started || self.commands != [Command::VENT; 2];
+        wanted && driven && harmless && trusted && below
     }
 
     /// Ends a lock whose time is over: both muscles vent in this step.
@@ -658,7 +671,6 @@ mod tests {
     #[test]
     fn a_lost_angle_vents_and_stays_latched() {
         let mut joint = filling();
-        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
         assert_eq!(vents_after(&mut joint, open), Some(0));
         let telemetry = joint.step(&HEALTHY);
         assert_eq!(telemetry.faults, JointFaults::ANGLE_SENSOR);
@@ -669,20 +681,61 @@ mod tests {
         assert_eq!(joint.set(FILLING), Ok(()));
     }
 
-    /// A joint that locks for 20 ms, and vents for all but a lost link, angle or digital part.
+    /// A joint that locks for that time.
+    fn that_locks_for(lock_s: f32) -> Joint {
+        let mut config = JointConfig::default();
+        config.mechanism.lock_s = lock_s;
+        config.muscles.iter_mut().for_each(|muscle| muscle.link.timeout_s = 0.01);
+        Joint::new(&config).unwrap()
+    }
+
+    fn open(sample: JointSample) -> JointSample {
+        JointSample { angle: AdcCode(CODE_MAX), ..sample }
+    }
+
+    /// A set point that waits for the sensors to be tested drives nothing yet.
+    #[test]
+    fn a_joint_that_is_not_driven_yet_vents_instead_of_locking() {
+        for started in 0..50 {
+            let mut joint = that_locks_for(0.2);
+            joint.set(FILLING).unwrap();
+            (0..started).for_each(|step| _ = joint.step(&alive(step)));
+            for step in 0..100 {
+                let telemetry = joint.step(&open(alive(step)));
+                assert_eq!(telemetry.commands(), [Command::VENT; 2], "{started} and {step} steps");
+            }
+            assert_eq!((joint.set_point(), joint.is_armed()), (JointSetPoint::Vent, false));
+        }
+    }
+
+    /// A fault disarms it; it was armed up to 200 kPa, and vents 5 % of its range above.
+    #[test]
+    fn a_locked_joint_vents_above_the_pressure_that_it_was_armed_for() {
+        let mut joint = that_locks_for(0.3);
+        while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+        joint.arm(Some(2.0e5)).unwrap();
+        joint.set(FILLING).unwrap();
+        (0..30).for_each(|step| _ = joint.step(&alive(step)));
+        let found = (0..100).find_map(|step| {
+            let rising = AdcCode(7770 + 150 * step);
+            let pressure = [alive(step).pressure[0], rising.into()];
+            let telemetry = joint.step(&open(JointSample { pressure, ..alive(step) }));
+            (telemetry.mode == JointMode::Vent).then_some(telemetry.muscles[1].pressure_pa)
+        });
+        assert!(found.is_some_and(|pa| (229.4e3..232.0e3).contains(&pa)), "{found:?} Pa");
+        assert_eq!(joint.latched(), Faults::JOINT_ANGLE);
+    }
+
+    /// It locks for 20 ms, and vents for all but a lost link, angle or digital part.
     #[test]
     fn a_joint_locks_where_it_is_configured_and_vents_when_the_time_is_over() {
         let locking = || {
-            let mut config = JointConfig::default();
-            config.mechanism.lock_s = 0.02;
-            config.muscles.iter_mut().for_each(|muscle| muscle.link.timeout_s = 0.01);
-            let mut joint = Joint::new(&config).unwrap();
+            let mut joint = that_locks_for(0.02);
             while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
             joint.set(FILLING).unwrap();
             (0..30).for_each(|step| _ = joint.step(&alive(step)));
             joint
         };
-        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
         let silent = |sample| JointSample { heard: false, ..sample };
         for (angle_lost, after) in [(true, 0), (false, 9)] {
             let mut joint = locking();
@@ -728,7 +781,6 @@ mod tests {
         assert!(joint.arm(None).is_err());
 
         let mut joint = filling();
-        let open = |sample| JointSample { angle: AdcCode(CODE_MAX), ..sample };
         vents_after(&mut joint, open);
         assert!(joint.first_failure().unwrap().faults.intersects(Faults::JOINT_ANGLE));
         let mut board = Joint::unconfigured();

@@ -320,6 +320,11 @@ impl Supervisor {
         self.state.causes()
     }
 
+    /// Absolute pressure above which it vents \[Pa\].
+    pub fn limit_pa(&self) -> f32 {
+        self.limits.pressure_pa
+    }
+
     /// Vents above this absolute pressure \[Pa\].
     pub fn limit_to(&mut self, pressure_pa: f32) {
         self.limits.pressure_pa = pressure_pa;
