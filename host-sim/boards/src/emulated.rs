@@ -21,9 +21,9 @@ use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 /// One exchange [ns].
 const STEP_NS: u32 = 1_000_000;
-/// The first exchange ends here: the firmware has copied itself into RAM and listens. The time is a
-/// tenth of a step before the next one, because inputs change between two steps.
-const START_NS: u32 = 17_900_000;
+/// The first exchange ends here: the firmware has copied itself into RAM and listens, which takes 18 ms. The time is
+/// a tenth of a step before the next one, because inputs change between two steps.
+const START_NS: u32 = 22_900_000;
 /// Exchanges after which an unanswered request fails.
 const PATIENCE: u32 = 200;
 /// Steps between two keep-alive messages of an idle host.
