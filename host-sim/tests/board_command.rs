@@ -263,6 +263,7 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     let stiffness = held["stiffness_n_m_rad"].as_f64().unwrap();
     assert!((stiffness - 14.0).abs() < 1.0, "{held}");
     assert_pressures_and_duties_are_taken(&bench);
+    assert_a_lock_ends(&bench);
     let info = bench.ok("thermyo board emulated info");
     assert!(info.contains(", a joint\n") && info.contains("; 0 missed of "), "{info}");
     assert!(
@@ -296,6 +297,21 @@ fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     assert!(a > b + 5.0e4, "{filled}");
     let duty = bench.refused(&format!("{set} duties 0 0 1.1 0"));
     assert!(duty.contains("inlet = 1.1: must be from 0 to 1"), "{duty}");
+}
+
+/// Without a time to hold.
+fn assert_a_lock_ends(bench: &Bench) {
+    let set = "thermyo board emulated set";
+    let negative = bench.refused(&format!("{set} torque 0.5 --stiffness -8"));
+    assert!(negative.contains("stiffness_n_m_rad = -8: must be from 0 to "), "{negative}");
+
+    assert!(bench.refused(&format!("{set} lock")).contains("joint.lock_s = 0: must be above 0"));
+    let text = fs::read_to_string(repository().join("scenarios/joint_board.toml")).unwrap();
+    let locking = bench.path("locking.toml");
+    fs::write(&locking, text.replace("[joint]", "[joint]\nlock_s = 0.8")).unwrap();
+    bench.ok(&format!("thermyo board emulated config write {}", locking.display()));
+    let locked = bench.ok(&format!("{set} lock --arm"));
+    assert!(locked.contains(", locked\n") && locked.ends_with(", vent; it vents\n"), "{locked}");
 }
 
 /// The lines that begin with `thermyo` in code blocks of the document, for the emulated board.

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Output, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
+use thermyo_boards::image::{Variant, firmware};
 
 use crate::board_support::{Bench, skip_emulator};
 
@@ -204,6 +205,33 @@ fn stops_are_measured_only_when_armed_and_an_interrupt_vents() {
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
     let info = bench.ok("thermyo board emulated info");
     assert!(info.contains("vent"), "{info}");
+}
+
+#[test]
+fn a_joint_whose_set_point_is_interrupted_vents() {
+    if skip_emulator() {
+        return;
+    }
+    firmware(Variant::Joint).unwrap();
+    let bench = Bench::new();
+    let scenario = "scenarios/joint_board.toml";
+    bench.ok(&format!("thermyo board emulated plug {scenario}"));
+    bench.ok(&format!("thermyo board emulated config write {scenario}"));
+    let mut command =
+        bench.command("thermyo board emulated set torque 0.5 --stiffness 8 --arm --hold 60");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
+    signal(&child, "-INT");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    let stopped = message(&output);
+    assert!(
+        stopped.starts_with("thermyo: stopped at ") && stopped.contains(" s of 60 s"),
+        "{stopped}"
+    );
+    assert!(String::from_utf8_lossy(&output.stdout).ends_with("; it vents\n"));
+    let info = bench.ok("thermyo board emulated info");
+    assert!(info.contains(", vent\n"), "{info}");
 }
 
 /// Sends Ctrl-C once this file has more than so many bytes; returns the output.

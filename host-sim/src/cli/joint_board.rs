@@ -1,7 +1,7 @@
 //! `thermyo board PORT` where the board drives a joint.
 
 use super::board_status::{Overview, configuration, configuration_json};
-use super::set::{SetArgs, SetPointArgs};
+use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Failure, FormatArgs, interrupt, print};
 use model_core::Faults;
 use model_core::joint::{
@@ -237,9 +237,34 @@ fn set(
     if set_point == JointSetPoint::Vent {
         return format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n");
     }
+    let (stopped, last) = hold(board, (args, set_point, first), (format, units), out)?;
+    board.stop()?;
+    let Some((time_s, last)) = last else { return Err(Failure::Interrupted) };
+    let json = json!({
+        "angle_rad": last.angle_rad,
+        "stiffness_n_m_rad": last.stiffness_n_m_rad,
+        "pressure_pa": last.muscles.map(|muscle| muscle.pressure_pa),
+        "limited": last.limited,
+        "mode": "vent",
+    });
+    format.answer(out, &json, &format!("{}; it vents\n", line(&last, units)))?;
+    if stopped { Err(stopped_at(time_s, args.hold)) } else { Ok(()) }
+}
+
+/// The time since the set point \[s\], and the joint then.
+type Held = (f64, JointTelemetry);
+
+/// Prints the joint from the step `first` on, until the time, or that of a lock, is over or it is stopped. Returns
+/// whether it was stopped, and the last of it.
+fn hold(
+    board: &mut LiveJoint,
+    (args, set_point, first): (&SetArgs, JointSetPoint, u32),
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(bool, Option<Held>), Failure> {
     let hold_s = args.hold.unwrap_or(f64::INFINITY);
-    let mut next_line_s = 0.0;
-    let last = loop {
+    let (mut next_line_s, mut last) = (0.0, None);
+    while !interrupt::is_requested() {
         let Some(telemetry) = board.poll()? else { continue };
         // Going away would vent a joint that its lock still holds.
         let locked = telemetry.mode == JointMode::Locked;
@@ -250,21 +275,15 @@ fn set(
         // Telemetry from before the set point is skipped.
         let Some(steps) = a.step.checked_sub(first) else { continue };
         let time_s = f64::from(steps) * 1e-3;
+        last = Some((time_s, telemetry));
         if time_s >= next_line_s && !format.quiet && !format.json {
             next_line_s += LINE_S;
             print(out, &format!("{time_s:7.2} s  {}\n", line(&telemetry, units)))?;
         }
-        if time_s >= hold_s || interrupt::is_requested() {
-            break telemetry;
+        let unlocked = set_point == JointSetPoint::Lock && telemetry.mode == JointMode::Vent;
+        if time_s >= hold_s || unlocked {
+            return Ok((false, last));
         }
-    };
-    board.stop()?;
-    let json = json!({
-        "angle_rad": last.angle_rad,
-        "stiffness_n_m_rad": last.stiffness_n_m_rad,
-        "pressure_pa": last.muscles.map(|muscle| muscle.pressure_pa),
-        "limited": last.limited,
-        "mode": "vent",
-    });
-    format.answer(out, &json, &format!("{}; it vents\n", line(&last, units)))
+    }
+    Ok((true, last))
 }

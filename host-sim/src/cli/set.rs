@@ -71,7 +71,7 @@ pub(super) enum SetPointArgs {
         #[arg(allow_hyphen_values = true, value_parser = core_quantity("rad"))]
         angle_rad: f32,
         /// Stiffness behind shut valves (N m/rad)
-        #[arg(long, value_name = "STIFFNESS", value_parser = core_quantity("N m/rad"))]
+        #[arg(long, value_name = "STIFFNESS", allow_negative_numbers = true, value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
     },
     /// Torque of a joint
@@ -80,7 +80,7 @@ pub(super) enum SetPointArgs {
         #[arg(allow_hyphen_values = true, value_parser = core_quantity("N m"))]
         torque_n_m: f32,
         /// Stiffness behind shut valves (N m/rad)
-        #[arg(long, value_name = "STIFFNESS", value_parser = core_quantity("N m/rad"))]
+        #[arg(long, value_name = "STIFFNESS", allow_negative_numbers = true, value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
     },
     /// Absolute pressures of a joint's muscles
@@ -180,8 +180,13 @@ pub(super) fn run(
     if !stopped {
         return Ok(());
     }
-    let of = args.hold.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
-    Err(Failure::StoppedAt(format!("{end_s:.2} s{of}")))
+    Err(stopped_at(end_s, args.hold))
+}
+
+/// Ctrl-C was pressed at that time, before the time to hold was over \[s\].
+pub(super) fn stopped_at(time_s: f64, hold_s: Option<f64>) -> Failure {
+    let of = hold_s.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
+    Failure::StoppedAt(format!("{time_s:.2} s{of}"))
 }
 
 /// A difference with its sign.
