@@ -42,7 +42,8 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     let board = plug_in();
     let recorder = Recorder::new(File::create(&trace).unwrap()).unwrap();
     let mut session = Session::open(port.to_str().unwrap(), EVERY, recorder).unwrap();
-    poll_until(&mut session, |session| session.rows() > 50 && session.timing().is_some());
+    // The board states whether it is armed twice a second.
+    poll_until(&mut session, |session| session.rows() > 1000 && session.timing().is_some());
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
 
