@@ -134,7 +134,10 @@ impl<M: Member> Board for Rp<M> {
             flash: Some(StoreFlash::new(p.FLASH)),
             led: Output::new(p.PIN_25, Level::Low),
             fault_output: Output::new(p.PIN_15, Level::Low),
-            brake_release: (MUSCLES > 1).then(|| Output::new(p.PIN_20, Level::Low)),
+            #[cfg(feature = "joint")]
+            brake_release: Some(Output::new(p.PIN_20, Level::Low)),
+            #[cfg(not(feature = "joint"))]
+            brake_release: None,
             receiver,
             sender,
             usb: (usb, unique_id),

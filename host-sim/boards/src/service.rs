@@ -24,7 +24,7 @@ use thermyo_simulation::rig::Rig;
 /// The hidden command that serves.
 pub const TASK: &str = "emulated-board";
 
-/// A board's step [ns].
+/// A board's step \[ns\].
 pub const STEP_NS: u32 = 1_000_000;
 const STEP: Duration = Duration::from_nanos(STEP_NS as u64);
 /// Steps that are run after the last client has left.
