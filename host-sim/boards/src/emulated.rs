@@ -19,8 +19,8 @@ use thermyo_plant::Actuation;
 use thermyo_protocol::{Answer, BAUD, HostCommand, LastReset, PROTOCOL, Timing, Version};
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
-/// One exchange [ns].
-const STEP_NS: u32 = 1_000_000;
+/// One exchange, a step of the board \[ns\].
+pub const STEP_NS: u32 = 1_000_000;
 /// The first exchange ends here: the firmware has copied itself into RAM and listens, which takes 18 ms. The time is
 /// a tenth of a step before the next one, because inputs change between two steps.
 const START_NS: u32 = 22_900_000;

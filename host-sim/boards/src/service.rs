@@ -7,7 +7,7 @@
 //! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
 //! the first holds the content of its flash, which survives the loss of power.
 
-use super::emulated::{EmulatedBoard, Exchange};
+use super::emulated::{EmulatedBoard, Exchange, STEP_NS};
 use super::image::{self, Variant};
 use super::serial_port::READ;
 use std::io::{ErrorKind, Read, Write};
@@ -24,8 +24,6 @@ use thermyo_simulation::rig::Rig;
 /// The hidden command that serves.
 pub const TASK: &str = "emulated-board";
 
-/// A board's step \[ns\].
-pub const STEP_NS: u32 = 1_000_000;
 const STEP: Duration = Duration::from_nanos(STEP_NS as u64);
 /// Steps that are run after the last client has left.
 const STEPS_ALONE: u32 = 2_000;
