@@ -30,8 +30,8 @@ pub struct Found {
 
 /// Searches from one start until sum and point change by less than a relative `tolerance`. Gives up
 /// after `patience` evaluations per parameter; a set of slopes counts as one.
-pub fn minimize<P: LeastSquares>(
-    problem: &P,
+pub fn minimize(
+    problem: &dyn LeastSquares,
     start: DVector<f64>,
     tolerance: f64,
     patience: usize,
@@ -69,8 +69,8 @@ pub fn minimize<P: LeastSquares>(
     }
 }
 
-struct Search<'a, P> {
-    problem: &'a P,
+struct Search<'a> {
+    problem: &'a dyn LeastSquares,
     /// Point evaluated last, and the residuals there.
     place: DVector<f64>,
     residuals: DVector<f64>,
@@ -78,7 +78,7 @@ struct Search<'a, P> {
     parameters: Vec<MPPar>,
 }
 
-impl<P: LeastSquares> MPFitter for Search<'_, P> {
+impl MPFitter for Search<'_> {
     fn eval(&mut self, place: &[f64], residuals: &mut [f64]) -> MPResult<()> {
         if self.problem.stopped() {
             return Err(MPError::Eval);

@@ -3,13 +3,28 @@
 use super::tables::Scenario;
 use toml::{Table, Value};
 
-fn tree(scenario: &Scenario) -> Table {
-    Table::try_from(scenario).expect("a scenario is plain TOML")
+impl Scenario {
+    /// Every table and key.
+    ///
+    /// # Panics
+    /// Never: a scenario is plain TOML.
+    pub fn to_table(&self) -> Table {
+        Table::try_from(self).expect("a scenario is plain TOML")
+    }
+
+    /// The scenario of a tree of tables, with defaults for missing keys. Serde's code for it is large:
+    /// compiled here once, and not in every crate that reads a scenario.
+    ///
+    /// # Errors
+    /// For an unknown key or a value of another type.
+    pub fn from_toml(tree: Value) -> Result<Self, toml::de::Error> {
+        tree.try_into()
+    }
 }
 
 /// The number at a path such as `heat.inner_w_m2_k`.
 pub fn number(scenario: &Scenario, path: &str) -> Option<f64> {
-    let tree = Value::Table(tree(scenario));
+    let tree = Value::Table(scenario.to_table());
     path.split('.').try_fold(&tree, |place, name| place.get(name))?.as_float()
 }
 
@@ -21,14 +36,14 @@ pub fn with_numbers<'a>(
     scenario: &Scenario,
     numbers: impl IntoIterator<Item = (&'a str, f64)>,
 ) -> Scenario {
-    let mut tree = Value::Table(tree(scenario));
+    let mut tree = Value::Table(scenario.to_table());
     for (path, number) in numbers {
         match path.split('.').try_fold(&mut tree, |place, name| place.get_mut(name)) {
             Some(place @ Value::Float(_)) => *place = Value::Float(number),
             _ => panic!("{path} is no number of a scenario"),
         }
     }
-    tree.try_into().expect("numbers were replaced by numbers")
+    Scenario::from_toml(tree).expect("numbers were replaced by numbers")
 }
 
 /// The shortest number that equals this one in f32.

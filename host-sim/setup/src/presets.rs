@@ -36,7 +36,7 @@ pub fn with_values<'a>(
     // Schema and structs are one declaration: an entry that passed the schema fits the struct.
     // Faults that need a number have it.
     let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
-    let mut tree = Table::try_from(base).map_err(|error| internal(error.to_string()))?;
+    let mut tree = base.to_table();
     for (path, value) in values {
         let (tables, key) = path.rsplit_once('.').unwrap_or(("", path));
         let mut table = &mut tree;
@@ -46,7 +46,7 @@ pub fn with_values<'a>(
         }
         table.insert(key.to_owned(), value);
     }
-    tree.try_into().map_err(|error: toml::de::Error| internal(error.message().to_owned()))
+    Scenario::from_toml(Value::Table(tree)).map_err(|error| internal(error.message().to_owned()))
 }
 
 /// Dimensions of a muscle in entries, completed from its preset where they name one.

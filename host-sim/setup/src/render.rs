@@ -1,7 +1,7 @@
 //! A scenario as `thermyo check` prints it: every key with its value and the allowed values.
 
 use super::loaded::Loaded;
-use super::tree::{same, tree, value};
+use super::tree::{same, value};
 use super::warnings::{model_is_unused, unused_tables};
 use std::fmt::Write;
 use thermyo_scenario::Scenario;
@@ -11,10 +11,10 @@ use toml::Value;
 /// The scenario as TOML with all defaults filled in; reading it back gives the same scenario to
 /// the bit.
 pub fn render(loaded: &Loaded) -> String {
-    let plant = tree(&loaded.plant);
-    let believed = tree(&loaded.believed);
+    let plant = loaded.plant.to_table();
+    let believed = loaded.believed.to_table();
     let unused = unused_tables(loaded);
-    let defaults = tree(&Scenario::default());
+    let defaults = Scenario::default().to_table();
     let is_default = |path: &str, key: &Key| {
         same(value(&plant, path, key.name), value(&defaults, path, key.name))
     };

@@ -1,11 +1,6 @@
 //! A scenario as its TOML, key by key.
 
-use thermyo_scenario::Scenario;
 use toml::Value;
-
-pub(super) fn tree(scenario: &Scenario) -> toml::Table {
-    toml::Table::try_from(scenario).expect("a checked scenario is plain TOML")
-}
 
 pub(super) fn value<'a>(tree: &'a toml::Table, table: &str, key: &str) -> Option<&'a Value> {
     table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)

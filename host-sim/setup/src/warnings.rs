@@ -2,7 +2,7 @@
 
 use super::loaded::Loaded;
 use super::presets::presets_of;
-use super::tree::{same, tree, value};
+use super::tree::{same, value};
 use crate::core_config::{core_config, pressure_limit_pa};
 use model_core::Config;
 use std::collections::BTreeMap;
@@ -157,7 +157,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
 /// Changed values without effect.
 fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let tables = unused_tables(loaded);
-    let defaults = tree(&Scenario::default());
+    let defaults = Scenario::default().to_table();
     let changed = |entry: &&Entry| {
         let default = value(&defaults, &entry.table, entry.key.name);
         !same(default, Some(&entry.value)) && tables.iter().all(|(table, _)| *table != entry.table)
