@@ -13,7 +13,7 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// Files that any command writes: those of one result stay together.
-const RESULTS: [&str; 13] = [
+const RESULTS: [&str; 14] = [
     "summary.json",
     "report.html",
     "trace.csv",
@@ -21,6 +21,7 @@ const RESULTS: [&str; 13] = [
     "scenario.toml",
     "config.json",
     "profile.csv",
+    "motion.csv",
     "sweep.csv",
     "study.json",
     "tuned.toml",

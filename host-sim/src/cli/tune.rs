@@ -1,11 +1,13 @@
 use super::progress::Bar;
-use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity};
-use clap::Args;
+use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity, title_of};
+use clap::{Args, ValueEnum};
 use model_core::{Config, Telemetry};
+use serde::Serialize;
 use std::io::Write;
 use std::path::PathBuf;
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::output::OutputDir;
+use thermyo_identify::motion;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::BoardError;
@@ -18,6 +20,9 @@ use thermyo_studies::tune::{Bench, Simulated};
 pub(super) struct TuneArgs {
     /// Scenario file (TOML): muscle, load, and the core's present configuration
     scenario: PathBuf,
+    /// Another experiment, of 5 min: slip and creep of a muscle, as `identify --plan motion` prints it
+    #[arg(long, value_enum)]
+    plan: Option<TunePlan>,
     /// Highest absolute pressure of the experiment, such as 3.5bar or 350000 (Pa) [default: 4bar]
     #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = pressure)]
     max_pressure: Option<f64>,
@@ -25,6 +30,12 @@ pub(super) struct TuneArgs {
     output: OutputArgs,
     #[command(flatten)]
     board: BoardArgs,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum TunePlan {
+    /// Slip and creep
+    Motion,
 }
 
 /// Lower values are in another unit, such as bar \[Pa\].
@@ -46,16 +57,18 @@ struct Watched<'a> {
     bar: &'a Bar,
     /// Time driven before this experiment.
     before_ms: u64,
+    /// Time of the checks after it.
+    checks_ms: u64,
 }
 
 impl Bench for Watched<'_> {
     fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError> {
-        let Self { bench, bar, before_ms } = self;
+        let Self { bench, bar, before_ms, checks_ms } = self;
         let run = &driven.plant.run;
         let whole_ms = (run.duration_s * 1e3) as u64;
         if *before_ms == 0 {
             // The first drive is the experiment.
-            bar.set_length(whole_ms + (tune::checks_s() * 1e3) as u64);
+            bar.set_length(whole_ms + *checks_ms);
         }
         bench.drive(driven, &mut |telemetry| {
             let time_ms = f64::from(telemetry.step) * run.step_s * 1e3;
@@ -80,6 +93,26 @@ fn left_on_board(adopted: bool) -> &'static str {
     }
 }
 
+/// Runs an experiment on the board of the arguments.
+fn on_bench<T>(
+    args: &TuneArgs,
+    highest_pa: f64,
+    experiment: impl FnOnce(&mut dyn Bench) -> Result<T, Failure>,
+) -> Result<T, Failure> {
+    let bar = Bar::new(0, args.output.format.quiet);
+    let watched = |bench: &mut dyn Bench| {
+        let checks_ms = if args.plan.is_none() { (tune::checks_s() * 1e3) as u64 } else { 0 };
+        experiment(&mut Watched { bench, bar: &bar, before_ms: 0, checks_ms })
+    };
+    let Some(port) = args.board.port() else {
+        let mut board = args.board.open()?;
+        let board = board.as_mut();
+        return watched(&mut Simulated { board, stopped: &interrupt::is_requested });
+    };
+    let mut board = LiveBoard::open(port)?;
+    watched(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested))
+}
+
 pub(super) fn run(
     args: &TuneArgs,
     stdout: &mut dyn Write,
@@ -89,45 +122,100 @@ pub(super) fn run(
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
-    let tuned = |args: &TuneArgs| -> Result<tune::Tuned, Failure> {
-        let bar = Bar::new(0, args.output.format.quiet);
-        let tune_on = |bench: &mut dyn Bench| {
-            let mut watched = Watched { bench, bar: &bar, before_ms: 0 };
-            let tuned = tune::tune_on(&loaded, &args.scenario, highest_pa, &mut watched);
-            bar.clear();
-            Ok(tuned?)
-        };
-        let Some(port) = args.board.port() else {
-            let mut board = args.board.open()?;
-            let board = board.as_mut();
-            return tune_on(&mut Simulated { board, stopped: &interrupt::is_requested });
-        };
-        let mut board = LiveBoard::open(port)?;
-        tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested))
-    };
     interrupt::watch();
     let mut out = OutputDir::create(&folder)?;
-    let tuned = match tuned(args) {
+    let done = match args.plan {
+        None => loops(args, &loaded, highest_pa, &mut out),
+        Some(TunePlan::Motion) => motion(args, &loaded, highest_pa, &mut out),
+    };
+    let Done { json, text, failed } = match done {
         // The emulated board gets the signal too, and may exit first.
         Err(_) if interrupt::is_requested() && args.board.port().is_none() => {
             let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
             return Err(Failure::Interrupted);
         }
-        tuned => tuned?,
+        done => done?,
     };
-    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
-    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
-    out.text("summary.json", &json)?;
-    out.text("tuned.toml", &thermyo_setup::render(&tuned.scenario))?;
-    out.text("report.html", &tune::page(&tuned, &title))?;
     publish(out, args.output.format, stderr)?;
     if args.output.format.json {
-        print(stdout, &json)
+        print(stdout, &json)?;
     } else {
-        print(stdout, &tuned.findings.text())?;
-        if args.board.port().is_some() {
-            print(stdout, left_on_board(tuned.findings.adopted))?;
-        }
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+        print(stdout, &text)?;
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
     }
+    failed.map_or(Ok(()), |message| Err(Failure::Check(message)))
+}
+
+/// Results of an experiment for a terminal.
+struct Done {
+    json: String,
+    text: String,
+    failed: Option<String>,
+}
+
+impl Done {
+    /// Writes what every experiment writes.
+    fn new(
+        out: &mut OutputDir,
+        findings: &impl Serialize,
+        scenario: &Loaded,
+        report: &str,
+    ) -> Result<Self, Failure> {
+        let json = serde_json::to_string_pretty(findings).expect("plain data") + "\n";
+        out.text("summary.json", &json)?;
+        out.text("tuned.toml", &thermyo_setup::render(scenario))?;
+        out.text("report.html", report)?;
+        Ok(Self { json, text: String::new(), failed: None })
+    }
+}
+
+fn loops(
+    args: &TuneArgs,
+    loaded: &Loaded,
+    highest_pa: f64,
+    out: &mut OutputDir,
+) -> Result<Done, Failure> {
+    let tuned = on_bench(args, highest_pa, |bench| {
+        Ok(tune::tune_on(loaded, &args.scenario, highest_pa, bench)?)
+    })?;
+    let page = tune::page(&tuned, &title_of(&args.scenario));
+    let mut done = Done::new(out, &tuned.findings, &tuned.scenario, &page)?;
+    done.text = tuned.findings.text();
+    if args.board.port().is_some() {
+        done.text += left_on_board(tuned.findings.adopted);
+    }
+    Ok(done)
+}
+
+fn motion(
+    args: &TuneArgs,
+    loaded: &Loaded,
+    highest_pa: f64,
+    out: &mut OutputDir,
+) -> Result<Done, Failure> {
+    let found = on_bench(args, highest_pa, |bench| {
+        let record = tune::motion_record(loaded, &args.scenario, highest_pa, bench)?;
+        out.text("motion.csv", &record)?;
+        // The experiment cannot be had again as soon: its record stays if the search is not finished.
+        out.keep();
+        let record_file = out.place().join("motion.csv");
+        let watch = Bar::new(0, args.output.format.quiet);
+        let record = (record.as_str(), record_file.as_path());
+        let found = tune::motion_values(loaded, &args.scenario, record, &watch)?;
+        if interrupt::is_requested() {
+            return Err(Failure::Interrupted);
+        }
+        if found.findings.holds {
+            bench.leave(&core_config(&found.scenario.believed))?;
+        }
+        Ok(found)
+    })?;
+    let page = motion::page(&found, &title_of(&args.scenario));
+    let mut done = Done::new(out, &found.findings, &found.scenario, &page)?;
+    done.text = found.findings.text();
+    if args.board.port().is_some() {
+        done.text += left_on_board(found.findings.holds);
+    }
+    done.failed = found.findings.failed();
+    Ok(done)
 }

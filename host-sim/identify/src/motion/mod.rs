@@ -14,9 +14,9 @@ mod record;
 mod tests;
 
 pub use baseline::{LawLeft, laws};
-pub use fit::KEYS;
+pub use fit::{FACTOR, KEYS, MOTION};
 pub use page::{page, plot};
-pub use plan::plan;
+pub use plan::{check_plan, plan, profile};
 pub use record::Record;
 
 use super::findings::Fitted;
@@ -32,6 +32,7 @@ use thermyo_files::table::Table;
 use thermyo_scenario::{PlantKind, Scenario};
 use thermyo_setup::Loaded;
 
+const SLIP_FORCE: &str = "muscle.slip_force_n";
 /// Most rows of a search.
 const MOST_ROWS: usize = 4000;
 /// Residual above which the law does not hold: of the length over the stroke, of the force over the
@@ -87,7 +88,7 @@ pub struct Identified {
 /// Whether a scenario asks for slip or creep.
 pub fn is_asked_for(loaded: &Loaded) -> bool {
     let Scenario { identify, plant, .. } = &loaded.plant;
-    let of_motion = |key: &String| KEYS[..7].iter().any(|(known, _)| key == known);
+    let of_motion = |key: &String| MOTION.contains(&key.as_str());
     plant.kind == PlantKind::Muscle && identify.parameters.iter().any(of_motion)
 }
 
@@ -170,8 +171,12 @@ fn of_record(
     let found: Vec<(&'static str, f64)> =
         searched.iter().zip(&values).map(|(p, value)| (p.key, value.value)).collect();
     let mut scenario = loaded.clone();
+    let mut remarks = Vec::new();
     for configured in [&mut scenario.plant, &mut scenario.believed] {
         *configured = adopt(configured, found.iter().copied());
+        if found.iter().any(|(key, _)| *key == SLIP_FORCE) {
+            remarks = friction_into_slip(configured);
+        }
     }
     let residuals = residuals(&scenario.plant, &record, &start);
     let fitted = |(parameter, value): (&Parameter, &Value)| {
@@ -191,11 +196,25 @@ fn of_record(
         parameters,
         rmse: Left::of(&scenario.plant, &record, &start, 0),
         against: against.map(|other| compared(&scenario.plant, other)),
-        remarks: Vec::new(),
+        remarks,
     };
     findings.holds = findings.failed().is_none();
-    findings.remarks = findings.failed().into_iter().collect();
+    findings.remarks.extend(findings.failed());
     Identified { findings, scenario, record, residuals }
+}
+
+/// The slip found has all that opposes motion in the record: friction beside it would count twice.
+fn friction_into_slip(scenario: &mut Scenario) -> Vec<String> {
+    let friction = &mut scenario.friction;
+    let counted_n = friction.force_n + friction.stribeck_force_n;
+    (friction.force_n, friction.stribeck_force_n) = (0.0, 0.0);
+    let remark = || {
+        format!(
+            "friction.force_n and friction.stribeck_force_n, {} N, are now 0: {SLIP_FORCE} has them",
+            significant(counted_n, 3)
+        )
+    };
+    (counted_n > 0.0).then(remark).into_iter().collect()
 }
 
 /// Compares with a record that was not fitted: its first rows find where slip and creep started.
@@ -283,6 +302,10 @@ impl Findings {
         text += &format!("fitted: {}\n", self.rmse.text());
         if let Some(against) = &self.against {
             text += &format!("against: {}\n", against.text());
+        }
+        let failed = self.failed();
+        for remark in self.remarks.iter().filter(|remark| Some(*remark) != failed.as_ref()) {
+            text += &format!("{remark}\n");
         }
         text
     }

@@ -80,44 +80,59 @@ fn parts() -> [Part; 4] {
     ]
 }
 
-/// A profile `time_s,pressure_pa` for `drive.profile_csv`, and why each part is there.
-///
-/// # Errors
-/// When the scenario is no muscle, or its supply is not above ambient.
-pub fn plan(loaded: &Loaded, config: &Path) -> Result<(String, Vec<String>), InputError> {
-    let scenario = &loaded.plant;
-    let Scenario { plant, ambient, supply, .. } = scenario;
-    let refused = |key: &str, value: String, allowed: &str| {
-        let (key, allowed) = (key.to_owned(), allowed.to_owned());
-        InputError::file(config, Problem::NotAllowed { key, value, allowed })
-    };
-    if plant.kind != PlantKind::Muscle {
-        let allowed = "\"muscle\" for a record of motion";
-        return Err(refused("plant.kind", format!("{:?}", plant.kind.word()), allowed));
-    }
-    let range_pa = highest_pa(scenario) - ambient.pressure_pa;
-    if range_pa <= 0.0 {
-        let allowed = "above ambient.pressure_pa";
-        return Err(refused("supply.pressure_pa", format!("{:?}", supply.pressure_pa), allowed));
-    }
-    let mut text = "time_s,pressure_pa\n0.0,".to_owned() + &format!("{:.0}\n", ambient.pressure_pa);
+/// Set points up to a pressure \[s, Pa\], and why each part is there.
+pub fn profile(scenario: &Scenario, highest_pa: f64) -> (Vec<(f64, f64)>, Vec<String>) {
+    let ambient_pa = scenario.ambient.pressure_pa;
+    let mut profile = vec![(0.0, ambient_pa)];
     let mut reasons = Vec::new();
     let mut begins_s = REST_S;
     for Part { why, points } in parts() {
         let mut ends_s = begins_s;
         for (time_s, share) in points {
             ends_s = begins_s + time_s;
-            let pressure_pa = ambient.pressure_pa + share * range_pa;
-            text += &format!("{ends_s:.2},{pressure_pa:.0}\n");
+            profile.push((ends_s, ambient_pa + share * (highest_pa - ambient_pa)));
         }
         reasons.push(format!("{begins_s:.0} to {ends_s:.0} s: {why}"));
-        text += &format!("{:.2},{:.0}\n", ends_s + 1.0, ambient.pressure_pa);
+        profile.push((ends_s + 1.0, ambient_pa));
         begins_s = ends_s + 1.0 + REST_S;
     }
+    (profile, reasons)
+}
+
+/// A profile `time_s,pressure_pa` for `drive.profile_csv`, and why each part is there.
+///
+/// # Errors
+/// When the scenario is no muscle, or its supply is not above ambient.
+pub fn plan(loaded: &Loaded, config: &Path) -> Result<(String, Vec<String>), InputError> {
+    let scenario = &loaded.plant;
+    let highest_pa = highest_pa(scenario);
+    check_plan(scenario, highest_pa, config)?;
+    let (profile, mut reasons) = profile(scenario, highest_pa);
+    let row = |(time_s, pressure_pa): &(f64, f64)| format!("{time_s:.2},{pressure_pa:.0}\n");
+    let text = "time_s,pressure_pa\n".to_owned() + &profile.iter().map(row).collect::<String>();
     reasons.push(
         "free of load, or under one that does not change; length and pressure at 50 rows a second or more, \
          without a gap; vented for some minutes before"
             .to_owned(),
     );
     Ok((text, reasons))
+}
+
+/// # Errors
+/// When the scenario is no muscle, or the pressure is not above ambient.
+pub fn check_plan(scenario: &Scenario, highest_pa: f64, config: &Path) -> Result<(), InputError> {
+    let Scenario { plant, ambient, supply, .. } = scenario;
+    let refused = |key: &str, value: String, allowed: &str| {
+        let (key, allowed) = (key.to_owned(), allowed.to_owned());
+        Err(InputError::file(config, Problem::NotAllowed { key, value, allowed }))
+    };
+    if plant.kind != PlantKind::Muscle {
+        let allowed = "\"muscle\" for a record of motion";
+        return refused("plant.kind", format!("{:?}", plant.kind.word()), allowed);
+    }
+    if highest_pa <= ambient.pressure_pa {
+        let allowed = "above ambient.pressure_pa";
+        return refused("supply.pressure_pa", format!("{:?}", supply.pressure_pa), allowed);
+    }
+    Ok(())
 }

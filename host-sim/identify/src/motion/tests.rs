@@ -99,6 +99,28 @@ fn a_muscle_is_found_from_its_own_plan() {
     assert!((1.5e-5..2e-4).contains(&against_m), "{against_m} m");
 }
 
+/// The slip that was found contains the friction of the record: configured beside it, a muscle's friction
+/// would be compensated twice.
+#[test]
+fn friction_does_not_stay_beside_the_slip_that_contains_it() {
+    let mut muscle = shipped_scenario();
+    muscle.plant.identify.parameters =
+        ["muscle.slip_force_n", "muscle.slip_stiffness_n_m"].map(str::to_owned).to_vec();
+    for scenario in [&mut muscle.plant, &mut muscle.believed] {
+        (scenario.friction.force_n, scenario.friction.stribeck_force_n) = (5.0, 1.0);
+    }
+    let table = table(&record(&muscle, planned(&muscle)));
+    let found = identify(&muscle, CONFIG.as_ref(), &table, None, &()).unwrap();
+    let slip_n = found.findings.parameters["muscle.slip_force_n"].value;
+    assert!((10.0..15.0).contains(&slip_n), "{slip_n} N of 6.5 and 6 N");
+    for scenario in [&found.scenario.plant, &found.scenario.believed] {
+        assert_eq!((scenario.friction.force_n, scenario.friction.stribeck_force_n), (0.0, 0.0));
+    }
+    let text = found.findings.text();
+    let remark = "friction.stribeck_force_n, 6.00 N, are now 0: muscle.slip_force_n has them";
+    assert!(text.contains(remark), "{text}");
+}
+
 /// Five seconds of a fast sine show no creep of half a minute.
 #[test]
 fn what_a_record_does_not_show_stays_open() {

@@ -14,6 +14,7 @@ mod experiment;
 mod findings;
 mod force;
 mod gains;
+mod motion;
 mod page;
 mod regression;
 #[cfg(test)]
@@ -23,6 +24,7 @@ mod valve;
 pub use check::Figures;
 pub use experiment::{Bench, HIGHEST_PA, Simulated};
 pub use findings::{Findings, Parameter};
+pub use motion::{motion_record, motion_values};
 pub use page::{check_chart, page};
 
 use check::Checked;
@@ -322,12 +324,9 @@ fn good_enough(records: &[Record], plan: &Plan, rest_m: f64) -> Result<[f64; 2],
         return Err(Refusal::Faulty(faults));
     }
     let ramps = during(records, &plan.ramps_s);
+    reached(ramps, plan.pressures_pa)?;
     let [low_pa, high_pa] = plan.pressures_pa;
     let range_pa = high_pa - low_pa;
-    let reached_pa = ramps.iter().map(|record| record.pressure_pa).fold(0.0, f64::max);
-    if reached_pa < high_pa - REACHED * range_pa {
-        return Err(Refusal::NotReached { reached_pa, asked_pa: high_pa });
-    }
     let square: f64 =
         ramps.iter().map(|record| (record.pressure_pa - record.set_point).powi(2)).sum();
     let rms_pa = (square / ramps.len() as f64).sqrt();
@@ -346,6 +345,15 @@ fn good_enough(records: &[Record], plan: &Plan, rest_m: f64) -> Result<[f64; 2],
     }
     let [shortest_m, longest_m] = lengths_m(ramps);
     Ok([1.0 - longest_m / rest_m, 1.0 - shortest_m / rest_m])
+}
+
+/// Checks that the upper end of a range of pressures was reached.
+fn reached(records: &[Record], [low_pa, high_pa]: [f64; 2]) -> Result<(), Refusal> {
+    let reached_pa = records.iter().map(|record| record.pressure_pa).fold(0.0, f64::max);
+    if reached_pa < high_pa - REACHED * (high_pa - low_pa) {
+        return Err(Refusal::NotReached { reached_pa, asked_pa: high_pa });
+    }
+    Ok(())
 }
 
 fn lengths_m(records: &[Record]) -> [f64; 2] {

@@ -46,3 +46,52 @@ fn values_that_are_worse_are_not_left_on_the_board() {
         assert_eq!(bench.left, Some(core_config(&kept.believed)));
     }
 }
+
+/// The plant slips and creeps by other values than the core is configured with.
+#[test]
+fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
+    let text = "[plant]\nmodel = \"lumped\"\n[muscle]\npreset = \"dmsp-10\"\n\
+                [load]\nforce_n = 20.0\nmass_kg = 2.0\n\
+                [believed.muscle]\nslip_force_n = 12.0\nslip_stiffness_n_m = 1500.0\n\
+                creep_fast_n_m = 1200.0\ncreep_slow_s = 50.0\n";
+    let file = Path::new("s.toml");
+    let loaded = thermyo_setup::parse(text, file).unwrap();
+    let mut board = CoreBoard::default();
+    let mut bench = Simulated { board: &mut board, stopped: &|| false };
+    let csv = motion_record(&loaded, file, HIGHEST_PA, &mut bench).unwrap();
+    let found = motion_values(&loaded, file, (&csv, Path::new("motion.csv")), &()).unwrap();
+    let findings = &found.findings;
+    println!("{}", findings.text());
+    assert!(findings.holds, "{:?}", findings.failed());
+    for (key, truth) in [
+        ("muscle.slip_force_n", 6.5),
+        ("muscle.slip_stiffness_n_m", 3100.0),
+        ("muscle.creep_fast_n_m", 2470.0),
+        ("muscle.creep_fast_s", 0.45),
+        ("muscle.creep_slow_n_m", 1500.0),
+        ("muscle.creep_slow_s", 26.0),
+    ] {
+        assert_eq!(number(&found.scenario.believed, key), Some(findings.parameters[key].value));
+        assert_eq!(number(&found.scenario.plant, key), Some(truth), "the plant's own");
+        let error = findings.parameters[key].value / truth - 1.0;
+        assert!(error.abs() < 0.1, "{key}: {error}");
+    }
+}
+
+/// A length or an actuator that shows nothing is refused before anything moves.
+#[test]
+fn a_motion_that_shows_nothing_is_refused() {
+    let refused = |text: &str| {
+        let file = Path::new("s.toml");
+        let loaded = thermyo_setup::parse(text, file).unwrap();
+        let mut bench =
+            Shaken { board: CoreBoard::default(), drives: 0, shaken_m: 0.0, left: None };
+        let refused = motion_record(&loaded, file, HIGHEST_PA, &mut bench).unwrap_err();
+        assert_eq!(bench.drives, 0);
+        refused.to_string()
+    };
+    let still = refused("[load]\nkind = \"isometric\"\n");
+    assert!(still.starts_with("load.kind = \"isometric\": nothing moves"), "{still}");
+    let vessel = refused("[plant]\nkind = \"vessel\"\nmodel = \"lumped\"\n");
+    assert!(vessel.contains("plant.kind = \"vessel\": must be \"muscle\""), "{vessel}");
+}
