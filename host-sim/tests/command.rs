@@ -493,6 +493,33 @@ fn a_joint_runs_and_leaves_what_it_ran() {
     }
 }
 
+/// Commands for one muscle name those that take a joint, not all tables that a muscle has.
+#[test]
+fn a_joint_is_refused_in_one_line_with_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "[run]\nduration_s = 1\n[joint]\nradius_m = 0.02\n");
+    let fmu = folder.path().join("unit.fmu").display().to_string();
+    let data = folder.path().join("data.csv").display().to_string();
+    fs::write(&data, "time_s,pressure_pa\n0,1e5\n").unwrap();
+    for arguments in [
+        &["fmu", &file, "-o", &fmu][..],
+        &["sweep", &file, "--vary", "run.seed=1,2"],
+        &["tune", &file],
+        &["measure", "stop", &file],
+        &["serve", &file],
+        &["identify", &data, "--config", &file],
+    ] {
+        let output = thermyo(arguments);
+        let said = stderr_of(&output);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(
+            said.contains(":3: [joint] is not used: this takes one muscle; a joint, "),
+            "{said}"
+        );
+        assert!(said.lines().count() == 1 && said.contains("`thermyo run`"), "{said}");
+    }
+}
+
 /// A joint's samples are in its trace: the core gives the same bits again, also where it vented or locked.
 #[test]
 fn a_joints_run_is_replayed_to_the_bit() {
@@ -510,6 +537,8 @@ fn a_joints_run_is_replayed_to_the_bit() {
     let output = thermyo(&["replay", &run, "--out", &again]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
     assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
+    let compared = thermyo(&["compare", &run, &run]);
+    assert!(stderr_of(&compared).contains("takes runs of one muscle"), "{}", stderr_of(&compared));
     let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
     assert_eq!(emulated.status.code(), Some(2));
     assert!(stderr_of(&emulated).contains("leave out --board"), "{}", stderr_of(&emulated));

@@ -17,7 +17,7 @@ use thermyo_simulation::board::BoardError;
 /// Steps of a startup check, at most.
 const MOST_CHECK_STEPS: u32 = 100_000;
 
-/// What its page draws.
+/// Columns and lines of its page.
 pub(super) const DRAWN: Drawn = Drawn {
     columns: &[
         "time_s",
