@@ -266,9 +266,9 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert_a_lock_ends(&bench);
     let info = bench.ok("thermyo board emulated info");
     assert!(info.contains(", a joint\n") && info.contains("; 0 missed of "), "{info}");
-    assert!(
-        bench.refused(&format!("thermyo board emulated drive {scenario}")).contains("takes info")
-    );
+    assert!(bench.refused("thermyo board emulated history").contains("takes info"));
+    bench.ok(&format!("thermyo board emulated config write {scenario}"));
+    assert_a_joint_is_driven(&bench);
     assert_eq!(bench.ok("thermyo board emulated stop"), "both muscles vent\n");
     let left = bench.ok("thermyo board emulated clear");
     assert_eq!(left, "no fault is left; it vents until it is armed\n");
@@ -297,6 +297,32 @@ fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     assert!(a > b + 5.0e4, "{filled}");
     let duty = bench.refused(&format!("{set} duties 0 0 1.1 0"));
     assert!(duty.contains("inlet = 1.1: must be from 0 to 1"), "{duty}");
+}
+
+/// A course on it is recorded as a simulated run, and replays to the bit.
+fn assert_a_joint_is_driven(bench: &Bench) {
+    let course = bench.path("course.csv");
+    let drive = format!("thermyo board emulated drive {} --out out/drive", course.display());
+    let write = |rows: &str| {
+        fs::write(&course, format!("time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n{rows}")).unwrap();
+    };
+    write("0.5,0.95,14\n");
+    let far = bench.refused(&format!("{drive} --arm"));
+    assert!(
+        far.contains("course.csv:3: column angle_rad = 0.95: must be a number from -0.8"),
+        "{far}"
+    );
+    write("0.2,0,14\n0.6,0.2,14\n0.8,0.2,12\n");
+    assert!(bench.refused(&drive).contains("not armed"));
+    assert!(bench.refused(&format!("{drive} --kind duty")).contains("are for one muscle"));
+    let muscle = "thermyo board emulated drive scenarios/contraction.toml --arm";
+    assert!(bench.refused(muscle).contains("has no [joint]"));
+    let driven = json(bench.ok(&format!("{drive} --arm --json")));
+    assert_eq!((&driven["duration_s"], &driven["lost_steps"]), (&0.8.into(), &0.into()));
+    assert!(driven["rms_error_rad"].as_f64().unwrap() < 0.02, "{driven}");
+    assert!(bench.path("out/drive/report.html").exists());
+    let replayed = json(bench.ok("thermyo replay out/drive --json --out out/again"));
+    assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&801.into(), &0.into()));
 }
 
 /// Without a time to hold.

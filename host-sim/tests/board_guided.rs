@@ -442,6 +442,32 @@ fn a_monitor_without_a_screen_records() {
     assert_the_record_replays(&bench);
 }
 
+/// Columns of the joint, the raw samples among them, and its scenario: the record is replayed.
+#[test]
+fn a_monitor_records_a_joint() {
+    if skip_emulator() {
+        return;
+    }
+    firmware(Variant::Joint).unwrap();
+    let bench = Bench::new();
+    bench.ok("thermyo board emulated plug scenarios/joint_board.toml");
+    bench.ok("thermyo board emulated config write scenarios/joint_board.toml");
+    let unfinished = bench.path("out/monitor/unfinished-1/joint_trace.csv");
+    let mut command = bench.command("thermyo monitor emulated --log mcap --out out/monitor");
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = command.spawn().unwrap();
+    until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 300_000));
+    signal(&child, "-TERM");
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(shown.contains(" N m/rad, ") && shown.contains("set point none: it vents"), "{shown}");
+    assert!(shown.contains("rows recorded: ") && shown.contains("joint_trace.csv"), "{shown}");
+    assert!(bench.path("out/monitor/trace.mcap").exists());
+    let replayed = bench.ok("thermyo replay out/monitor --out out/again");
+    assert!(replayed.contains("the record has no start of the core"), "{replayed}");
+}
+
 /// A monitor's record begins at any step of the core: it was refused.
 fn assert_the_record_replays(bench: &Bench) {
     let rows = fs::read_to_string(bench.path("out/monitor/trace.csv")).unwrap().lines().count() - 1;

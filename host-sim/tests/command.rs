@@ -493,6 +493,73 @@ fn a_joint_runs_and_leaves_what_it_ran() {
     }
 }
 
+/// Commands for one muscle name those that take a joint, not all tables that a muscle has.
+#[test]
+fn a_joint_is_refused_in_one_line_with_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = scenario(folder.path(), "[run]\nduration_s = 1\n[joint]\nradius_m = 0.02\n");
+    let fmu = folder.path().join("unit.fmu").display().to_string();
+    let data = folder.path().join("data.csv").display().to_string();
+    fs::write(&data, "time_s,pressure_pa\n0,1e5\n").unwrap();
+    for arguments in [
+        &["fmu", &file, "-o", &fmu][..],
+        &["sweep", &file, "--vary", "run.seed=1,2"],
+        &["tune", &file],
+        &["measure", "stop", &file],
+        &["serve", &file],
+        &["identify", &data, "--config", &file],
+    ] {
+        let output = thermyo(arguments);
+        let said = stderr_of(&output);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+        assert!(
+            said.contains(":3: [joint] is not used: this takes one muscle; a joint, "),
+            "{said}"
+        );
+        assert!(said.lines().count() == 1 && said.contains("`thermyo run`"), "{said}");
+    }
+}
+
+/// A joint's samples are in its trace: the core gives the same bits again, also where it vented or locked.
+#[test]
+fn a_joints_run_is_replayed_to_the_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 0.8\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n\
+                initial_pressure_pa = 290000\n[joint]\nlock_s = 0.2\n[joint.a.faults]\n\
+                length = \"open\"\nfrom_s = 0.5\n[drive]\nshape = \"sine\"\namplitude_rad = 0.3\n";
+    let file = scenario(folder.path(), text);
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (run, again) = (path("run"), path("again"));
+    let output = thermyo(&["run", &file, "--quiet", "--log", "mcap", "--out", &run]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("both muscles vented at 0.7"));
+    assert!(fs::metadata(path("run/trace.mcap")).unwrap().len() > 100_000);
+    let output = thermyo(&["replay", &run, "--out", &again]);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+    assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
+    let compared = thermyo(&["compare", &run, &run]);
+    assert!(stderr_of(&compared).contains("takes runs of one muscle"), "{}", stderr_of(&compared));
+    let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
+    assert_eq!(emulated.status.code(), Some(2));
+    assert!(stderr_of(&emulated).contains("leave out --board"), "{}", stderr_of(&emulated));
+
+    let trace = path("run/joint_trace.csv");
+    let text = fs::read_to_string(&trace).unwrap();
+    let column = text.lines().next().unwrap().split(',').position(|name| name == "a_duty_in");
+    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
+    let mut cells: Vec<&str> = lines[301].split(',').collect();
+    cells[column.unwrap()] = "0.123";
+    lines[301] = cells.join(",");
+    fs::write(&trace, lines.join("\n")).unwrap();
+    let output = thermyo(&["replay", &trace, "--quiet", "--out", &again]);
+    assert_eq!(output.status.code(), Some(1));
+    let said = stderr_of(&output);
+    assert!(
+        said.contains("1 of 801 steps differ, the first is step 300: a_duty_in = 0.123"),
+        "{said}"
+    );
+}
+
 /// Ctrl-C, as a terminal sends it.
 #[cfg(unix)]
 #[test]

@@ -116,7 +116,7 @@ use serde::de::{DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 18;
+pub const PROTOCOL: u16 = 19;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -808,6 +808,7 @@ mod tests {
             stiffness_n_m_rad: value,
             disturbance_n_m: value,
             limited: true,
+            set_point: JointSetPoint::Angle(Motion::still(value, value)),
             faults: JointFaults(u8::MAX),
         }
     }
@@ -946,7 +947,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "0301070212020101010501cd150d00"),
+            (answer(Answer::Version(version)), "03010702130201010105a41e49c600"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (

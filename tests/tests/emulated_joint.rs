@@ -1,12 +1,12 @@
 //! The core of a joint, compiled as the images are, on the emulated RP2040: what it computes, and its time.
 
 use model_core::Command;
-use model_core::joint::{JointFaults, JointMode, JointSample, JointSetPoint, Motion};
+use model_core::joint::{JointFaults, JointMode, JointSetPoint, Motion};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use system_tests::joint_guest::{EmulatedJoint, decoded, encoded};
 use system_tests::skip_emulator;
-use thermyo_joint::{Inputs, Rig, Row, parse};
+use thermyo_joint::{Inputs, Rig, parse};
 
 const SCENARIO: &str = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n\
      [joint]\ngravity_n_m = 4.9\n";
@@ -47,20 +47,6 @@ fn inputs(time_s: f64) -> Inputs {
     Inputs { set_point, torn: [time_s > 3.6, false], ..Inputs::of(motion) }
 }
 
-/// The sample that a step had: both muscles have the same but for pressure and gas.
-fn sample(row: &Row) -> JointSample {
-    let [a, b] = row.telemetry.muscles.map(|muscle| muscle.sample);
-    JointSample {
-        pressure: [a.pressure, b.pressure],
-        gas: [a.gas, b.gas],
-        angle: a.length,
-        emergency_stop: a.emergency_stop,
-        heard: a.heard,
-        flooded: a.flooded,
-        missed_steps: a.missed_steps,
-    }
-}
-
 /// The commands that drive the plant here are equal to those that the chip computes from the same samples: the
 /// chip would drive it the same way.
 #[test]
@@ -77,9 +63,9 @@ fn the_joints_core_is_equal_to_the_bit_and_in_time_on_the_rp2040() {
     let (mut cycles, mut arrived, mut vented) = (Vec::new(), false, None);
     for step in 0..STEPS {
         let row = rig.step(inputs(f64::from(step + 1) * 1e-3)).unwrap();
-        let (mut telemetry, mut took) = chip.step(&sample(&row));
+        let (mut telemetry, mut took) = chip.step(&row.telemetry.sample());
         while step == 0 && decoded(&telemetry).mode == JointMode::StartupCheck {
-            (telemetry, took) = chip.step(&sample(&row));
+            (telemetry, took) = chip.step(&row.telemetry.sample());
         }
         cycles.push(took);
         let there = decoded(&telemetry);

@@ -335,12 +335,20 @@ impl EmulatedBoard {
 
     /// Plugs USB in, opens its port and uses it, as soon as the board answers.
     pub fn connect_usb(&mut self) -> Result<(), BoardError> {
+        let inputs = self.inputs;
+        self.connect_usb_while(&mut |board| board.exchange(inputs))
+    }
+
+    /// As [`Self::connect_usb`], while `run` runs the milliseconds until then.
+    pub fn connect_usb_while(
+        &mut self,
+        run: &mut dyn FnMut(&mut Self) -> Result<Exchange, BoardError>,
+    ) -> Result<(), BoardError> {
         self.plug(true);
         self.open(true);
         self.use_port(Port::Usb);
-        let inputs = self.inputs;
         for _ in 0..PATIENCE {
-            self.exchange(inputs)?;
+            run(self)?;
             if self.enumerated {
                 return Ok(());
             }

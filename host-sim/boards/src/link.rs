@@ -71,7 +71,7 @@ impl Link {
 
     /// Whether unread telemetry has arrived.
     pub fn is_behind(&self) -> bool {
-        !self.telemetry.is_empty()
+        !self.telemetry.is_empty() || !self.joint_telemetry.is_empty()
     }
 
     pub fn take_telemetry(&mut self) -> Option<Telemetry> {

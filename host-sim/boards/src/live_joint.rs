@@ -1,6 +1,7 @@
 //! A flashed board that drives a joint of two muscles in real time.
 
 use super::line::{ALIVE, Line, VIEW_DIVIDER};
+use model_core::Config;
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use std::time::Instant;
 use thermyo_protocol::{
@@ -17,6 +18,17 @@ pub struct LiveJoint {
     driving: bool,
 }
 
+/// Whether the image drives a joint.
+///
+/// # Errors
+/// [`BoardError`] for one that drives one muscle.
+pub fn for_a_joint(Version { image, .. }: Version) -> Result<(), BoardError> {
+    match image {
+        Image::Joint => Ok(()),
+        _ => Err(BoardError::Refused(Refusal::OtherImage { joint: false })),
+    }
+}
+
 impl LiveJoint {
     /// Opens the board at a port.
     ///
@@ -24,9 +36,7 @@ impl LiveJoint {
     /// [`BoardError`], if there is no answer, another protocol, or an image for one muscle.
     pub fn open(port: &str) -> Result<Self, BoardError> {
         let (mut line, version) = Line::open(port)?;
-        if version.image != Image::Joint {
-            return Err(BoardError::Refused(Refusal::OtherImage { joint: false }));
-        }
+        for_a_joint(version)?;
         line.ask(HostCommand::TelemetryDivider(VIEW_DIVIDER), "telemetry")?;
         Ok(Self { line, version, last_sent: Instant::now(), driving: false })
     }
@@ -109,13 +119,64 @@ impl LiveJoint {
         Ok(step)
     }
 
+    /// Sets the number of steps per telemetry frame.
+    pub fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.done(HostCommand::TelemetryDivider(steps), "telemetry").map(drop)
+    }
+
+    /// The configuration in use.
+    pub fn config(&mut self) -> Result<JointConfig, BoardError> {
+        let muscles = [self.muscle_config(Side::A)?, self.muscle_config(Side::B)?];
+        let asked = "configuration of the joint";
+        let Answer::Joint((mechanism, tuning)) = self.line.ask(HostCommand::ReadJoint, asked)?
+        else {
+            return Err(BoardError::Silent { asked });
+        };
+        Ok(JointConfig { muscles, mechanism, tuning })
+    }
+
+    fn muscle_config(&mut self, side: Side) -> Result<Config, BoardError> {
+        let asked = "configuration of a muscle";
+        match self.line.ask(HostCommand::ReadMuscle(side), asked)? {
+            Answer::Config(config) => Ok(config),
+            _ => Err(BoardError::Silent { asked }),
+        }
+    }
+
+    /// Restarts the core, with this set point in its step 0.
+    pub fn start(&mut self, set_point: JointSetPoint) -> Result<(), BoardError> {
+        self.driving = true;
+        self.done(HostCommand::StartJoint(set_point), "start").map(drop)
+    }
+
+    /// Sends a set point without waiting for the answer.
+    pub fn send(&mut self, set_point: JointSetPoint) -> Result<u8, BoardError> {
+        self.driving |= set_point != JointSetPoint::Vent;
+        self.last_sent = Instant::now();
+        self.line.send(HostCommand::SetJoint(set_point))
+    }
+
+    /// Returns the refusal of a request that was only sent, if there is one.
+    pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
+        match self.line.take_answer(sequence) {
+            Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether unread telemetry has arrived: what was read is not the latest.
+    pub fn is_behind(&self) -> bool {
+        self.line.is_behind()
+    }
+
+    /// Latest status that the board sent without a request.
+    pub fn last_status(&self) -> Option<Status> {
+        self.line.status()
+    }
+
     fn check_above_ambient(&mut self, pressures_pa: [f32; 2]) -> Result<(), BoardError> {
         for (side, pressure_pa) in [Side::A, Side::B].into_iter().zip(pressures_pa) {
-            let asked = "configuration of a muscle";
-            let Answer::Config(config) = self.line.ask(HostCommand::ReadMuscle(side), asked)?
-            else {
-                return Err(BoardError::Silent { asked });
-            };
+            let config = self.muscle_config(side)?;
             let least_pa = config.ambient.pressure_pa;
             if pressure_pa < least_pa {
                 let most_pa = self.status()?.armed_pa.unwrap_or(config.working_limit_pa());

@@ -7,7 +7,7 @@
 //! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
 //! the first holds the content of its flash, which survives the loss of power.
 
-use super::emulated::{EmulatedBoard, Exchange, STEP_NS};
+use super::emulated::{EmulatedBoard, Exchange, Port, STEP_NS};
 use super::image::{self, Variant};
 use super::serial_port::READ;
 use std::io::{ErrorKind, Read, Write};
@@ -115,7 +115,8 @@ pub fn is_plugged_in() -> bool {
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
-    let board = thread::spawn(move || serve(&scripts, &image, &file(), muscle(&loaded)?));
+    let board =
+        thread::spawn(move || serve([&scripts, &image, &file()], Port::Uart, muscle(&loaded)?));
     while !is_plugged_in() {
         if board.is_finished() {
             let silent = Err(BoardError::Silent { asked: "a connection" });
@@ -154,22 +155,22 @@ pub fn muscle(
 }
 
 /// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
-/// or has been idle for long. Each call of `run` runs a millisecond of the board and of the plant at
-/// its pins.
-pub fn serve<R>(scripts: &Path, image: &Path, file: &Path, run: R) -> Result<(), BoardError>
+/// or has been idle for long. Clients are behind its `port`. Each call of `run` runs a millisecond of
+/// the board and of the plant at its pins.
+pub fn serve<R>(
+    [scripts, image, file]: [&Path; 3],
+    port: Port,
+    mut run: R,
+) -> Result<(), BoardError>
 where
     R: FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError>,
 {
-    let flash = file.with_extension("flash");
-    let board = EmulatedBoard::with_flash(scripts, image, &flash)?;
+    let mut board = EmulatedBoard::with_flash(scripts, image, &file.with_extension("flash"))?;
+    if port == Port::Usb {
+        board.connect_usb_while(&mut run)?;
+    }
     let mut board = Emulated { board, run, to_client: Vec::new() };
-    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
-    listener.set_nonblocking(true)?;
-    let card = format!("{} {}", listener.local_addr()?.port(), build());
-    // Renamed when complete.
-    let part = file.with_extension(std::process::id().to_string());
-    fs::write(&part, &card)?;
-    fs::rename(&part, file)?;
+    let (listener, card) = announced(file)?;
     let plugged = || fs::read_to_string(file).is_ok_and(|text| text == card);
 
     let mut client: Option<TcpStream> = None;
@@ -215,6 +216,18 @@ where
         }
     }
     Ok(())
+}
+
+/// Listens at a port that the file names from now on; returns the file's content too.
+fn announced(file: &Path) -> io::Result<(TcpListener, String)> {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
+    listener.set_nonblocking(true)?;
+    let card = format!("{} {}", listener.local_addr()?.port(), build());
+    // Renamed when complete.
+    let part = file.with_extension(std::process::id().to_string());
+    fs::write(&part, &card)?;
+    fs::rename(&part, file)?;
+    Ok((listener, card))
 }
 
 /// The board and the plant at its pins.

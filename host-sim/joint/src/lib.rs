@@ -3,17 +3,19 @@
 
 #![warn(clippy::disallowed_methods)]
 
+mod from_config;
 mod load;
 pub mod page;
 mod render;
 mod rig;
 mod run;
 mod summary;
-mod trace;
+pub mod trace;
 
-pub use load::{JointLoaded, course, joint, load, parse};
+pub use from_config::to_scenario;
+pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse};
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
-pub use run::run;
-pub use summary::{Accumulator, Summary, pulses};
+pub use run::{SET_POINT_INTERVAL_S, run};
+pub use summary::{Accumulator, Figures, Summary, pulses};
 pub use trace::COLUMNS;

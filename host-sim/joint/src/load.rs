@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
-use thermyo_files::table::read_table;
+use thermyo_files::table::{Table, read_table};
 use thermyo_plant::joint::Arm;
 use thermyo_scenario::joint::{
     Joint, JointController, JointDocument, JointDrive, JointShape, is_joint,
@@ -64,6 +64,34 @@ impl JointLoaded {
             }
             None => shaped(&self.drive, time_s),
         }
+    }
+
+    /// The key of an angle of the drive beyond a joint's stops, and the message.
+    pub fn beyond(&self, joint: &Joint) -> Option<(&'static str, Problem)> {
+        let Joint { minimum_rad, maximum_rad, .. } = *joint;
+        let JointDrive { angle_rad, amplitude_rad, .. } = self.drive;
+        let ends: Vec<f64> = match (&self.profile, self.drive.shape) {
+            (Some([angle, _]), _) => {
+                angle.points().iter().map(|(_, angle_rad)| *angle_rad).collect()
+            }
+            (None, JointShape::Constant) => vec![angle_rad],
+            (None, JointShape::Sine) => vec![angle_rad - amplitude_rad, angle_rad + amplitude_rad],
+            (None, JointShape::Step) => vec![angle_rad, angle_rad + amplitude_rad],
+        };
+        let end_rad = ends.into_iter().find(|end| !(minimum_rad..=maximum_rad).contains(end))?;
+        let key = match &self.profile {
+            Some(_) => "drive.profile_csv",
+            None if end_rad == angle_rad => "drive.angle_rad",
+            None => "drive.amplitude_rad",
+        };
+        let problem = Problem::NotAllowed {
+            key: key.to_owned(),
+            value: format!("{end_rad} at its end"),
+            allowed: format!(
+                "such that the angle stays between the stops, {minimum_rad} to {maximum_rad} rad"
+            ),
+        };
+        Some((key, problem))
     }
 
     /// External torque at a time \[N m\].
@@ -202,26 +230,11 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
     for (prefix, config) in [("", of_plant), ("believed.", loaded.config())] {
         config.check().map_err(|error| refused(document, prefix, &error))?;
     }
-    let Joint { minimum_rad, maximum_rad, .. } = loaded.joint;
-    let drive = &loaded.drive;
-    let ends = match drive.shape {
-        _ if loaded.profile.is_some() => [minimum_rad; 2],
-        JointShape::Constant => [drive.angle_rad; 2],
-        JointShape::Sine => [-1.0, 1.0].map(|sign| drive.angle_rad + sign * drive.amplitude_rad),
-        JointShape::Step => [0.0, 1.0].map(|part| drive.angle_rad + part * drive.amplitude_rad),
-    };
-    for end_rad in ends {
-        if !(minimum_rad..=maximum_rad).contains(&end_rad) {
-            let key = if end_rad == drive.angle_rad { "angle_rad" } else { "amplitude_rad" };
-            let key = format!("drive.{key}");
-            let allowed = format!(
-                "such that the angle stays between the stops, {minimum_rad} to {maximum_rad} rad"
-            );
-            let value = format!("{end_rad} at its end");
-            return Err(
-                document.blame(&key, Problem::NotAllowed { key: key.clone(), value, allowed })
-            );
-        }
+    // The cells of a profile have been checked, each with its line.
+    if loaded.profile.is_none()
+        && let Some((key, problem)) = loaded.beyond(&loaded.joint)
+    {
+        return Err(document.blame(key, problem));
     }
     Ok(())
 }
@@ -240,6 +253,17 @@ fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> Input
     document.blame(key, problem)
 }
 
+/// The columns of a profile: angle \[rad\], between the joint's stops, and stiffness \[N m/rad\].
+///
+/// # Errors
+/// For a column that is missing, and a value that is not allowed.
+pub fn angle_and_stiffness(table: &Table, joint: &Joint) -> Result<[Profile; 2], InputError> {
+    let between_stops = Limits { min: joint.minimum_rad, max: joint.maximum_rad, unit: "rad" };
+    let angle = profile_in(table, "angle_rad", (between_stops, ""))?;
+    let stiffness = Limits { min: 0.0, max: 1.0e6, unit: "N m/rad" };
+    Ok([angle, profile_in(table, "stiffness_n_m_rad", (stiffness, ""))?])
+}
+
 type Profiles = (Option<[Profile; 2]>, Option<Profile>);
 
 fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
@@ -251,14 +275,9 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
         read_table(&beside(path))
             .map_err(|file| document.blame(key, Problem::Reference { key: key.to_owned(), file }))
     };
-    let Joint { minimum_rad, maximum_rad, .. } = document.joint;
     let profile = match &document.drive.profile_csv {
         Some(path) => {
-            let table = read("drive.profile_csv", path)?;
-            let between_stops = Limits { min: minimum_rad, max: maximum_rad, unit: "rad" };
-            let angle = profile_in(&table, "angle_rad", (between_stops, ""))?;
-            let stiffness = Limits { min: 0.0, max: 1.0e6, unit: "N m/rad" };
-            Some([angle, profile_in(&table, "stiffness_n_m_rad", (stiffness, ""))?])
+            Some(angle_and_stiffness(&read("drive.profile_csv", path)?, &document.joint)?)
         }
         None => None,
     };

@@ -2,7 +2,7 @@
 
 use crate::load::JointLoaded;
 use crate::rig::Row;
-use crate::summary::Summary;
+use crate::summary::{Figures, Summary};
 use crate::trace::COLUMNS;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -27,10 +27,41 @@ impl PageRecorder {
         self.recorder.push(&row.cells());
     }
 
-    /// The page.
+    /// The page of a run.
     pub fn page(&self, title: &str, loaded: &JointLoaded, summary: &Summary) -> String {
-        let page = Page::new(title, &lead(summary), &crate::render::render(loaded));
-        let page = tiles(summary).into_iter().fold(page, Page::tile);
+        let lead = summary.figures.lead(&format!(
+            "{} s simulated at {:.0} times real time.",
+            summary.duration_s, summary.real_time_factor
+        ));
+        let [a, b] = summary.estimate_rmse_k;
+        let own = [
+            Tile::new("Estimate of muscle a, RMS error", a, "K"),
+            Tile::new("Estimate of muscle b, RMS error", b, "K"),
+            Tile::new("Balance of the arm's energy", summary.arm_balance_error, ""),
+        ];
+        self.render(title, loaded, &lead, summary.figures.tiles().into_iter().chain(own))
+    }
+
+    /// The page of a run on a board, which has no true gas temperature.
+    pub fn of_board(
+        &self,
+        title: &str,
+        driven: &JointLoaded,
+        lead: &str,
+        figures: &Figures,
+    ) -> String {
+        self.render(title, driven, lead, figures.tiles().into_iter())
+    }
+
+    fn render(
+        &self,
+        title: &str,
+        loaded: &JointLoaded,
+        lead: &str,
+        tiles: impl Iterator<Item = Tile>,
+    ) -> String {
+        let page = Page::new(title, lead, &crate::render::render(loaded));
+        let page = tiles.fold(page, Page::tile);
         let sections = [self.motion(), self.muscles(), self.temperature()];
         sections.into_iter().fold(page, Page::section).render()
     }
@@ -128,40 +159,36 @@ impl PageRecorder {
     }
 }
 
-fn lead(summary: &Summary) -> String {
-    let faults: Vec<String> = ["muscle a", "muscle b", "joint"]
-        .iter()
-        .zip(&summary.faults)
-        .filter(|(_, names)| !names.is_empty())
-        .map(|(name, names)| format!("{name}: {}", names.join(", ")))
-        .collect();
-    let vented = match summary.vented_s {
-        Some(time_s) => format!("Both muscles vented at {time_s} s. "),
-        None => String::new(),
-    };
-    let found = match faults.join("; ") {
-        none if none.is_empty() => String::new(),
-        some => format!("Faults: {some}. "),
-    };
-    format!(
-        "{vented}{found}{} s simulated at {:.0} times real time. The angle misses its set point by {:.2} deg \
-         (RMS), the stiffness by {:.1} %.",
-        summary.duration_s,
-        summary.real_time_factor,
-        summary.rms_error_rad.to_degrees(),
-        100.0 * summary.rms_stiffness_error
-    )
-}
+impl Figures {
+    /// Faults, a sentence about the run, and errors.
+    pub fn lead(&self, run: &str) -> String {
+        let faults: Vec<String> = ["muscle a", "muscle b", "joint"]
+            .iter()
+            .zip(&self.faults)
+            .filter(|(_, names)| !names.is_empty())
+            .map(|(name, names)| format!("{name}: {}", names.join(", ")))
+            .collect();
+        let vented = match self.vented_s {
+            Some(time_s) => format!("Both muscles vented at {time_s} s. "),
+            None => String::new(),
+        };
+        let found = match faults.join("; ") {
+            none if none.is_empty() => String::new(),
+            some => format!("Faults: {some}. "),
+        };
+        format!(
+            "{vented}{found}{run} The angle misses its set point by {:.2} deg (RMS), the stiffness by {:.1} %.",
+            self.rms_error_rad.to_degrees(),
+            100.0 * self.rms_stiffness_error
+        )
+    }
 
-fn tiles(summary: &Summary) -> Vec<Tile> {
-    let [a, b] = summary.estimate_rmse_k;
-    vec![
-        Tile::new("Angle, RMS error", summary.rms_error_rad.to_degrees(), "deg"),
-        Tile::new("Angle, error at the end", summary.end_error_rad.to_degrees(), "deg"),
-        Tile::new("Stiffness, RMS error", 100.0 * summary.rms_stiffness_error, "%"),
-        Tile::new("Pulses of all valves", summary.pulses_per_s, "1/s"),
-        Tile::new("Estimate of muscle a, RMS error", a, "K"),
-        Tile::new("Estimate of muscle b, RMS error", b, "K"),
-        Tile::new("Balance of the arm's energy", summary.arm_balance_error, ""),
-    ]
+    fn tiles(&self) -> Vec<Tile> {
+        vec![
+            Tile::new("Angle, RMS error", self.rms_error_rad.to_degrees(), "deg"),
+            Tile::new("Angle, error at the end", self.end_error_rad.to_degrees(), "deg"),
+            Tile::new("Stiffness, RMS error", 100.0 * self.rms_stiffness_error, "%"),
+            Tile::new("Pulses of all valves", self.pulses_per_s, "1/s"),
+        ]
+    }
 }

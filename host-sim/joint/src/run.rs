@@ -7,7 +7,7 @@ use std::io;
 use std::time::Instant;
 
 /// Interval at which a set point that moves is updated \[s\].
-const SET_POINT_INTERVAL_S: f64 = 0.01;
+pub const SET_POINT_INTERVAL_S: f64 = 0.01;
 
 /// Runs a scenario; `observer` gets one row per `[run] log_every` steps, the last step included.
 ///

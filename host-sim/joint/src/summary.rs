@@ -10,15 +10,9 @@ use thermyo_plant::joint::ArmLedger;
 /// Part of the run at its end that counts as rest \[s\].
 const REST_S: f64 = 0.5;
 
-/// The content of `summary.json`.
+/// How a joint moved: of a run by its plant, of a board by its readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Summary {
-    /// Simulated time \[s\].
-    pub duration_s: f64,
-    /// Simulated time per wall-clock time \[-\].
-    pub real_time_factor: f64,
-    /// The board that ran the core.
-    pub board: &'static str,
+pub struct Figures {
     /// Lowest and highest angle \[rad\].
     pub angle_rad: [f64; 2],
     /// RMS error of the angle against its set point, over the run \[rad\].
@@ -29,10 +23,6 @@ pub struct Summary {
     pub rms_stiffness_error: f64,
     /// Highest pressures of muscles a and b \[Pa\].
     pub highest_pressure_pa: [f64; 2],
-    /// RMS errors of the gas temperatures, as estimated \[K\] ...
-    pub estimate_rmse_k: [f64; 2],
-    /// ... and as the bare sensors read them \[K\].
-    pub sensor_rmse_k: [f64; 2],
     /// Pulses of all four valves \[1/s\].
     pub pulses_per_s: f64,
     /// Share of the time in which the set point had to give way to the limits of pressure \[-\].
@@ -41,6 +31,23 @@ pub struct Summary {
     pub faults: [Vec<&'static str>; 3],
     /// Time of the first step in which both muscles vented for a fault \[s\].
     pub vented_s: Option<f64>,
+}
+
+/// The content of `summary.json`.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Summary {
+    /// Simulated time \[s\].
+    pub duration_s: f64,
+    /// Simulated time per wall-clock time \[-\].
+    pub real_time_factor: f64,
+    /// The board that ran the core.
+    pub board: &'static str,
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// RMS errors of the gas temperatures, as estimated \[K\] ...
+    pub estimate_rmse_k: [f64; 2],
+    /// ... and as the bare sensors read them \[K\].
+    pub sensor_rmse_k: [f64; 2],
     /// Error of the mechanism's balance of energy, relative \[-\].
     pub arm_balance_error: f64,
     /// Errors of the muscles' balances of mass and energy, relative \[-\].
@@ -127,34 +134,50 @@ impl Accumulator {
         }
     }
 
-    /// The summary; `wall_clock_s` is the time that the run took \[s\].
-    pub fn finish(self, wall_clock_s: f64, (arm, muscles): (ArmLedger, [Ledger; 2])) -> Summary {
-        let duration_s = (self.rows - 1.0).max(0.0) * self.step_s;
-        let root = |sum: f64, count: f64| (sum / count.max(1.0)).sqrt();
+    /// Time of the steps so far \[s\].
+    pub fn duration_s(&self) -> f64 {
+        (self.rows - 1.0).max(0.0) * self.step_s
+    }
+
+    /// How the joint has moved so far.
+    pub fn figures(&self) -> Figures {
         let at_rest = ((REST_S / self.step_s) as usize).clamp(1, self.last.len().max(1));
         let last = &self.last[self.last.len().saturating_sub(at_rest)..];
         let names = |faults: u32| model_core::Faults(faults).names().collect();
         let joint = model_core::joint::JointFaults(self.found[2] as u8).names().collect();
-        Summary {
-            duration_s,
-            real_time_factor: duration_s / wall_clock_s.max(1e-9),
-            board: "core",
+        Figures {
             angle_rad: self.angle_rad,
             rms_error_rad: root(self.squared_rad2, self.tracked),
             end_error_rad: last.iter().sum::<f64>() / (last.len() as f64).max(1.0),
             rms_stiffness_error: root(self.squared_stiffness, self.tracked),
             highest_pressure_pa: self.highest_pa,
-            estimate_rmse_k: self.estimate_k2.map(|sum| root(sum, self.rows)),
-            sensor_rmse_k: self.sensor_k2.map(|sum| root(sum, self.rows)),
-            pulses_per_s: self.pulses / duration_s.max(self.step_s),
+            pulses_per_s: self.pulses / self.duration_s().max(self.step_s),
             limited: self.limited / self.rows.max(1.0),
             faults: [names(self.found[0]), names(self.found[1]), joint],
             vented_s: self.vented_s,
+        }
+    }
+
+    /// The summary; `wall_clock_s` is the time that the run took \[s\].
+    pub fn finish(self, wall_clock_s: f64, (arm, muscles): (ArmLedger, [Ledger; 2])) -> Summary {
+        let duration_s = self.duration_s();
+        Summary {
+            duration_s,
+            real_time_factor: duration_s / wall_clock_s.max(1e-9),
+            board: "core",
+            estimate_rmse_k: self.estimate_k2.map(|sum| root(sum, self.rows)),
+            sensor_rmse_k: self.sensor_k2.map(|sum| root(sum, self.rows)),
+            figures: self.figures(),
             arm_balance_error: arm.balance_error(),
             mass_balance_error: muscles.map(|ledger| ledger.mass_balance_error()),
             energy_balance_error: muscles.map(|ledger| ledger.energy_balance_error()),
         }
     }
+}
+
+/// Root of the mean of squares.
+fn root(sum: f64, count: f64) -> f64 {
+    (sum / count.max(1.0)).sqrt()
 }
 
 /// Valves that a step switches on; one that was open to the end of its period stays on.

@@ -7,6 +7,7 @@ pub mod topics;
 
 use crate::mcap::McapLog;
 use crate::stream::{Stream, StreamTo};
+use crate::topics::{Layout, MUSCLE};
 use std::path::Path;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
@@ -29,28 +30,28 @@ impl Logs {
     /// # Errors
     /// If it cannot be reached.
     pub fn check(&self) -> Result<(), InputError> {
-        self.open_stream().map(drop)
+        self.open_stream(MUSCLE).map(drop)
     }
 
     /// Starts the records, beside the trace in that folder.
     ///
     /// # Errors
     /// When a file cannot be made, or the address cannot be reached.
-    pub fn open(&self, out: &mut OutputDir) -> Result<Sinks, InputError> {
+    pub fn open(&self, out: &mut OutputDir, layout: Layout) -> Result<Sinks, InputError> {
         let mut sinks = Sinks::default();
-        if let Some(stream) = self.open_stream()? {
+        if let Some(stream) = self.open_stream(layout)? {
             sinks.add(stream);
         }
         if self.mcap {
             let file = out.file(MCAP)?;
-            sinks.add(McapLog::new(file).map_err(|error| out.unwritable(MCAP, &error))?);
+            sinks.add(McapLog::new(file, layout).map_err(|error| out.unwritable(MCAP, &error))?);
         }
         Ok(sinks)
     }
 
-    fn open_stream(&self) -> Result<Option<Stream>, InputError> {
+    fn open_stream(&self, layout: Layout) -> Result<Option<Stream>, InputError> {
         let Some(to) = &self.stream else { return Ok(None) };
         let no_way = |error| InputError::output(Path::new(&to.to_string()), &error);
-        Stream::open(to).map(Some).map_err(no_way)
+        Stream::open(to, layout).map(Some).map_err(no_way)
     }
 }

@@ -1,15 +1,14 @@
 //! `trace.mcap`: the rows of `trace.csv` for PlotJuggler, Foxglove and Rerun, <https://mcap.dev>.
 //!
-//! Each row gives one JSON message per topic of [`TOPICS`], with a schema that states units; its
+//! Each row gives one JSON message per topic of its [`Layout`], with a schema that states units; its
 //! time is the row's `time_s`. Chunks are written whole, so that a truncated file can be read up
 //! to the last whole chunk.
 
-use super::topics::{TOPICS, write_json};
+use super::topics::{Layout, write_json};
 use crate::mcap_file::{Channel, Writer};
 use std::fs::File;
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
-use thermyo_record::board_trace::every_column;
 use thermyo_record::sinks::Sink;
 
 /// Longest time that messages wait.
@@ -26,18 +25,22 @@ pub struct McapLog<W: Write = File> {
 
 impl<W: Write> McapLog<W> {
     /// Begins with the topics and their schemas.
-    pub fn new(out: W) -> io::Result<Self> {
-        let all = every_column();
+    pub fn new(out: W, layout: Layout) -> io::Result<Self> {
+        let all = (layout.columns)();
         let cells = |place| (place, all[place]);
-        let channels = TOPICS.map(|topic| topic.places().into_iter().map(cells).collect());
-        let definitions = TOPICS.map(|topic| Channel {
+        let topics = layout.topics.iter();
+        let channels = topics.map(|topic| topic.places(&all).into_iter().map(cells).collect());
+        let channels = channels.collect();
+        let topics = layout.topics.iter();
+        let definitions = topics.map(|topic| Channel {
             topic: topic.name,
             schema: topic.schema,
             json_schema: topic.json_schema().to_string(),
         });
+        let definitions: Vec<Channel> = definitions.collect();
         Ok(Self {
             writer: Writer::new(out, &definitions)?,
-            channels: channels.into(),
+            channels,
             rows: 0,
             text: String::with_capacity(512),
             handed_over: Instant::now(),
@@ -83,10 +86,12 @@ fn nanoseconds(time_s: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::topics::MUSCLE;
     use mcap::read::Options;
     use mcap::{Message, MessageStream, Summary};
     use serde_json::Value;
     use std::sync::{Arc, Mutex};
+    use thermyo_record::board_trace::every_column;
 
     /// Memory that a log and a test share.
     #[derive(Clone, Default)]
@@ -132,7 +137,7 @@ mod tests {
     #[test]
     fn a_file_that_is_cut_anywhere_reads_up_to_the_cut() {
         let memory = Memory::default();
-        let mut log = Box::new(McapLog::new(memory.clone()).unwrap());
+        let mut log = Box::new(McapLog::new(memory.clone(), MUSCLE).unwrap());
         // Bytes after each chunk, and the rows in them.
         let mut ends = vec![(memory.bytes().len(), 0)];
         for number in 0..400 {
@@ -145,20 +150,20 @@ mod tests {
         log.finish().unwrap();
         let whole = memory.bytes();
         let all = messages(&whole);
-        assert_eq!(all.len(), 400 * TOPICS.len());
+        assert_eq!(all.len(), 400 * MUSCLE.topics.len());
         let last_end = ends.last().unwrap().0;
         for cut in (0..whole.len()).step_by(997).chain(ends.iter().map(|(end, _)| *end)) {
             let read = messages(&whole[..cut]);
             let rows = ends.iter().rev().find(|(end, _)| *end <= cut).map_or(0, |(_, rows)| *rows);
             assert!(
-                read.len() >= rows as usize * TOPICS.len(),
+                read.len() >= rows as usize * MUSCLE.topics.len(),
                 "cut at {cut}: {} read",
                 read.len()
             );
             assert_eq!(read[..], all[..read.len()], "cut at {cut}");
         }
         assert!(last_end < whole.len(), "an index follows");
-        let (topic, time_ns, first) = &all[TOPICS.len()];
+        let (topic, time_ns, first) = &all[MUSCLE.topics.len()];
         assert_eq!((topic.as_str(), *time_ns), ("/muscle", 10_000_000));
         assert_eq!(first["pressure_pa"].as_f64(), Some(0.001 / 3.0));
     }
@@ -167,7 +172,7 @@ mod tests {
     #[test]
     fn every_message_is_found_by_the_index() {
         let memory = Memory::default();
-        let mut log = Box::new(McapLog::new(memory.clone()).unwrap());
+        let mut log = Box::new(McapLog::new(memory.clone(), MUSCLE).unwrap());
         for number in 0..400 {
             log.row(&row(number)).unwrap();
         }
@@ -177,7 +182,7 @@ mod tests {
         let mut all: Vec<_> = checked.unwrap().map(Result::unwrap).collect();
         let summary = Summary::read(&whole).unwrap().unwrap();
         let stats = summary.stats.as_ref().unwrap();
-        assert_eq!(stats.message_count, 400 * TOPICS.len() as u64);
+        assert_eq!(stats.message_count, 400 * MUSCLE.topics.len() as u64);
         assert_eq!((stats.message_start_time, stats.message_end_time), (0, 3_990_000_000));
         assert!(stats.channel_message_counts.values().all(|count| *count == 400));
         assert!(stats.chunk_count > 1 && stats.chunk_count as usize == summary.chunk_indexes.len());
@@ -204,14 +209,14 @@ mod tests {
     #[test]
     fn nothing_waits_for_a_second() {
         let memory = Memory::default();
-        let mut log = McapLog::new(memory.clone()).unwrap();
+        let mut log = McapLog::new(memory.clone(), MUSCLE).unwrap();
         log.row(&row(0)).unwrap();
         assert!(messages(&memory.bytes()).is_empty(), "at once would be a chunk per row");
         std::thread::sleep(LONGEST_WAIT);
         log.hand_over_in_time().unwrap();
-        assert_eq!(messages(&memory.bytes()).len(), TOPICS.len());
+        assert_eq!(messages(&memory.bytes()).len(), MUSCLE.topics.len());
         std::thread::sleep(LONGEST_WAIT);
         log.row(&row(1)).unwrap();
-        assert_eq!(messages(&memory.bytes()).len(), 2 * TOPICS.len());
+        assert_eq!(messages(&memory.bytes()).len(), 2 * MUSCLE.topics.len());
     }
 }

@@ -3,12 +3,11 @@
 //! Receivers may be late, slow or gone: a datagram that cannot be sent at once is lost, and the
 //! record never waits.
 
-use super::topics::write_json;
+use super::topics::{Layout, write_json};
 use std::fmt;
 use std::io;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 use std::str::FromStr;
-use thermyo_record::board_trace::every_column;
 use thermyo_record::sinks::Sink;
 
 /// Second name of a row's time besides `time_s`: every PlotJuggler accepts it.
@@ -68,7 +67,7 @@ impl Stream {
     ///
     /// # Errors
     /// When the address cannot be reached.
-    pub fn open(to: &StreamTo) -> io::Result<Self> {
+    pub fn open(to: &StreamTo, layout: Layout) -> io::Result<Self> {
         let any: SocketAddr = match to.address {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
             SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
@@ -76,7 +75,7 @@ impl Stream {
         let socket = UdpSocket::bind(any)?;
         socket.connect(to.address)?;
         socket.set_nonblocking(true)?;
-        Ok(Self { socket, columns: every_column(), text: String::with_capacity(2048) })
+        Ok(Self { socket, columns: (layout.columns)(), text: String::with_capacity(2048) })
     }
 }
 
@@ -95,6 +94,7 @@ impl Sink for Stream {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::topics::MUSCLE;
     use std::time::{Duration, Instant};
 
     #[test]
@@ -121,7 +121,7 @@ mod tests {
         let listener = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         listener.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
         let to = format!("udp:{}", listener.local_addr().unwrap()).parse().unwrap();
-        let mut stream = Stream::open(&to).unwrap();
+        let mut stream = Stream::open(&to, MUSCLE).unwrap();
         stream.row(&[0.5, 1.0e5, f64::NAN, 0.2]).unwrap();
         let mut bytes = [0; 4096];
         let length = listener.recv(&mut bytes).unwrap();
@@ -134,8 +134,8 @@ mod tests {
     fn a_listener_that_is_slow_or_gone_delays_nothing() {
         let listener = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let to = format!("udp:{}", listener.local_addr().unwrap()).parse().unwrap();
-        let mut stream = Stream::open(&to).unwrap();
-        let row = vec![1.0 / 3.0; every_column().len()];
+        let mut stream = Stream::open(&to, MUSCLE).unwrap();
+        let row = vec![1.0 / 3.0; (MUSCLE.columns)().len()];
         let begin = Instant::now();
         (0..20_000).for_each(|_| stream.row(&row).unwrap());
         drop(listener);

@@ -1,6 +1,7 @@
 //! The columns of a trace as topics of a log, with meaning and unit.
 
 use serde_json::{Map, Value, json};
+use thermyo_joint::trace::board_columns;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::units::unit_of;
 
@@ -16,7 +17,21 @@ pub struct Topic {
 /// Name of the column that every topic has.
 pub const TIME: &str = "time_s";
 
-pub const TOPICS: [Topic; 5] = [
+/// The columns of a record, and their topics.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout {
+    pub topics: &'static [Topic],
+    /// Names of a row's cells; a row may end early.
+    pub columns: fn() -> Vec<&'static str>,
+}
+
+/// Of one muscle.
+pub const MUSCLE: Layout = Layout { topics: &TOPICS, columns: every_column };
+
+/// Of a joint.
+pub const JOINT: Layout = Layout { topics: &JOINT_TOPICS, columns: board_columns };
+
+const TOPICS: [Topic; 5] = [
     Topic {
         name: "/muscle",
         schema: "thermyo.Muscle",
@@ -100,6 +115,110 @@ pub const TOPICS: [Topic; 5] = [
     },
 ];
 
+/// A muscle of a joint, with its columns behind `$side`.
+macro_rules! muscle_of_joint {
+    ($name:literal, $schema:literal, $about:literal, $side:literal) => {
+        Topic {
+            name: $name,
+            schema: $schema,
+            about: $about,
+            columns: &[
+                (concat!($side, "pressure_pa"), "Absolute pressure of the gas"),
+                (concat!($side, "length_m"), "Length of the muscle"),
+                (concat!($side, "tension_n"), "Tension of the tendon"),
+                (concat!($side, "gas_temperature_k"), "Mean temperature of the gas"),
+                (concat!($side, "wall_temperature_k"), "Mean temperature of the wall"),
+                (concat!($side, "sensor_gas_k"), "Reading of the sensor in the gas"),
+                (concat!($side, "estimate_k"), "Estimated temperature of the gas"),
+                (concat!($side, "estimate_sd_k"), "Standard deviation of the estimate"),
+                (concat!($side, "estimate_valid"), "1 where the estimate is to be relied on"),
+                (concat!($side, "wall_estimate_k"), "Estimated temperature of the wall"),
+                (concat!($side, "sensor_estimate_k"), "Estimated temperature of the element"),
+                (concat!($side, "mass_estimate_kg"), "Estimated mass of the gas"),
+                (concat!($side, "heat_scale"), "Estimated factor on the heat transfer"),
+                (concat!($side, "sensor_lag_s"), "Estimated lag of the sensor in the gas"),
+                (concat!($side, "duty_in"), "Share of the PWM period with the inlet open, 0 to 1"),
+                (
+                    concat!($side, "duty_out"),
+                    "Share of the PWM period with the outlet open, 0 to 1",
+                ),
+                (concat!($side, "faults"), "Faults, one bit each: docs/reference/safety.md"),
+                (concat!($side, "measured_pressure_pa"), "Absolute pressure as the core reads it"),
+                (concat!($side, "measured_length_m"), "Length by the angle, as the core reads it"),
+                (concat!($side, "code_pressure"), "Code of the converter, pressure"),
+                (concat!($side, "code_gas"), "Code of the converter, sensor in the gas"),
+            ],
+        }
+    };
+}
+
+const JOINT_TOPICS: [Topic; 5] = [
+    Topic {
+        name: "/joint",
+        schema: "thermyo.Joint",
+        about: "The joint: of a simulated one the truth, of a real one what its board measures",
+        columns: &[
+            ("angle_rad", "Angle"),
+            ("speed_rad_s", "Speed"),
+            ("torque_n_m", "Torque of both tendons"),
+            ("stiffness_n_m_rad", "Stiffness behind shut valves"),
+            ("load_n_m", "Torque from outside"),
+            ("measured_angle_rad", "Angle as the core reads it"),
+            ("estimated_speed_rad_s", "Speed as the core observes it"),
+            ("estimated_torque_n_m", "Torque by pressures and angle"),
+            ("estimated_stiffness_n_m_rad", "Stiffness by pressures and angle"),
+            ("disturbance_n_m", "Torque that nothing configured explains"),
+            ("code_angle", "Code of the converter, angle"),
+        ],
+    },
+    muscle_of_joint!(
+        "/muscle_a",
+        "thermyo.MuscleA",
+        "Muscle a, which shortens as the angle grows",
+        "a_"
+    ),
+    muscle_of_joint!(
+        "/muscle_b",
+        "thermyo.MuscleB",
+        "Muscle b, which shortens as the angle falls",
+        "b_"
+    ),
+    Topic {
+        name: "/control",
+        schema: "thermyo.JointControl",
+        about: "Set point and mode",
+        columns: &[
+            ("angle_reference_rad", "Set point of the angle"),
+            ("stiffness_reference_n_m_rad", "Set point of the stiffness"),
+            ("reference_rad", "Angle of the core's reference"),
+            ("set_point_kind", "0 vent, 1 duty, 2 pressures, 3 torque, 4 angle, 5 lock"),
+            ("set_point_1", "Angle, torque, pressure of a, inlet of a"),
+            ("set_point_2", "Speed, stiffness of a torque, pressure of b, inlet of b"),
+            ("set_point_3", "Acceleration, outlet of a"),
+            ("set_point_4", "Stiffness of an angle, outlet of b"),
+            ("mode", "Mode of the core, by its number"),
+            ("limited", "1 where stiffness, or torque too, gives way to the limits of pressure"),
+        ],
+    },
+    Topic {
+        name: "/health",
+        schema: "thermyo.JointHealth",
+        about: "How the core is",
+        columns: &[
+            ("step", "Number of the core's step"),
+            ("missed_steps", "Steps missed before this one"),
+            ("faults", "Faults of the joint, one bit each: docs/reference/safety.md"),
+            ("emergency_stop", "1 where the emergency stop is pressed"),
+            ("heard", "1 where the host was heard in this step"),
+            ("flooded", "1 where the link brought more than it may in this step"),
+            ("armed_pa", "Highest absolute pressure of either muscle; 0: not armed"),
+            ("restarts", "Restarts of the board since its power came"),
+            ("starts", "Starts of the board that it remembers"),
+            ("config_checksum", "Checksum of the configuration"),
+        ],
+    },
+];
+
 impl Topic {
     /// The JSON schema of its messages. Unknown values are left out of a message.
     pub fn json_schema(&self) -> Value {
@@ -120,9 +239,8 @@ impl Topic {
         })
     }
 
-    /// Indices of its columns in [`every_column`], the time first.
-    pub fn places(&self) -> Vec<usize> {
-        let all = every_column();
+    /// Indices of its columns among all, the time first.
+    pub fn places(&self, all: &[&str]) -> Vec<usize> {
         let names = [TIME].into_iter().chain(self.columns.iter().map(|(name, _)| *name));
         names.filter_map(|name| all.iter().position(|column| *column == name)).collect()
     }
@@ -155,13 +273,17 @@ mod tests {
 
     #[test]
     fn every_column_is_in_one_topic() {
-        let mut named: Vec<&str> = vec![TIME];
-        named.extend(TOPICS.iter().flat_map(|topic| topic.columns.iter().map(|(name, _)| *name)));
-        for column in every_column() {
-            let times = named.iter().filter(|name| **name == column).count();
-            assert_eq!(times, 1, "{column} is in {times} topics");
+        for layout in [MUSCLE, JOINT] {
+            let mut named: Vec<&str> = vec![TIME];
+            let topics = layout.topics.iter();
+            named.extend(topics.flat_map(|topic| topic.columns.iter().map(|(name, _)| *name)));
+            let columns = (layout.columns)();
+            for column in &columns {
+                let times = named.iter().filter(|name| *name == column).count();
+                assert_eq!(times, 1, "{column} is in {times} topics");
+            }
+            assert_eq!(named.len(), columns.len());
         }
-        assert_eq!(named.len(), every_column().len());
     }
 
     #[test]
@@ -172,6 +294,13 @@ mod tests {
             "Mass flow in, mean since the row before [kg/s]"
         );
         assert_eq!(schema["properties"]["time_s"]["description"], "Time since the beginning [s]");
+        let joint = JOINT_TOPICS[0].json_schema();
+        for (name, unit) in
+            [("torque_n_m", "N m"), ("stiffness_n_m_rad", "N m/rad"), ("speed_rad_s", "rad/s")]
+        {
+            let text = joint["properties"][name]["description"].as_str().unwrap();
+            assert!(text.ends_with(&format!(" [{unit}]")), "{text}");
+        }
     }
 
     #[test]

@@ -78,11 +78,15 @@ pub fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
 /// Cells of [`MORE_COLUMNS`]; an empty `status` leaves its columns empty.
 pub fn more_cells(status: Option<&Status>, telemetry: &Telemetry) -> [f64; MORE_COLUMNS.len()] {
     let (kind, value, second) = kind_and_values(telemetry.set_point);
+    let [armed_pa, restarts, starts, config_checksum] = status_cells(status);
+    let [kind, value, second] = [f64::from(kind), f64::from(value), f64::from(second)];
+    [kind, value, second, armed_pa, restarts, starts, config_checksum]
+}
+
+/// Highest armed pressure, restarts, starts and the configuration's checksum; unknown without a status.
+pub fn status_cells(status: Option<&Status>) -> [f64; 4] {
     let stated = |value: fn(&Status) -> f64| status.map_or(f64::NAN, value);
     [
-        f64::from(kind),
-        f64::from(value),
-        f64::from(second),
         stated(|status| f64::from(status.armed_pa.unwrap_or_default())),
         stated(|status| f64::from(status.restarts)),
         stated(|status| f64::from(status.starts)),
@@ -134,10 +138,14 @@ pub struct Recorder<W: Write = File> {
 }
 
 impl<W: Write> Recorder<W> {
-    /// Writes to `out`.
+    /// Writes a muscle's record to `out`.
     pub fn new(out: W) -> io::Result<Self> {
-        let header = every_column().join(",");
-        let out = Rows::new(out, &header)?;
+        Self::with_columns(out, &every_column())
+    }
+
+    /// Writes rows of these columns to `out`.
+    pub fn with_columns(out: W, columns: &[&str]) -> io::Result<Self> {
+        let out = Rows::new(out, &columns.join(","))?;
         Ok(Self { out, beside: Sinks::default(), clock: Clock::default(), rows: 0 })
     }
 
@@ -147,20 +155,30 @@ impl<W: Write> Recorder<W> {
         Self { beside, ..self }
     }
 
-    /// Writes one row; an empty `status` leaves its columns empty.
+    /// Time since the first step \[s\], strictly increasing, of the step of that number and length \[s\].
+    pub fn time_s(&mut self, step: u32, step_s: f64) -> f64 {
+        self.clock.time_s(step, step_s)
+    }
+
+    /// Writes the cells of a row.
+    pub fn push(&mut self, cells: &[f64]) -> io::Result<()> {
+        self.rows += 1;
+        self.out.push(&cells_text(cells.iter().copied()))?;
+        self.beside.row(cells)
+    }
+
+    /// Writes one row of a muscle; an empty `status` leaves its columns empty.
     pub fn write(
         &mut self,
         config: &Config,
         status: Option<&Status>,
         telemetry: &Telemetry,
     ) -> io::Result<Row> {
-        let time_s = self.clock.time_s(telemetry.step, short(config.step_s));
-        self.rows += 1;
+        let time_s = self.time_s(telemetry.step, short(config.step_s));
         let row = row(time_s, config, telemetry);
         let more = more_cells(status, telemetry);
         let cells: Vec<f64> = row.cells().into_iter().chain(more).collect();
-        self.out.push(&cells_text(cells.iter().copied()))?;
-        self.beside.row(&cells)?;
+        self.push(&cells)?;
         Ok(row)
     }
 

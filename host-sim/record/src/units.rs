@@ -2,7 +2,7 @@
 
 /// The unit at the end of a name; none for a ratio, a count or a flag.
 pub fn unit_of(name: &str) -> Option<&'static Unit> {
-    UNITS.iter().find(|unit| name.ends_with(unit.suffix))
+    JOINT_UNITS.iter().chain(&UNITS).find(|unit| name.ends_with(unit.suffix))
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -14,7 +14,16 @@ pub struct Unit {
     pub exponents: [(&'static str, i32); 4],
 }
 
-/// All units. A suffix that ends another one comes after it.
+/// Units that only a joint's trace has; they come first.
+const JOINT_UNITS: [Unit; 5] = [
+    unit("_n_m_rad", "N m/rad", [1, 2, -2, 0]),
+    unit("_rad_s", "rad/s", [0, 0, -1, 0]),
+    unit("_rad", "rad", [0, 0, 0, 0]),
+    unit("_n_m", "N m", [1, 2, -2, 0]),
+    unit("_n", "N", [1, 1, -2, 0]),
+];
+
+/// Units of a muscle's trace. A suffix that ends another one comes after it.
 pub const UNITS: [Unit; 7] = [
     unit("_pa", "Pa", [1, -1, -2, 0]),
     unit("_kg_s", "kg/s", [1, 0, -1, 0]),

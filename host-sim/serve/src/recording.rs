@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_logs::Logs;
+use thermyo_logs::topics::MUSCLE;
 use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
 use thermyo_scenario::DriveKind;
@@ -60,7 +61,7 @@ impl Recording {
         files.text("scenario.toml", &thermyo_setup::render(&configured))?;
         let recorder = Recorder::new(files.file("trace.csv")?)
             .map_err(|error| files.unwritable("trace.csv", &error))?
-            .beside(logs.open(&mut files)?);
+            .beside(logs.open(&mut files, MUSCLE)?);
         let (parts, received) = mpsc::channel();
         let rows = Arc::new(AtomicU64::new(0));
         let writer = Writer {

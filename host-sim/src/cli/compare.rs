@@ -25,6 +25,12 @@ pub(super) fn run(
     let mut runs = Vec::new();
     for path in &args.runs {
         let trace = trace_in(path);
+        if trace.ends_with(thermyo_joint::trace::FILE) {
+            let trace = trace.display();
+            let message =
+                format!("{trace}: is of a joint: `thermyo compare` takes runs of one muscle");
+            return Err(Failure::Usage(message));
+        }
         let table = read_record(&trace, stderr)?;
         runs.push(Recorded::of_trace(&name(path), &trace, &table)?);
     }

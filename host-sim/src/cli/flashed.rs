@@ -1,35 +1,26 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
 use super::board_status::{Overview, configuration, configuration_json, started_by};
+use super::drive::{DriveArgs, drive_profile};
 use super::joint_board::JointTask;
-use super::log::LogArgs;
 use super::muscle::{line, vents};
-use super::progress::Bar;
-use super::{
-    Failure, FormatArgs, UnitArgs, calibrate, interrupt, joint_board, load, print, publish,
-    read_to_compare, set, tune,
-};
+use super::{Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, tune};
 use clap::{Args, Subcommand};
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
 use serde_json::json;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use thermyo_boards::emulated::Port;
 use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
-use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_protocol::{Event, Refusal};
-use thermyo_record::board_trace::Recorder;
-use thermyo_scenario::DriveKind;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
-use thermyo_setup::{Loaded, SET_POINT_COLUMNS};
 use thermyo_simulation::board::BoardError;
-use thermyo_studies::drive;
-use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
 
 #[derive(Debug, Args)]
 pub(super) struct BoardCommand {
@@ -87,27 +78,6 @@ struct ArmArgs {
     max_pressure: Option<f64>,
 }
 
-#[derive(Debug, Args)]
-struct DriveArgs {
-    /// Scenario (TOML), whose drive and duration are used, or CSV: time_s and one of pressure_pa,
-    /// contraction, flow_kg_s, duty, or value
-    profile: PathBuf,
-    /// Quantity of a CSV's column value
-    #[arg(long, value_parser = ["pressure", "contraction", "mass-flow", "duty"])]
-    kind: Option<String>,
-    /// Arm the board first
-    #[arg(long)]
-    arm: bool,
-    /// Measurements to compare with: time_s and any columns of trace.csv
-    #[arg(long, value_name = "FILE.csv")]
-    measured: Option<PathBuf>,
-    /// Folder for the results, including report.html [default: out/drive]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    #[command(flatten)]
-    log: LogArgs,
-}
-
 #[derive(Debug, Subcommand)]
 enum ConfigTask {
     /// Write the configuration to a scenario file
@@ -135,6 +105,7 @@ impl BoardTask {
             Self::Set(args) => JointTask::Set(args),
             Self::Stop => JointTask::Stop,
             Self::Clear => JointTask::Clear,
+            Self::Drive(args) => JointTask::Drive(args),
             Self::Config(ConfigTask::Write { file }) => JointTask::Write { file },
             Self::Config(ConfigTask::Save) => JointTask::Save,
             Self::Config(ConfigTask::Forget) => JointTask::Forget,
@@ -155,7 +126,7 @@ pub(super) fn run(
     }
     let mut board = match LiveBoard::open(&port) {
         Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
-            return joint_board::run(&port, task.of_joint(), (format, units), out);
+            return joint_board::run(&port, task.of_joint(), (format, units), out, err);
         }
         opened => opened?,
     };
@@ -231,15 +202,17 @@ pub(super) struct ServeArgs {
 
 pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let ServeArgs { scripts, image, file, scenario } = args;
+    let files: [&Path; 3] = [scripts, image, file];
     let joint = scenario.as_deref().map(thermyo_joint::load).transpose()?.flatten();
     if let Some(joint) = joint {
-        return Ok(service::serve(scripts, image, file, joint_board::at_pins(&joint)?)?);
+        // The serial line carries the telemetry of a joint in every third step only.
+        return Ok(service::serve(files, Port::Usb, joint_board::at_pins(&joint)?)?);
     }
     let loaded = match scenario {
         Some(path) => thermyo_setup::load(path)?,
         None => thermyo_setup::parse("", Path::new("the nominal muscle"))?,
     };
-    Ok(service::serve(scripts, image, file, service::muscle(&loaded)?)?)
+    Ok(service::serve(files, Port::Uart, service::muscle(&loaded)?)?)
 }
 
 fn info(
@@ -363,146 +336,4 @@ fn history(
         };
     }
     format.answer(out, &json, &words)
-}
-
-fn drive_profile(
-    board: &mut LiveBoard,
-    args: &DriveArgs,
-    shown: (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
-    let mut record = None;
-    let driven = drive_and_record(board, args, shown, &mut record, out, err);
-    if let (Err(_), Some(record)) = (&driven, record.filter(|record| record.exists())) {
-        let _ = writeln!(err, "thermyo: the record so far is in {}", record.display());
-    }
-    driven
-}
-
-impl DriveArgs {
-    /// The kind of the profile's column `value`.
-    fn kind(&self) -> Option<DriveKind> {
-        let kinds = SET_POINT_COLUMNS.iter().map(|(_, kind)| *kind);
-        self.kind.as_deref().and_then(|word| kinds.into_iter().find(|kind| kind.word() == word))
-    }
-}
-
-/// `record` names the folder of the recording until it is published: a drive cannot be repeated.
-fn drive_and_record(
-    board: &mut LiveBoard,
-    args: &DriveArgs,
-    shown: (FormatArgs, UnitSystem),
-    record: &mut Option<PathBuf>,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
-    let config = board.config()?;
-    let configured = from_config::to_scenario(&config)?;
-    let armed_pa = if args.arm { None } else { board.status()?.armed_pa };
-    let driven = drive::plan(&args.profile, args.kind(), &configured, armed_pa)?;
-    let duration_s = driven.plant.run.duration_s;
-    let measured =
-        args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
-    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
-    let mut files = drive_files(&folder, &driven)?;
-    let mut recorder = Recorder::new(files.file("trace.csv")?)
-        .map_err(|error| files.unwritable("trace.csv", &error))?
-        .beside(args.log.wanted().open(&mut files)?);
-    let (mut gathered, mut drawn) = (Gathered::new(&driven, measured.as_ref()), Drawn::new());
-    interrupt::watch();
-    if args.arm {
-        board.arm(None)?;
-    }
-    let bar = Bar::new((driven.plant.run.duration_s * 1e3) as u64, shown.0.quiet);
-    let outcome =
-        drive::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
-            let row = recorder.write(&config, status, telemetry)?;
-            gathered.add(&row);
-            drawn.add(&row);
-            bar.set_position((row.truth.time_s * 1e3) as u64);
-            Ok(())
-        });
-    bar.clear();
-    if gathered.rows() > 0 {
-        files.keep();
-        *record = Some(files.place().to_path_buf());
-    }
-    let unwritable = |error| Failure::from(files.unwritable("trace.csv", &error));
-    let written = recorder.finish().map_err(unwritable);
-    let ended = match outcome {
-        Err(DriveError::Output(error)) => return Err(unwritable(error)),
-        Err(DriveError::Board(error)) => return Err(error.into()),
-        Ok(Ended::Stopped) if gathered.rows() == 0 => {
-            let _ = writeln!(err, "thermyo: stopped before its first step, nothing is kept");
-            return Err(Failure::Interrupted);
-        }
-        Ok(ended) => ended,
-    };
-    written?;
-    let (status, timing) = (board.status()?, board.timing()?);
-    let summary = Driven {
-        stopped_of_s: (ended == Ended::Stopped).then_some(duration_s),
-        ..gathered.finish(board.port(), &status, &timing)
-    };
-    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
-    files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
-    drove(files, &folder, &summary, shown, out, err)
-}
-
-/// Publishes a drive, and prints its summary.
-fn drove(
-    mut files: OutputDir,
-    folder: &Path,
-    summary: &Driven,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
-    let json = serde_json::to_string_pretty(summary).expect("plain data") + "\n";
-    files.text("summary.json", &json)?;
-    publish(files, format, err)?;
-    if format.json {
-        print(out, &json)?
-    } else {
-        print(out, &brief(summary, units, folder))?
-    }
-    if summary.stopped_of_s.is_some() {
-        let (driven, folder) = (summary.driven(), folder.display());
-        return Err(Failure::StoppedAt(format!("{driven}; the record is in {folder}")));
-    }
-    Ok(())
-}
-
-/// Creates the folder of a drive, with its scenario and its profile.
-fn drive_files(folder: &Path, driven: &Loaded) -> Result<OutputDir, Failure> {
-    let mut files = OutputDir::create(folder)?;
-    files.text("scenario.toml", &thermyo_setup::render(driven))?;
-    if let Some(profile) = &driven.drive_profile {
-        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
-        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
-    }
-    Ok(files)
-}
-
-fn brief(summary: &Driven, units: UnitSystem, folder: &Path) -> String {
-    let mut text = format!(
-        "{} driven, configuration {} ({:08x}); it vents\n\
-         pressure {}, estimated gas {}\n\
-         core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
-        summary.driven(),
-        summary.config_name,
-        summary.config_checksum,
-        units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),
-        units.range([summary.estimate_k.min, summary.estimate_k.max], "K", 1),
-        summary.timing.step_mean_us,
-        summary.timing.step_worst_us,
-        summary.timing.missed_steps,
-        summary.lost_steps,
-    );
-    if let Some(control) = &summary.control {
-        text += &control.text(units);
-    }
-    text += &summary.core.fault_line();
-    text + &format!("report: {}\n", folder.join("report.html").display())
 }

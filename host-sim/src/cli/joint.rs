@@ -5,11 +5,12 @@ use super::{Failure, FormatArgs, RunArgs, interrupt, print, publish, stopped, ti
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
-use thermyo_files::rows::Rows;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::page::PageRecorder;
-use thermyo_joint::{COLUMNS, JointLoaded, Row, RunError, Summary};
-use thermyo_record::trace::cells_text;
+use thermyo_joint::trace::FILE;
+use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary};
+use thermyo_logs::{Logs, topics};
+use thermyo_record::board_trace::Recorder;
 
 /// Validates it and prints it with every default.
 pub(super) fn check(
@@ -40,14 +41,16 @@ pub(super) fn run(
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
     let logs = args.log.wanted();
-    if args.measured.is_some() || !args.board.is_core() || logs.mcap || logs.stream.is_some() {
-        let message = "a joint runs with the core in this process, and without --measured, --log and --stream";
+    logs.check()?;
+    if args.measured.is_some() || !args.board.is_core() {
+        let message = "a joint runs with the core in this process, and without --measured: leave out --board, \
+                       --image and --measured";
         return Err(Failure::Usage(message.to_owned()));
     }
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
     let mut out = OutputDir::create(&folder)?;
     let mut recorder = PageRecorder::default();
-    let summary = match record(loaded, args, &mut out, &mut recorder) {
+    let summary = match record(loaded, (args, &logs), &mut out, &mut recorder) {
         Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
         other => other?,
     };
@@ -62,27 +65,28 @@ pub(super) fn run(
 /// Streams the trace into `out`.
 fn record(
     loaded: &JointLoaded,
-    args: &RunArgs,
+    (args, logs): (&RunArgs, &Logs),
     out: &mut OutputDir,
     recorder: &mut PageRecorder,
 ) -> Result<Summary, Failure> {
     out.text("scenario.toml", &thermyo_joint::render(loaded))?;
-    let file = out.file("joint_trace.csv")?;
-    let unwritable = |error: io::Error| out.unwritable("joint_trace.csv", &error);
-    let mut rows = Rows::new(file, &COLUMNS.join(",")).map_err(unwritable)?;
+    let file = out.file(FILE)?;
+    let beside = logs.open(out, topics::JOINT)?;
+    let unwritable = |error: io::Error| out.unwritable(FILE, &error);
+    let mut rows = Recorder::with_columns(file, &COLUMNS).map_err(unwritable)?.beside(beside);
     let bar = Bar::new(
         (loaded.muscles[0].plant.run.duration_s * 1000.0) as u64,
         args.output.format.quiet,
     );
     interrupt::watch();
     let result = thermyo_joint::run(loaded, &mut |row: &Row| {
-        rows.push(&cells_text(row.cells()))?;
+        rows.push(&row.cells())?;
         recorder.add(row);
         bar.set_position((row.time_s * 1000.0) as u64);
         interrupt::check()
     });
     bar.clear();
-    let written = rows.finish().map_err(unwritable);
+    let written = rows.finish().map(drop).map_err(unwritable);
     let summary = result.map_err(|error| match error {
         _ if interrupt::is_requested() => Failure::Interrupted,
         RunError::Output(error) => Failure::Input(unwritable(error)),
@@ -93,7 +97,7 @@ fn record(
 }
 
 /// Angles in degrees, or in radians in SI.
-fn angle(value_rad: f64, units: UnitSystem) -> String {
+pub(super) fn angle(value_rad: f64, units: UnitSystem) -> String {
     match units {
         UnitSystem::Si => format!("{value_rad:.5} rad"),
         UnitSystem::Practical => format!("{:.3} deg", value_rad.to_degrees()),
@@ -101,8 +105,9 @@ fn angle(value_rad: f64, units: UnitSystem) -> String {
 }
 
 fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
+    let figures = &summary.figures;
     let [estimate_a, estimate_b] = summary.estimate_rmse_k;
-    let [least, most] = summary.angle_rad.map(|value_rad| angle(value_rad, units));
+    let [least, most] = figures.angle_rad.map(|value_rad| angle(value_rad, units));
     let mut text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
          angle {least} to {most}, RMS error {}, at the end {}\n\
@@ -112,19 +117,26 @@ fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
         summary.duration_s,
         summary.real_time_factor,
         summary.board,
-        angle(summary.rms_error_rad, units),
-        angle(summary.end_error_rad, units),
-        units.text(summary.rms_stiffness_error, "", 2),
-        summary.pulses_per_s,
+        angle(figures.rms_error_rad, units),
+        angle(figures.end_error_rad, units),
+        units.text(figures.rms_stiffness_error, "", 2),
+        figures.pulses_per_s,
         summary.arm_balance_error,
     );
-    for (name, faults) in ["muscle a", "muscle b", "joint"].iter().zip(&summary.faults) {
+    text += &faulty(figures);
+    text + &format!("report: {}\n", folder.join("report.html").display())
+}
+
+/// Lines about faults, if there were any.
+pub(super) fn faulty(figures: &Figures) -> String {
+    let mut text = String::new();
+    for (name, faults) in ["muscle a", "muscle b", "joint"].iter().zip(&figures.faults) {
         if !faults.is_empty() {
             text += &format!("faults of {name}: {}\n", faults.join(", "));
         }
     }
-    if let Some(vented_s) = summary.vented_s {
+    if let Some(vented_s) = figures.vented_s {
         text += &format!("both muscles vented at {vented_s} s\n");
     }
-    text + &format!("report: {}\n", folder.join("report.html").display())
+    text
 }

@@ -1,22 +1,29 @@
 //! `thermyo board PORT` where the board drives a joint.
 
 use super::board_status::{Overview, configuration, configuration_json};
+use super::drive::{DriveArgs, Summed, drove, ended, say_record};
+use super::joint::{angle, faulty};
+use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Failure, FormatArgs, interrupt, print};
+use crate::commands::joint::{line, named};
 use model_core::Faults;
-use model_core::joint::{
-    JointError, JointFaults, JointMode, JointSetPoint, JointTelemetry, Motion,
-};
+use model_core::joint::{JointError, JointMode, JointSetPoint, JointTelemetry, Motion};
 use model_core::safety::supervisor::VENTING;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::emulated::{EmulatedBoard, Exchange, STEP_NS};
 use thermyo_boards::live_joint::LiveJoint;
+use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
+use thermyo_joint::trace::{FILE, board_columns};
 use thermyo_joint::{Inputs, JointLoaded, Rig, RunError};
+use thermyo_logs::topics;
 use thermyo_protocol::Refusal;
+use thermyo_record::board_trace::Recorder;
 use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive::{Ended, joint};
 
 /// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
@@ -27,6 +34,7 @@ pub(super) enum JointTask {
     Set(SetArgs),
     Stop,
     Clear,
+    Drive(DriveArgs),
     Write { file: PathBuf },
     Save,
     Forget,
@@ -52,10 +60,10 @@ pub(super) fn run(
     task: Option<JointTask>,
     (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
+    err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let Some(task) = task else {
-        let usage =
-            "a joint's board takes info, arm, set, stop, clear and config write, save, forget";
+        let usage = "a joint's board takes info, arm, set, stop, clear, drive and config write, save, forget";
         return Err(Failure::Usage(usage.to_owned()));
     };
     let mut board = LiveJoint::open(port)?;
@@ -74,6 +82,13 @@ pub(super) fn run(
             format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n")
         }
         JointTask::Clear => clear(&mut board, format, out),
+        JointTask::Drive(args) => {
+            let mut record = None;
+            let driven =
+                drive_and_record(&mut board, &args, (format, units), &mut record, (out, err));
+            say_record(&driven, record, err);
+            driven
+        }
         JointTask::Write { file } => write(&mut board, &file, format, out),
         JointTask::Save => {
             board.save()?;
@@ -135,15 +150,6 @@ fn venting(telemetry: &JointTelemetry) -> Option<String> {
     named(telemetry.muscles.map(|muscle| muscle.faults.of(VENTING)), telemetry.faults)
 }
 
-/// Faults of the muscles and of the joint, each with its place.
-fn named(muscles: [Faults; 2], joint: JointFaults) -> Option<String> {
-    let [a, b] = muscles.map(|faults| faults.to_string());
-    let all = [("muscle a", a), ("muscle b", b), ("joint", joint.to_string())];
-    let held = all.into_iter().filter(|(_, faults)| !faults.is_empty());
-    let texts: Vec<String> = held.map(|(of, faults)| format!("{of}: {faults}")).collect();
-    (!texts.is_empty()).then(|| texts.join("; "))
-}
-
 /// A refusal that names only what holds, and the command that helps.
 fn refused(error: BoardError) -> Failure {
     let BoardError::Refused(Refusal::JointSetPoint(JointError::Faults(muscles, joint))) = error
@@ -157,20 +163,6 @@ fn refused(error: BoardError) -> Failure {
     let words =
         format!("the board vents until this is cleared: {faults}: `thermyo board PORT clear`");
     Failure::Usage(words)
-}
-
-/// The joint in one line.
-fn line(telemetry: &JointTelemetry, units: UnitSystem) -> String {
-    let [a, b] = telemetry.muscles.map(|muscle| units.text(muscle.pressure_pa.into(), "Pa", 1));
-    let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-    format!(
-        "{:.2} deg, {:.2} N m, {:.1} N m/rad, {a} and {b}, {}{}",
-        f64::from(telemetry.angle_rad).to_degrees(),
-        telemetry.torque_n_m,
-        telemetry.stiffness_n_m_rad,
-        mode.map_or("", |(_, name)| name),
-        if telemetry.limited { ", limited" } else { "" },
-    )
 }
 
 fn info(
@@ -285,4 +277,93 @@ fn hold(
         }
     }
     Ok((true, last))
+}
+
+/// As that of one muscle: `record` names the folder of the recording until it is published.
+fn drive_and_record(
+    board: &mut LiveJoint,
+    args: &DriveArgs,
+    (format, units): (FormatArgs, UnitSystem),
+    record: &mut Option<PathBuf>,
+    (out, err): (&mut dyn Write, &mut dyn Write),
+) -> Result<(), Failure> {
+    if args.kind.is_some() || args.measured.is_some() {
+        let usage = "--kind and --measured are for one muscle; a joint's CSV has time_s, angle_rad and \
+                     stiffness_n_m_rad";
+        return Err(Failure::Usage(usage.to_owned()));
+    }
+    let config = board.config()?;
+    let driven = joint::plan(&args.profile, &config)?;
+    let duration_s = driven.muscles[0].plant.run.duration_s;
+    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
+    let mut files = drive_files(&folder, &driven)?;
+    let mut recorder = Recorder::with_columns(files.file(FILE)?, &board_columns())
+        .map_err(|error| files.unwritable(FILE, &error))?
+        .beside(args.log.wanted().open(&mut files, topics::JOINT)?);
+    let mut gathered = joint::Gathered::new(&driven);
+    interrupt::watch();
+    if args.arm {
+        board.arm(None).map_err(refused)?;
+    }
+    let bar = Bar::new((duration_s * 1e3) as u64, format.quiet);
+    let outcome =
+        joint::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
+            let row = thermyo_joint::trace::record(&mut recorder, &config, status, telemetry)?;
+            gathered.add(&row);
+            bar.set_position((row.time_s * 1e3) as u64);
+            Ok(())
+        });
+    bar.clear();
+    let ended = ended(outcome, recorder, (FILE, &mut files), record, err)?;
+    let (status, timing) = (board.status()?, board.timing()?);
+    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
+    let stopped_of_s = (ended == Ended::Stopped).then_some(duration_s);
+    let (summary, page) =
+        gathered.finish((&title, &driven), (board.port(), &status, &timing), stopped_of_s);
+    files.text("report.html", &page)?;
+    let summed = Summed {
+        json: serde_json::to_string_pretty(&summary).expect("plain data") + "\n",
+        brief: brief(&summary, units, &folder),
+        stopped: summary.stopped_of_s.map(|_| summary.driven()),
+    };
+    drove(files, &folder, &summed, format, out, err)
+}
+
+/// Creates the folder of a drive, with its scenario and its profile.
+fn drive_files(folder: &Path, driven: &JointLoaded) -> Result<OutputDir, Failure> {
+    let mut files = OutputDir::create(folder)?;
+    files.text("scenario.toml", &thermyo_joint::render(driven))?;
+    if let Some([angle, stiffness]) = &driven.profile {
+        let rows = angle.points().iter().map(|(time_s, angle_rad)| {
+            format!("{time_s},{angle_rad},{}\n", stiffness.value(*time_s))
+        });
+        let head = String::from("time_s,angle_rad,stiffness_n_m_rad\n");
+        files.text("profile.csv", &(head + &rows.collect::<String>()))?;
+    }
+    Ok(files)
+}
+
+fn brief(summary: &joint::Driven, units: UnitSystem, folder: &Path) -> String {
+    let figures = &summary.figures;
+    let [least, most] = figures.angle_rad.map(|angle_rad| angle(angle_rad, units));
+    let [a, b] = figures.highest_pressure_pa.map(|pa| units.text(pa, "Pa", 1));
+    let mut text = format!(
+        "{} driven, configuration {} ({:08x}); it vents\n\
+         angle {least} to {most}, RMS error {}, at the end {}\n\
+         stiffness, RMS error {}; pulses of all valves {:.0} 1/s; highest pressures {a} and {b}\n\
+         core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
+        summary.driven(),
+        summary.config_name,
+        summary.config_checksum,
+        angle(figures.rms_error_rad, units),
+        angle(figures.end_error_rad, units),
+        units.text(figures.rms_stiffness_error, "", 2),
+        figures.pulses_per_s,
+        summary.timing.step_mean_us,
+        summary.timing.step_worst_us,
+        summary.timing.missed_steps,
+        summary.lost_steps,
+    );
+    text += &faulty(figures);
+    text + &format!("report: {}\n", folder.join("report.html").display())
 }

@@ -6,6 +6,7 @@ mod board;
 mod board_status;
 mod calibrate;
 mod compare;
+mod drive;
 mod evaluate;
 mod failure;
 mod flash;
@@ -57,7 +58,7 @@ use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
 use thermyo_identify::{IdentifyError, identify_table};
 use thermyo_joint::JointLoaded;
-use thermyo_logs::Logs;
+use thermyo_logs::{Logs, topics};
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::measured::Measured;
@@ -605,18 +606,33 @@ fn title_of(file: &Path) -> String {
 fn monitor_command(
     (port, every): (&str, u16),
     folder: &Path,
-    (format, units): (FormatArgs, UnitSystem),
+    shown: (FormatArgs, UnitSystem),
     logs: &Logs,
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
     // At a terminal Ctrl-C comes as a key, otherwise as a signal.
     interrupt::watch();
+    if monitor::joint_at(port)? {
+        monitor_as::<monitor::Joint>((port, every), folder, shown, logs, stdout, stderr)
+    } else {
+        monitor_as::<monitor::Muscle>((port, every), folder, shown, logs, stdout, stderr)
+    }
+}
+
+fn monitor_as<S: monitor::Subject>(
+    (port, every): (&str, u16),
+    folder: &Path,
+    (format, units): (FormatArgs, UnitSystem),
+    logs: &Logs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
     let mut out = OutputDir::create(folder)?;
-    let recorder = Recorder::new(out.file("trace.csv")?)
-        .map_err(|error| out.unwritable("trace.csv", &error))?
-        .beside(logs.open(&mut out)?);
-    let mut session = Session::open(port, every, recorder).map_err(Failure::Board)?;
+    let recorder = Recorder::with_columns(out.file(S::TRACE)?, &(S::LAYOUT.columns)())
+        .map_err(|error| out.unwritable(S::TRACE, &error))?
+        .beside(logs.open(&mut out, S::LAYOUT)?);
+    let mut session = Session::<S>::open(port, every, recorder).map_err(Failure::Board)?;
     let shown = match (format.quiet || format.json, io::stdout().is_terminal()) {
         (true, _) => Shown::Not,
         (false, true) => Shown::Terminal,
@@ -630,7 +646,7 @@ fn monitor_command(
     drop(session);
     if rows > 0 {
         publish(out, format, stderr)?;
-        let trace = folder.join("trace.csv").display().to_string();
+        let trace = folder.join(S::TRACE).display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
         format.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
     }
@@ -681,7 +697,7 @@ fn record(
     // Written first: the trace of a killed program is replayed with it.
     out.text("scenario.toml", &thermyo_setup::render(loaded))?;
     let file = out.file("trace.csv")?;
-    let beside = logs.open(out)?;
+    let beside = logs.open(out, topics::MUSCLE)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
     let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
     let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.format.quiet);
@@ -743,7 +759,12 @@ fn publish(out: OutputDir, format: FormatArgs, stderr: &mut dyn Write) -> Result
 
 /// Trace of a run, given as a file or as its folder of results.
 fn trace_in(run: &Path) -> PathBuf {
-    if run.is_dir() { run.join("trace.csv") } else { run.to_path_buf() }
+    let joint = run.join(thermyo_joint::trace::FILE);
+    match run.is_dir() {
+        true if joint.exists() => joint,
+        true => run.join("trace.csv"),
+        false => run.to_path_buf(),
+    }
 }
 
 /// Reads a recorded table up to where it is damaged, and prints the damage.

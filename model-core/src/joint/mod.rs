@@ -135,11 +135,33 @@ pub struct JointTelemetry {
     pub disturbance_n_m: f32,
     /// Stiffness, or torque too, had to give way to the limits of pressure.
     pub limited: bool,
+    /// The set point of this step: to vent or to lock where the joint decided so.
+    pub set_point: JointSetPoint,
     /// Faults of the joint that hold or are latched.
     pub faults: JointFaults,
 }
 
 impl JointTelemetry {
+    /// Number of the step, the same of both muscles.
+    pub fn step(&self) -> u32 {
+        let [a, _] = &self.muscles;
+        a.step
+    }
+
+    /// The sample that the step was computed from.
+    pub fn sample(&self) -> JointSample {
+        let [a, b] = self.muscles.map(|muscle| muscle.sample);
+        JointSample {
+            pressure: [a.pressure, b.pressure],
+            gas: [a.gas, b.gas],
+            angle: a.length,
+            emergency_stop: a.emergency_stop,
+            heard: a.heard,
+            flooded: a.flooded,
+            missed_steps: a.missed_steps,
+        }
+    }
+
     /// Openings of muscles a and b in this step.
     pub fn commands(&self) -> [Command; 2] {
         let [a, b] = &self.muscles;
@@ -586,6 +608,7 @@ impl Joint {
             stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
             disturbance_n_m: self.controller.disturbance_n_m(),
             limited: self.controller.limited(),
+            set_point: self.set_point,
             faults: self.latched,
         }
     }

@@ -4,9 +4,11 @@
 //! terminal the monitor waits for a board that is unplugged, and connects again when it is back.
 
 mod session;
+mod subject;
 pub mod view;
 
-pub use session::{Configured, EVERY, MOVE_PA, Session, Status};
+pub use session::{Configured, EVERY, Session, Status};
+pub use subject::{Joint, Muscle, Subject, joint_at};
 use view::View;
 
 use crossterm::event::{self, Event, KeyCode, KeyModifiers};
@@ -16,7 +18,6 @@ use std::time::Duration;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
-use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 
 /// Errors that end a monitor.
@@ -60,8 +61,8 @@ pub enum Shown {
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board. `config.json`
 /// in `out` lists every configuration of the board, `scenario.toml` is the scenario of the last
 /// one. Without a terminal it records until `stopped`, or until the line is lost.
-pub fn run(
-    session: &mut Session,
+pub fn run<S: Subject>(
+    session: &mut Session<S>,
     out: &mut OutputDir,
     (shown, units): (Shown, UnitSystem),
     stopped: &dyn Fn() -> bool,
@@ -90,8 +91,8 @@ impl Drop for Keys {
     }
 }
 
-fn watch(
-    session: &mut Session,
+fn watch<S: Subject>(
+    session: &mut Session<S>,
     out: &mut OutputDir,
     (shown, units): (Shown, UnitSystem),
     stopped: &dyn Fn() -> bool,
@@ -109,8 +110,8 @@ fn watch(
                 serde_json::to_string_pretty(session.configurations()).expect("plain data") + "\n";
             out.text("config.json", &json)?;
             // A configuration that no scenario can express is still in `config.json`.
-            if let Ok(scenario) = from_config::to_scenario(&session.config()) {
-                out.text("scenario.toml", &thermyo_setup::render(&scenario.scenario))?;
+            if let Ok(scenario) = S::scenario(&session.config()) {
+                out.text("scenario.toml", &scenario)?;
             }
         }
         view.show(&mut io::stdout(), session).map_err(MonitorError::Terminal)?;
@@ -125,7 +126,7 @@ fn watch(
             Some(Key::Stop) => return Ok(Ended::Stopped),
             Some(Key::Vent) => session.vent(),
             Some(Key::Arm) => session.arm(),
-            Some(Key::Move(steps)) => session.move_set_point(steps * MOVE_PA),
+            Some(Key::Move(increments)) => session.move_set_point(increments),
             None => (),
         }
     }
@@ -136,7 +137,7 @@ enum Key {
     Stop,
     Vent,
     Arm,
-    /// Moves the set point by so many steps.
+    /// Moves the set point by so many increments.
     Move(f32),
 }
 

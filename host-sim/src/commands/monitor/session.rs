@@ -1,14 +1,12 @@
 //! State of a monitored board, and its connection.
 
 use super::MonitorError;
-use model_core::control::Mode;
+use super::subject::Subject;
 use model_core::safety::supervisor::FirstFailure;
-use model_core::{Config, SetPoint, Telemetry};
 use serde::Serialize;
 use std::io::Write;
 use std::time::{Duration, Instant};
 use thermyo_boards::link::Link;
-use thermyo_boards::live::for_one_muscle;
 use thermyo_boards::port::Port;
 use thermyo_boards::{port, serial_port};
 use thermyo_protocol::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
@@ -26,8 +24,6 @@ const ALIVE: Duration = Duration::from_millis(100);
 /// Requests whose answers are awaited: those of some seconds, fewer than there are sequence
 /// numbers.
 const OPEN_QUESTIONS: usize = 64;
-/// Increment of the pressure's set point \[Pa\].
-pub const MOVE_PA: f32 = 5.0e3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Status {
@@ -41,36 +37,40 @@ pub enum Status {
 
 /// A configuration of the board, used from some row of the record on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Configured {
+pub struct Configured<C> {
     /// Rows recorded before it was known.
     pub rows_before: u64,
-    pub config: Config,
+    pub config: C,
 }
 
-pub struct Session {
+pub struct Session<S: Subject> {
     name: String,
     /// Steps per row.
     every: u16,
     port: Option<Box<dyn Port>>,
     link: Link,
     recorder: Recorder,
-    configurations: Vec<Configured>,
+    configurations: Vec<Configured<S::Config>>,
     version: Option<Version>,
     last_reset: Option<LastReset>,
     first_failure: Option<FirstFailure>,
     timing: Option<Timing>,
-    questions: Vec<u8>,
+    /// Sequence numbers, and the index in [`Subject::QUESTIONS`] of those.
+    questions: Vec<(u8, Option<usize>)>,
+    /// Answers to [`Subject::QUESTIONS`].
+    answers: Vec<Option<Answer>>,
     asked: Option<Instant>,
     tried: Instant,
     heard: Instant,
     connections: u32,
-    latest: Option<Telemetry>,
+    latest: Option<S::Telemetry>,
+    /// The set point that the keys have asked for.
     wanted: Option<f32>,
     last_sent: Instant,
     refused: Option<Refusal>,
 }
 
-impl Session {
+impl<S: Subject> Session<S> {
     /// Records a row per `every` steps, at least 1.
     pub fn open(name: &str, every: u16, recorder: Recorder) -> Result<Self, BoardError> {
         let now = Instant::now();
@@ -86,6 +86,7 @@ impl Session {
             first_failure: None,
             timing: None,
             questions: Vec::new(),
+            answers: Vec::new(),
             asked: None,
             tried: now,
             heard: now,
@@ -114,15 +115,15 @@ impl Session {
         };
         self.link.feed(&buffer[..count]);
         self.take_answers()?;
-        while let Some(telemetry) = self.link.take_telemetry() {
+        while let Some(telemetry) = S::take_telemetry(&mut self.link) {
             self.heard = Instant::now();
             let config = self.config();
             // The core does not count the steps of its startup check.
-            if telemetry.mode == Mode::StartupCheck {
+            if S::is_checking(&telemetry) {
                 continue;
             }
             let status = self.link.status();
-            let written = self.recorder.write(&config, status.as_ref(), &telemetry);
+            let written = S::record(&mut self.recorder, &config, status.as_ref(), &telemetry);
             written.map_err(MonitorError::Recording)?;
             self.latest = Some(telemetry);
         }
@@ -135,9 +136,14 @@ impl Session {
     }
 
     fn send(&mut self, command: HostCommand) {
+        self.send_as(command, None);
+    }
+
+    /// Sends a request, which is [`Subject::QUESTIONS`] of that index.
+    fn send_as(&mut self, command: HostCommand, index: Option<usize>) {
         self.last_sent = Instant::now();
         let (sequence, frame) = self.link.request(command);
-        self.questions.push(sequence);
+        self.questions.push((sequence, index));
         if let Some(port) = &mut self.port
             && port.write_all(&frame).is_err()
         {
@@ -150,9 +156,9 @@ impl Session {
         self.send(HostCommand::Stop);
     }
 
-    /// Vents a driven muscle before it is left alone.
+    /// Vents what is driven before it is left alone.
     pub fn let_go(&mut self) {
-        if self.latest.is_some_and(|telemetry| telemetry.set_point != SetPoint::Vent) {
+        if self.latest.as_ref().is_some_and(S::is_driven) {
             self.vent();
         }
     }
@@ -163,15 +169,12 @@ impl Session {
         self.send(HostCommand::Arm { most_pa: None });
     }
 
-    /// Moves the pressure's set point, from the measured pressure if there is none \[Pa\].
-    pub fn move_set_point(&mut self, by_pa: f32) {
+    /// Moves the set point by so many increments.
+    pub fn move_set_point(&mut self, increments: f32) {
         let Some(telemetry) = self.latest else { return };
-        let config = self.config();
-        let from_pa = self.wanted.unwrap_or(telemetry.pressure_pa);
-        let to_pa = ((from_pa + by_pa) / MOVE_PA).round() * MOVE_PA;
-        let pressure_pa = to_pa.clamp(config.ambient.pressure_pa, config.working_limit_pa());
-        (self.wanted, self.refused) = (Some(pressure_pa), None);
-        self.send(HostCommand::Set(SetPoint::Pressure { pressure_pa }));
+        let (wanted, command) = S::moved(&self.config(), &telemetry, (self.wanted, increments));
+        (self.wanted, self.refused) = (Some(wanted), None);
+        self.send(command);
     }
 
     /// Refusal of the last request.
@@ -195,6 +198,7 @@ impl Session {
             // Half a frame may be lost, and the board may have restarted.
             self.link = Link::default();
             self.questions.clear();
+            self.answers.clear();
             self.asked = None;
             self.connections += 1;
         }
@@ -204,29 +208,47 @@ impl Session {
         self.asked = Some(Instant::now());
         // Old requests are not answered any more.
         self.questions.drain(..self.questions.len().saturating_sub(OPEN_QUESTIONS));
+        // The answers are long, and a board without time for them and for every step would lose telemetry.
+        if self.is_configuration_known() {
+            self.send(HostCommand::TelemetryDivider(self.every));
+        } else {
+            self.answers = vec![None; S::QUESTIONS.len()];
+            for (index, question) in S::QUESTIONS.iter().enumerate() {
+                self.send_as(*question, Some(index));
+            }
+        }
         for command in [
             HostCommand::Version,
-            HostCommand::ReadConfig,
             HostCommand::LastReset,
             HostCommand::FirstFailure,
-            HostCommand::TelemetryDivider(self.every),
             HostCommand::Timing,
         ] {
             self.send(command);
         }
     }
 
+    /// Whether the last configuration is the one that the board states, if it has stated one.
+    fn is_configuration_known(&self) -> bool {
+        let stated = self.link.status().map(|status| status.config_checksum);
+        self.configurations.last().is_some_and(|last| {
+            let checksum = S::checksum(&last.config);
+            stated.is_none_or(|stated| stated == checksum)
+        })
+    }
+
     fn take_answers(&mut self) -> Result<(), BoardError> {
-        for sequence in self.questions.clone() {
+        for (sequence, index) in self.questions.clone() {
             match self.link.take_answer(sequence) {
                 Some(Answer::Version(version)) if version.protocol != PROTOCOL => {
                     return Err(BoardError::Protocol { board: version.protocol });
                 }
                 Some(Answer::Version(version)) => {
-                    for_one_muscle(version)?;
+                    S::check(version)?;
                     self.version = Some(version);
                 }
-                Some(Answer::Config(config)) => self.take_config(config),
+                Some(answer @ (Answer::Config(_) | Answer::Joint(_))) => {
+                    self.take_config(index, answer);
+                }
                 Some(Answer::LastReset(last_reset)) => self.last_reset = Some(last_reset),
                 Some(Answer::FirstFailure(first)) => self.first_failure = first,
                 Some(Answer::Timing(timing)) => self.timing = Some(timing),
@@ -239,9 +261,17 @@ impl Session {
         Ok(())
     }
 
-    fn take_config(&mut self, config: Config) {
+    /// Takes a part of the configuration, and the whole once it is complete.
+    fn take_config(&mut self, index: Option<usize>, answer: Answer) {
+        if let Some(place) = index.and_then(|index| self.answers.get_mut(index)) {
+            *place = Some(answer);
+        }
+        let Some(config) = S::config(&self.answers) else { return };
+        self.answers.clear();
         if self.configurations.last().is_none_or(|last| last.config != config) {
             self.configurations.push(Configured { rows_before: self.recorder.rows(), config });
+            // Every step can come from now on.
+            self.asked = None;
         }
     }
 
@@ -263,12 +293,12 @@ impl Session {
     }
 
     /// The board's configuration; the default until it is known.
-    pub fn config(&self) -> Config {
-        self.configurations.last().map_or_else(Config::default, |last| last.config)
+    pub fn config(&self) -> S::Config {
+        self.configurations.last().map_or_else(S::Config::default, |last| last.config)
     }
 
     /// Every configuration that the board has had, the oldest first.
-    pub fn configurations(&self) -> &[Configured] {
+    pub fn configurations(&self) -> &[Configured<S::Config>] {
         &self.configurations
     }
 
@@ -289,7 +319,7 @@ impl Session {
         self.timing
     }
 
-    pub fn latest(&self) -> Option<&Telemetry> {
+    pub fn latest(&self) -> Option<&S::Telemetry> {
         self.latest.as_ref()
     }
 

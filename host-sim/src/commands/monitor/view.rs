@@ -1,17 +1,13 @@
 //! A session as text: notes, each printed when it changes, and one line of figures.
 
-use super::{Session, Shown, Status};
+use super::{Session, Shown, Status, Subject};
 use crossterm::terminal;
-use model_core::control::Mode;
-use model_core::{Faults, SetPoint, SetPointError};
+use model_core::joint::JointError;
+use model_core::{Faults, SetPointError};
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 use thermyo_files::units::UnitSystem;
 use thermyo_protocol::{LastReset, Refusal};
-use thermyo_record::board_trace::kind_and_values;
-
-/// The keys at a terminal.
-pub const KEYS: &str = "space vents, Ctrl-C vents and leaves, a arms, arrows move the pressure";
 
 /// Interval of the figures in a terminal's line.
 const REFRESH: Duration = Duration::from_millis(100);
@@ -32,7 +28,11 @@ impl View {
     }
 
     /// Prints new notes, and figures when they are due.
-    pub(super) fn show(&mut self, to: &mut dyn Write, session: &Session) -> io::Result<()> {
+    pub(super) fn show<S: Subject>(
+        &mut self,
+        to: &mut dyn Write,
+        session: &Session<S>,
+    ) -> io::Result<()> {
         let (begin, end, pause) = match self.shown {
             Shown::Not => return Ok(()),
             Shown::Lines => ("", "\n", LINE),
@@ -43,7 +43,9 @@ impl View {
             return Ok(());
         }
         if self.figures.is_none() && self.shown == Shown::Terminal {
-            write!(to, "{KEYS}{end}")?;
+            let moved = S::MOVED;
+            let keys = "space vents, Ctrl-C vents and leaves, a arms, arrows move";
+            write!(to, "{keys} {moved}{end}")?;
         }
         self.figures = Some(Instant::now());
         let notes = notes(session, self.units);
@@ -67,7 +69,7 @@ impl View {
 }
 
 /// State that changes rarely: connection, arming, failures.
-pub fn notes(session: &Session, units: UnitSystem) -> Vec<String> {
+pub fn notes<S: Subject>(session: &Session<S>, units: UnitSystem) -> Vec<String> {
     let status = match session.status() {
         Status::Connected => "connected",
         Status::Silent => "no telemetry: is the firmware flashed?",
@@ -106,29 +108,23 @@ pub fn notes(session: &Session, units: UnitSystem) -> Vec<String> {
 fn way_out(refusal: &Refusal) -> &'static str {
     match refusal {
         Refusal::NotConfigured
-        | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED)) => {
+        | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED))
+        | Refusal::JointSetPoint(JointError::Faults([Faults::NOT_CONFIGURED, _], _)) => {
             "; thermyo board PORT config write SCENARIO.toml configures it"
         }
-        Refusal::SetPoint(SetPointError::NotArmed) => "; a arms it",
-        Refusal::SetPoint(SetPointError::Faults(_)) => "; thermyo board PORT clear, then a arms it",
+        Refusal::SetPoint(SetPointError::NotArmed)
+        | Refusal::JointSetPoint(JointError::NotArmed) => "; a arms it",
+        Refusal::SetPoint(SetPointError::Faults(_))
+        | Refusal::JointSetPoint(JointError::Faults(..)) => {
+            "; thermyo board PORT clear, then a arms it"
+        }
         _ => "",
     }
 }
 
 /// The latest telemetry in one line, the most important first: a narrow terminal truncates it.
-pub fn figures(session: &Session, units: UnitSystem) -> Option<String> {
-    let telemetry = session.latest()?;
-    let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-    let mode = mode.map_or("", |(_, name)| name);
-    let limited = if telemetry.limited { ", limited" } else { "" };
-    let faults = match telemetry.faults {
-        Faults::NONE => "no fault".to_owned(),
-        faults => faults.to_string(),
-    };
-    let estimate = &telemetry.estimate;
-    let text = |value: f32, si, decimals| units.text(value.into(), si, decimals);
-    let reading_k = session.config().sensing().gas_k(telemetry.sample.gas);
-    let remark = if estimate.valid { "" } else { " (not to be relied on)" };
+pub fn figures<S: Subject>(session: &Session<S>, units: UnitSystem) -> Option<String> {
+    let figures = S::figures(&session.config(), session.latest()?, units);
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(
             "; step {:.0}/{} us, start {} us late; {} missed, {} dropped, {} malformed",
@@ -140,35 +136,5 @@ pub fn figures(session: &Session, units: UnitSystem) -> Option<String> {
             timing.malformed_frames,
         )
     });
-    Some(format!(
-        "{} (set point {}), {}, gas {} +- {:.2} K{remark}; {mode}{limited}: {faults}; inlet {}, \
-         outlet {}, sensor {}, wall {}; {} rows{timing}",
-        text(telemetry.pressure_pa, "Pa", 1),
-        set_point(telemetry.set_point, units),
-        text(telemetry.length_m, "m", 1),
-        text(estimate.gas_k, "K", 2),
-        estimate.gas_sd_k,
-        text(telemetry.command.inlet.share(), "", 1),
-        text(telemetry.command.outlet.share(), "", 1),
-        text(reading_k, "K", 2),
-        text(estimate.wall_k, "K", 2),
-        session.rows(),
-    ))
-}
-
-fn set_point(set_point: SetPoint, units: UnitSystem) -> String {
-    let (_, value, second) = kind_and_values(set_point);
-    let text = |value: f32, si, decimals| units.text(value.into(), si, decimals);
-    match set_point {
-        SetPoint::Vent => "none: it vents".to_owned(),
-        SetPoint::Pressure { .. } => text(value, "Pa", 1),
-        SetPoint::Contraction { .. } => text(value, "", 1),
-        SetPoint::MassFlow { .. } => text(value, "kg/s", 3),
-        SetPoint::MassFlowCycle { .. } => {
-            format!("{}, {second:.1} s", text(value, "kg/s", 3))
-        }
-        SetPoint::Duty { .. } => {
-            format!("{}, {}", text(value, "", 0), text(second, "", 0))
-        }
-    }
+    Some(format!("{figures}; {} rows{timing}", session.rows()))
 }

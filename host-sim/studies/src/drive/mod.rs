@@ -7,19 +7,20 @@
 //! The core restarts with the first set point, so that the record replays from its step 0 on.
 
 mod bench;
+pub mod joint;
 mod page;
+mod subject;
 mod summary;
 
 pub use bench::LiveBench;
 pub use page::{Drawn, page};
 pub use summary::{Driven, Gathered};
 
-use model_core::control::Mode;
-use model_core::safety::supervisor::VENTING;
-use model_core::{Faults, Telemetry};
+use model_core::{Faults, SetPoint, Telemetry};
 use std::io;
 use std::mem::discriminant;
 use std::path::{Path, PathBuf};
+use subject::{Course, Subject};
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::{Table, read_table};
@@ -48,6 +49,9 @@ pub enum DriveError {
     #[error("the record cannot be written: {0}")]
     Output(io::Error),
 }
+
+/// Called with every step that a board sends, and its last status.
+pub type Each<'a, T> = &'a mut dyn FnMut(&T, Option<&Status>) -> io::Result<()>;
 
 /// End of a run without a venting fault.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -154,29 +158,63 @@ pub fn drive(
     board: &mut LiveBoard,
     driven: &Loaded,
     wanted: &dyn Fn() -> bool,
-    each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
+    each: Each<'_, Telemetry>,
+) -> Result<Ended, DriveError> {
+    let course = MuscleCourse { set_points: SetPoints::new(driven), driven };
+    follow(board, &course, wanted, each)
+}
+
+/// The set points of a scenario.
+struct MuscleCourse<'a> {
+    set_points: SetPoints,
+    driven: &'a Loaded,
+}
+
+impl Course<SetPoint> for MuscleCourse<'_> {
+    fn steps(&self) -> u64 {
+        self.driven.plant.run.steps()
+    }
+
+    fn ambient_pa(&self) -> f32 {
+        self.driven.believed.ambient.pressure_pa as f32
+    }
+
+    fn first(&self) -> SetPoint {
+        self.set_points.at(0.0)
+    }
+
+    fn acting_from(&self, step: u64) -> Option<SetPoint> {
+        self.set_points.acting_from(step, self.driven)
+    }
+}
+
+/// Drives a board along a course.
+fn follow<B: Subject>(
+    board: &mut B,
+    course: &dyn Course<B::SetPoint>,
+    wanted: &dyn Fn() -> bool,
+    each: Each<'_, B::Telemetry>,
 ) -> Result<Ended, DriveError> {
     board.telemetry_every(1)?;
-    let outcome = along(board, driven, wanted, each);
+    let outcome = along(board, course, wanted, each);
     // A lost link is reported only once.
     let stopped = board.stop().and_then(|()| board.telemetry_every(VIEW_DIVIDER));
     outcome.and_then(|ended| Ok(stopped.map(|()| ended)?))
 }
 
-/// Waits until the muscle has vented: to ambient, or to where the reading stays. Returns false if it is
+/// Waits until all that is driven has vented: to ambient, or to where the reading stays. Returns false if it is
 /// stopped meanwhile.
-fn vented(
-    board: &mut LiveBoard,
-    driven: &Loaded,
+fn vented<B: Subject>(
+    board: &mut B,
+    ambient_pa: f32,
     wanted: &dyn Fn() -> bool,
 ) -> Result<bool, DriveError> {
     board.vent()?;
-    let ambient_pa = driven.believed.ambient.pressure_pa as f32;
     // The lowest reading and its step; a board that has restarted counts from 0 again.
     let mut lowest = (f32::INFINITY, 0);
     while !wanted() {
         let Some(telemetry) = board.poll()? else { continue };
-        let (pressure_pa, step) = (telemetry.pressure_pa, telemetry.step);
+        let (pressure_pa, step) = (B::pressure_pa(&telemetry), B::step(&telemetry));
         if pressure_pa < lowest.0 - STILL_PA || step < lowest.1 {
             lowest = (pressure_pa, step);
         }
@@ -187,18 +225,17 @@ fn vented(
     Ok(false)
 }
 
-fn along(
-    board: &mut LiveBoard,
-    driven: &Loaded,
+fn along<B: Subject>(
+    board: &mut B,
+    course: &dyn Course<B::SetPoint>,
     wanted: &dyn Fn() -> bool,
-    each: &mut dyn FnMut(&Telemetry, Option<&Status>) -> io::Result<()>,
+    each: Each<'_, B::Telemetry>,
 ) -> Result<Ended, DriveError> {
-    let steps = driven.plant.run.steps();
-    let set_points = SetPoints::new(driven);
-    if !vented(board, driven, wanted)? {
+    let steps = course.steps();
+    if !vented(board, course.ambient_pa(), wanted)? {
         return Ok(Ended::Stopped);
     }
-    board.start(set_points.at(0.0))?;
+    board.start(course.first())?;
     let mut reported = 0;
     let mut asked = None;
     loop {
@@ -206,16 +243,16 @@ fn along(
             return Ok(Ended::Stopped);
         }
         let Some(telemetry) = board.poll()? else { continue };
-        if telemetry.mode == Mode::StartupCheck {
+        if B::is_checking(&telemetry) {
             continue;
         }
         let status = board.last_status();
         each(&telemetry, status.as_ref()).map_err(DriveError::Output)?;
-        let faults = telemetry.faults.of(VENTING);
+        let faults = B::venting(&telemetry);
         if faults != Faults::NONE {
             return Err(BoardError::Vented(faults).into());
         }
-        let step = u64::from(telemetry.step);
+        let step = u64::from(B::step(&telemetry));
         if step >= steps {
             return Ok(Ended::Whole);
         }
@@ -229,7 +266,7 @@ fn along(
         }
         let last = (step + LEAD_STEPS).min(steps);
         let missed = (reported + 1..=last).rev();
-        if let Some(set_point) = missed.filter_map(|at| set_points.acting_from(at, driven)).next() {
+        if let Some(set_point) = missed.filter_map(|at| course.acting_from(at)).next() {
             asked = Some(board.send(set_point)?);
         }
         reported = reported.max(last);

@@ -53,9 +53,14 @@ pub struct Driven {
 impl Driven {
     /// Driven time: "4.00 s", or "2.46 s of 4 s".
     pub fn driven(&self) -> String {
-        let of = self.stopped_of_s.map_or_else(String::new, |of_s| format!(" of {of_s} s"));
-        format!("{:.2} s{of}", self.duration_s)
+        driven(self.duration_s, self.stopped_of_s)
     }
+}
+
+/// Driven time, of a planned one where it was stopped early.
+pub(super) fn driven(duration_s: f64, stopped_of_s: Option<f64>) -> String {
+    let of = stopped_of_s.map_or_else(String::new, |of_s| format!(" of {of_s} s"));
+    format!("{duration_s:.2} s{of}")
 }
 
 /// Collects the summary step by step.

@@ -1,0 +1,69 @@
+//! The inverse of [`JointLoaded::config`]: a scenario for a configuration of the core, such as a board's.
+
+use crate::load::{JointLoaded, parse};
+use crate::render::render;
+use model_core::joint::JointConfig;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Number, Value};
+use std::path::Path;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_scenario::joint::JointDrive;
+use thermyo_scenario::short;
+use thermyo_setup::from_config;
+
+/// The scenario of a joint that gives this configuration.
+///
+/// # Errors
+/// For a configuration that no scenario can give.
+pub fn to_scenario(config: &JointConfig) -> Result<JointLoaded, InputError> {
+    let origin = Path::new("the board's configuration");
+    let [a, b] = &config.muscles;
+    let muscle = |config| from_config::to_scenario(config).map(|found| found.scenario);
+    let joint: thermyo_scenario::joint::Joint = table(&config.mechanism, origin)?;
+    let drive: JointDrive = table(&Map::new(), origin)?;
+    let written = render(&JointLoaded {
+        muscles: [muscle(a)?, muscle(b)?],
+        believed: joint.clone(),
+        joint,
+        controller: table(&config.tuning, origin)?,
+        drive,
+        profile: None,
+        load: None,
+    });
+    parse(&written, origin)
+}
+
+/// A table of the scenario with the core's values, each as short as reads back to the same.
+fn table<T: DeserializeOwned>(values: &impl Serialize, origin: &Path) -> Result<T, InputError> {
+    let read = || -> serde_json::Result<T> {
+        let Value::Object(values) = serde_json::to_value(values)? else {
+            return serde_json::from_value(Value::Null);
+        };
+        let shortened = values.into_iter().map(|(name, value)| {
+            let number = value.as_f64().and_then(|number| Number::from_f64(short(number as f32)));
+            (name, number.map_or(value, Value::Number))
+        });
+        serde_json::from_value(Value::Object(shortened.collect()))
+    };
+    read().map_err(|error| InputError::file(origin, Problem::Unreadable(error.to_string())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Muscles and mechanism differ from every default.
+    #[test]
+    fn a_scenario_gives_the_configuration_again() {
+        let text = "[plant]\nmodel = \"lumped\"\n[sensor.gas]\nkind = \"max31865\"\n\
+             [joint]\nradius_m = 0.021\ngravity_n_m = 4.9\nlock_s = 2\n\
+             [joint.controller]\ngain_n_m_rad = 11.3\n\
+             [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[joint.b.friction]\nforce_n = 3.3\n";
+        let loaded = parse(text, "joint.toml".as_ref()).unwrap();
+        let found = to_scenario(&loaded.config()).unwrap();
+        assert_eq!(found.config(), loaded.config());
+        let read = parse(&render(&found), "scenario.toml".as_ref()).unwrap();
+        assert_eq!(read.config(), loaded.config());
+    }
+}

@@ -1,0 +1,219 @@
+//! Replays recorded samples through the core and compares its outputs bit by bit.
+
+pub mod joint;
+mod muscle;
+
+pub use muscle::{Row, identical, read_record, replay};
+
+use model_core::Telemetry;
+use std::path::Path;
+use thermyo_files::input::InputError;
+use thermyo_files::table::Table;
+use thermyo_simulation::board::{Board, BoardError};
+
+/// The first step that differs.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Mismatch {
+    pub step: u32,
+    pub recorded: String,
+    pub replayed: String,
+}
+
+/// Outcome of a replay.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Replay {
+    pub steps: u64,
+    /// Steps in which at least one bit of a number differs.
+    pub mismatches: u64,
+    pub first: Option<Mismatch>,
+}
+
+/// A record of one muscle or of a joint.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Record {
+    Muscle(Box<muscle::Record>),
+    Joint(Box<joint::Record>),
+}
+
+/// A quantity of a replay's page: its name, its column, and the column of its difference on replay.
+pub type Estimated = (&'static str, &'static str, &'static str);
+
+/// Columns of a replay's page, `time_s` first and `differs` last.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Drawn {
+    pub columns: &'static [&'static str],
+    pub estimates: &'static [Estimated],
+    /// Names and columns of the valves' duties.
+    pub duties: &'static [(&'static str, &'static str)],
+}
+
+const OF_MUSCLE: Drawn = Drawn {
+    columns: &["time_s", "estimate_k", "estimate_difference_k", "duty_in", "duty_out", "differs"],
+    estimates: &[("", "estimate_k", "estimate_difference_k")],
+    duties: &[("inlet", "duty_in"), ("outlet", "duty_out")],
+};
+
+impl Record {
+    /// Reads the `table` of a trace, and the `scenario.toml` beside it.
+    ///
+    /// # Errors
+    /// When the scenario cannot be read, or the trace does not have every step.
+    pub fn read(trace: &Path, table: &Table) -> Result<Self, InputError> {
+        match thermyo_joint::load(&trace.with_file_name("scenario.toml"))? {
+            Some(loaded) => Ok(Self::Joint(Box::new(joint::read_record(&loaded, table)?))),
+            None => Ok(Self::Muscle(Box::new(read_record(trace, table)?))),
+        }
+    }
+
+    pub fn part(&self) -> Part {
+        match self {
+            Self::Muscle(record) => record.part,
+            Self::Joint(record) => record.part(),
+        }
+    }
+
+    /// Columns and lines of its page.
+    pub fn drawn(&self) -> Drawn {
+        match self {
+            Self::Muscle(_) => OF_MUSCLE,
+            Self::Joint(_) => joint::DRAWN,
+        }
+    }
+
+    /// Replays it on a board, a joint's in this process. `each` gets the cells of every step, until it returns that
+    /// this is enough.
+    ///
+    /// # Errors
+    /// [`BoardError`] of the board.
+    pub fn replay(
+        &self,
+        board: &mut dyn Board,
+        each: &mut dyn FnMut(&[f64]) -> bool,
+    ) -> Result<Replay, BoardError> {
+        let record = match self {
+            Self::Muscle(record) => record,
+            Self::Joint(record) => return record.replay(each),
+        };
+        let step_s = f64::from(record.config.step_s);
+        replay(board, &record.config, &record.rows, &mut |recorded, replayed| {
+            each(&cells(step_s, recorded, replayed))
+        })
+    }
+}
+
+/// Cells of [`OF_MUSCLE`].
+fn cells(step_s: f64, recorded: &Telemetry, replayed: &Telemetry) -> [f64; 6] {
+    let differs = !identical(recorded, replayed);
+    [
+        f64::from(recorded.step) * step_s,
+        f64::from(recorded.estimate.gas_k),
+        f64::from(replayed.estimate.gas_k) - f64::from(recorded.estimate.gas_k),
+        f64::from(recorded.command.inlet.share()),
+        f64::from(recorded.command.outlet.share()),
+        f64::from(u8::from(differs)),
+    ]
+}
+
+/// The part of a record that is replayed: consecutive steps of one configuration.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Part {
+    /// Rows before it.
+    pub before: usize,
+    pub rows: usize,
+    /// Rows after it.
+    pub after: usize,
+    /// Step of its first row. Beyond 0 the state of the core at that step is not in the record, and
+    /// the replay begins with a core that has just started.
+    pub first_step: u32,
+}
+
+impl Part {
+    /// The longest part from a start of the core on; without a start, the longest part.
+    ///
+    /// `of_config` is whether a row was recorded with the configuration that is replayed. The board
+    /// states it some steps late: the last row of a part counts.
+    fn of(steps: &[f64], of_config: impl Fn(usize) -> bool) -> Option<Self> {
+        let ends = (1..=steps.len())
+            .filter(|end| steps.get(*end).is_none_or(|step| *step != steps[end - 1] + 1.0));
+        let mut begin = 0;
+        let parts = ends.map(|end| {
+            let part = begin..end;
+            begin = end;
+            part
+        });
+        let longest = parts
+            .filter(|part| of_config(part.end - 1))
+            .max_by_key(|part| (steps[part.start] == 0.0, part.len(), steps.len() - part.start))?;
+        Some(Self {
+            before: longest.start,
+            rows: longest.len(),
+            after: steps.len() - longest.end,
+            first_step: steps[longest.start] as u32,
+        })
+    }
+
+    /// Which rows are replayed, where it is not the whole record from a start on.
+    pub fn note(&self) -> Option<String> {
+        let Self { before, rows, after, first_step } = *self;
+        let all = before + rows + after;
+        match first_step {
+            0 if rows == all => None,
+            0 => Some(format!(
+                "replayed from the start of the core in row {} on, {rows} of {all} rows",
+                before + 1
+            )),
+            _ => Some(format!(
+                "the record has no start of the core: replayed from its step {first_step} on ({rows} of \
+                 {all} rows) with a core that starts there, so that the first seconds differ"
+            )),
+        }
+    }
+}
+
+/// The part of a record with the configuration of that checksum.
+fn part_of(table: &Table, checksum: u32) -> Result<Part, InputError> {
+    let steps = table.filled("step")?;
+    let is_step = |step: &f64| step.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(step);
+    if let Some(row) = steps.iter().position(|step| !is_step(step)) {
+        return Err(table.cell_error(row, "step", "a whole number from 0 on"));
+    }
+    let has = |name: &str| table.columns().iter().any(|column| column.name == name);
+    // A board that has not stated it yet leaves it empty.
+    let checksums =
+        if has("config_checksum") { Some(table.column("config_checksum")?) } else { None };
+    let own = f64::from(checksum);
+    let of_config =
+        |row: usize| checksums.as_ref().and_then(|all| all[row]).is_none_or(|stated| stated == own);
+    let part = Part::of(&steps, of_config).or_else(|| Part::of(&steps, |_| true));
+    part.filter(|part| part.rows > 1 || steps.len() < 2).ok_or_else(|| {
+        let after = steps[1] - steps[0];
+        let every = format!(
+            "the next step, but the record goes on {after} steps later, and the core needs every sample: \
+             record again with `[run] log_every = 1`, or a board with `thermyo monitor PORT --every 1`, \
+             `thermyo serve` or `thermyo board PORT drive`"
+        );
+        table.cell_error(1, "step", &every)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_is_replayed_from_a_start_of_the_core_on() {
+        let part = |steps: &[u32]| {
+            let steps: Vec<f64> = steps.iter().map(|step| f64::from(*step)).collect();
+            let Part { before, rows, after, first_step } = Part::of(&steps, |_| true).unwrap();
+            [before, rows, after, first_step as usize]
+        };
+        assert_eq!(part(&[0, 1, 2]), [0, 3, 0, 0]);
+        assert_eq!(part(&[7, 8, 9, 0, 1]), [3, 2, 0, 0], "a start goes before length");
+        assert_eq!(part(&[7, 8, 9, 11, 12]), [0, 3, 2, 7]);
+        assert_eq!(part(&[0, 1, 3, 0, 1, 2]), [3, 3, 0, 0]);
+        let steps = [0.0, 1.0, 2.0, 0.0, 1.0];
+        let other = Part::of(&steps, |row| row > 2).unwrap();
+        assert_eq!((other.before, other.rows), (3, 2), "of the configuration that is replayed");
+        assert!(other.note().unwrap().contains("in row 4 on, 2 of 5 rows"));
+    }
+}

@@ -1,0 +1,185 @@
+//! A run of a joint on a board that samples its own muscles and angle.
+
+use super::subject::Course;
+use super::{DriveError, Each, Ended, follow};
+use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_files::table::read_table;
+use thermyo_joint::page::PageRecorder;
+use thermyo_joint::{
+    Accumulator, Figures, JointLoaded, Row, SET_POINT_INTERVAL_S, angle_and_stiffness, to_scenario,
+};
+use thermyo_protocol::{Status, Timing};
+use thermyo_record::summary::TimingFigures;
+
+/// Scenario to drive: the drive of a file, on the joint that the board was configured with.
+///
+/// # Errors
+/// [`InputError`] for a file that is neither a joint's scenario nor a table of angle and stiffness, and for an angle
+/// beyond the stops that the board was configured with.
+pub fn plan(file: &Path, config: &JointConfig) -> Result<JointLoaded, InputError> {
+    let mut driven = to_scenario(config)?;
+    let duration_s;
+    if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
+        let [angle, stiffness] = angle_and_stiffness(&read_table(file)?, &driven.believed)?;
+        duration_s = angle.points().last().map_or(0.0, |point| point.0);
+        driven.profile = Some([angle, stiffness]);
+    } else {
+        let Some(loaded) = thermyo_joint::load(file)? else {
+            let why = "it has no [joint], and the board drives one: give a joint's scenario, or a CSV with time_s, \
+                       angle_rad and stiffness_n_m_rad";
+            return Err(InputError::file(file, Problem::Unreadable(why.to_owned())));
+        };
+        if let Some((_, problem)) = loaded.beyond(&driven.believed) {
+            return Err(InputError::file(file, problem));
+        }
+        duration_s = loaded.muscles[0].plant.run.duration_s;
+        (driven.drive, driven.profile) = (loaded.drive, loaded.profile);
+        // A board has the load that it has.
+        driven.drive.load_csv = None;
+    }
+    driven.drive.profile_csv = driven.profile.as_ref().map(|_| PathBuf::from("profile.csv"));
+    for muscle in &mut driven.muscles {
+        for scenario in [&mut muscle.plant, &mut muscle.believed] {
+            (scenario.run.duration_s, scenario.run.log_every) = (duration_s, 1);
+        }
+    }
+    Ok(driven)
+}
+
+impl Course<JointSetPoint> for JointLoaded {
+    fn steps(&self) -> u64 {
+        self.muscles[0].plant.run.steps()
+    }
+
+    fn ambient_pa(&self) -> f32 {
+        self.muscles[0].believed.ambient.pressure_pa as f32
+    }
+
+    fn first(&self) -> JointSetPoint {
+        JointSetPoint::Angle(self.motion(0.0))
+    }
+
+    fn acting_from(&self, step: u64) -> Option<JointSetPoint> {
+        let step_s = self.muscles[0].plant.run.step_s;
+        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
+        if step == 0 || !step.is_multiple_of(every) {
+            return None;
+        }
+        let [before, now] = [step - every, step].map(|step| self.motion(step as f64 * step_s));
+        (now != before).then_some(JointSetPoint::Angle(now))
+    }
+}
+
+/// Drives a board and calls `each` with every step. The board vents afterwards in any case.
+/// `wanted` returns whether to stop early.
+///
+/// # Errors
+/// [`DriveError`], also where a fault vented.
+pub fn drive(
+    board: &mut LiveJoint,
+    driven: &JointLoaded,
+    wanted: &dyn Fn() -> bool,
+    each: Each<'_, JointTelemetry>,
+) -> Result<Ended, DriveError> {
+    follow(board, driven, wanted, each)
+}
+
+/// Content of `summary.json` of a joint's run on a board.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Driven {
+    /// Time driven \[s\].
+    pub duration_s: f64,
+    /// Planned time, where the run was stopped early \[s\].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stopped_of_s: Option<f64>,
+    /// The board's port.
+    pub board: String,
+    pub config_name: String,
+    pub config_checksum: u32,
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Steps whose telemetry did not arrive.
+    pub lost_steps: u64,
+    /// How the steps were timed, since the board started.
+    pub timing: TimingFigures,
+}
+
+impl Driven {
+    /// Driven time: "4.00 s", or "2.46 s of 4 s".
+    pub fn driven(&self) -> String {
+        super::summary::driven(self.duration_s, self.stopped_of_s)
+    }
+
+    /// The sentence above the page.
+    fn lead(&self) -> String {
+        let stopped = if self.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
+        self.figures.lead(&format!(
+            "{stopped}{} on the board at {}, configuration {} ({:08x}).",
+            self.driven(),
+            self.board,
+            self.config_name,
+            self.config_checksum,
+        ))
+    }
+}
+
+/// Collects summary and page step by step.
+pub struct Gathered {
+    accumulator: Accumulator,
+    drawn: PageRecorder,
+    next_step: u32,
+    rows: u64,
+    lost_steps: u64,
+}
+
+impl Gathered {
+    pub fn new(driven: &JointLoaded) -> Self {
+        Self {
+            accumulator: Accumulator::new(driven.muscles[0].plant.run.step_s),
+            drawn: PageRecorder::default(),
+            next_step: 0,
+            rows: 0,
+            lost_steps: 0,
+        }
+    }
+
+    pub fn add(&mut self, row: &Row) {
+        let step = row.telemetry.step();
+        self.lost_steps += u64::from(step.saturating_sub(self.next_step));
+        self.next_step = step.wrapping_add(1);
+        self.rows += 1;
+        self.accumulator.add(row);
+        self.drawn.add(row);
+    }
+
+    /// Number of steps so far.
+    pub fn rows(&self) -> u64 {
+        self.rows
+    }
+
+    /// Summary and page.
+    pub fn finish(
+        self,
+        (title, driven): (&str, &JointLoaded),
+        (port, status, timing): (&str, &Status, &Timing),
+        stopped_of_s: Option<f64>,
+    ) -> (Driven, String) {
+        let step_s = driven.muscles[0].plant.run.step_s;
+        let summary = Driven {
+            duration_s: f64::from(self.next_step.saturating_sub(1)) * step_s,
+            stopped_of_s,
+            board: port.to_owned(),
+            config_name: status.config_name.as_str().to_owned(),
+            config_checksum: status.config_checksum,
+            figures: self.accumulator.figures(),
+            lost_steps: self.lost_steps,
+            timing: TimingFigures::from(timing),
+        };
+        let page = self.drawn.of_board(title, driven, &summary.lead(), &summary.figures);
+        (summary, page)
+    }
+}
