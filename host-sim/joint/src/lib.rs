@@ -3,6 +3,7 @@
 
 #![warn(clippy::disallowed_methods)]
 
+mod faults;
 mod load;
 pub mod page;
 mod render;
@@ -11,6 +12,7 @@ mod run;
 mod summary;
 mod trace;
 
+pub use faults::{named, venting};
 pub use load::{JointLoaded, course, joint, load, parse};
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};

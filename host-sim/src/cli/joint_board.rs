@@ -4,17 +4,14 @@ use super::board_status::{Overview, configuration, configuration_json};
 use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Failure, FormatArgs, interrupt, print};
 use model_core::Faults;
-use model_core::joint::{
-    JointError, JointFaults, JointMode, JointSetPoint, JointTelemetry, Motion,
-};
-use model_core::safety::supervisor::VENTING;
+use model_core::joint::{JointError, JointMode, JointSetPoint, JointTelemetry, Motion};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::emulated::{EmulatedBoard, Exchange, STEP_NS};
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::units::UnitSystem;
-use thermyo_joint::{Inputs, JointLoaded, Rig, RunError};
+use thermyo_joint::{Inputs, JointLoaded, Rig, RunError, named, venting};
 use thermyo_protocol::Refusal;
 use thermyo_simulation::board::BoardError;
 
@@ -128,20 +125,6 @@ fn show_configuration(
 fn shown(telemetry: &JointTelemetry) -> Value {
     let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.to_string());
     json!({ "a": a, "b": b, "joint": telemetry.faults.to_string() })
-}
-
-/// Faults that vent; none: it may be armed.
-fn venting(telemetry: &JointTelemetry) -> Option<String> {
-    named(telemetry.muscles.map(|muscle| muscle.faults.of(VENTING)), telemetry.faults)
-}
-
-/// Faults of the muscles and of the joint, each with its place.
-fn named(muscles: [Faults; 2], joint: JointFaults) -> Option<String> {
-    let [a, b] = muscles.map(|faults| faults.to_string());
-    let all = [("muscle a", a), ("muscle b", b), ("joint", joint.to_string())];
-    let held = all.into_iter().filter(|(_, faults)| !faults.is_empty());
-    let texts: Vec<String> = held.map(|(of, faults)| format!("{of}: {faults}")).collect();
-    (!texts.is_empty()).then(|| texts.join("; "))
 }
 
 /// A refusal that names only what holds, and the command that helps.

@@ -16,6 +16,7 @@ mod init;
 mod interrupt;
 mod joint;
 mod joint_board;
+mod joint_tune;
 mod log;
 mod measure;
 mod muscle;

@@ -1,5 +1,8 @@
 use super::progress::Bar;
-use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity};
+use super::{
+    BoardArgs, Failure, OutputArgs, interrupt, joint_in, joint_tune, load, print, publish,
+    quantity, title_of,
+};
 use clap::Args;
 use model_core::{Config, Telemetry};
 use std::io::Write;
@@ -16,15 +19,15 @@ use thermyo_studies::tune::{Bench, Simulated};
 
 #[derive(Debug, Args)]
 pub(super) struct TuneArgs {
-    /// Scenario file (TOML): muscle, load, and the core's present configuration
-    scenario: PathBuf,
+    /// Scenario file (TOML): muscle and load or joint, and the core's present configuration
+    pub(super) scenario: PathBuf,
     /// Highest absolute pressure of the experiment, such as 3.5bar or 350000 (Pa) [default: 4bar]
     #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = pressure)]
-    max_pressure: Option<f64>,
+    pub(super) max_pressure: Option<f64>,
     #[command(flatten)]
-    output: OutputArgs,
+    pub(super) output: OutputArgs,
     #[command(flatten)]
-    board: BoardArgs,
+    pub(super) board: BoardArgs,
 }
 
 /// Lower values are in another unit, such as bar \[Pa\].
@@ -71,7 +74,7 @@ impl Bench for Watched<'_> {
     }
 }
 
-fn left_on_board(adopted: bool) -> &'static str {
+pub(super) fn left_on_board(adopted: bool) -> &'static str {
     if adopted {
         "the board vents and has the tuned values, not saved; `thermyo board PORT config write` \
          with the scenario of before goes back\n"
@@ -85,6 +88,9 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
+    if let Some(joint) = joint_in(&args.scenario, args.output.format, stderr)? {
+        return joint_tune::run(&joint, args, stdout, stderr);
+    }
     let loaded = load(&args.scenario, args.output.format, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
@@ -116,7 +122,7 @@ pub(super) fn run(
         tuned => tuned?,
     };
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
-    let title = args.scenario.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into());
+    let title = title_of(&args.scenario);
     out.text("summary.json", &json)?;
     out.text("tuned.toml", &thermyo_setup::render(&tuned.scenario))?;
     out.text("report.html", &tune::page(&tuned, &title))?;

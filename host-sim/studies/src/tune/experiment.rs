@@ -176,6 +176,13 @@ pub fn configured(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
     }
 }
 
+/// As much of `highest_pa` as supply and supervisor leave \[Pa\].
+pub(crate) fn within_supply(config: &Config, highest_pa: f64) -> f64 {
+    let supply_pa = f64::from(config.supply.pressure_pa);
+    let limit_pa = f64::from(config.pressure_limit_pa);
+    highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa)
+}
+
 impl Plan {
     /// The experiment for the core's configuration, up to `highest_pa`.
     ///
@@ -183,9 +190,7 @@ impl Plan {
     /// Where the allowed pressures do not move the configured muscle.
     pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
         let (chamber, load_n) = configured(config)?;
-        let supply_pa = f64::from(config.supply.pressure_pa);
-        let limit_pa = f64::from(config.pressure_limit_pa);
-        let highest_pa = highest_pa.min(SUPPLY_SHARE * supply_pa).min(LIMIT_SHARE * limit_pa);
+        let highest_pa = within_supply(config, highest_pa);
         let rest_m = chamber.rest_length_m();
         let [least, greatest] = contractions(config, &chamber).map(f64::from);
         let (sign, stroke) = if greatest > -least { (1.0, greatest) } else { (-1.0, -least) };

@@ -15,14 +15,16 @@ mod findings;
 mod force;
 mod gains;
 mod page;
-mod regression;
+pub(crate) mod regression;
 #[cfg(test)]
 mod tests;
 mod valve;
 
 pub use check::Figures;
+pub(crate) use experiment::within_supply;
 pub use experiment::{Bench, HIGHEST_PA, Simulated};
-pub use findings::{Findings, Parameter};
+pub use findings::{Findings, Parameter, table};
+pub(crate) use force::SLIDING_M_S;
 pub use page::{check_chart, page};
 
 use check::Checked;
