@@ -1,8 +1,5 @@
 use super::progress::Bar;
-use super::{
-    BoardArgs, Failure, OutputArgs, interrupt, joint_in, joint_tune, load, print, publish,
-    quantity, title_of,
-};
+use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity, title_of};
 use clap::Args;
 use model_core::{Config, Telemetry};
 use std::io::Write;
@@ -88,9 +85,6 @@ pub(super) fn run(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
-    if let Some(joint) = joint_in(&args.scenario, args.output.format, stderr)? {
-        return joint_tune::run(&joint, args, stdout, stderr);
-    }
     let loaded = load(&args.scenario, args.output.format, stderr)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)

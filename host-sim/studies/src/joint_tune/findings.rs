@@ -368,7 +368,7 @@ impl Findings {
         verdict + &crate::tune::table(&self.parameters)
     }
 
-    /// What the data cannot tell.
+    /// The message for values that are left open.
     pub fn failed(&self) -> Option<String> {
         let keys = self.open.join(", ");
         (!self.open.is_empty()).then(|| {
