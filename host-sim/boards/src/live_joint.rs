@@ -109,6 +109,31 @@ impl LiveJoint {
         Ok(step)
     }
 
+    /// Sends a set point without waiting for the answer; returns the request's number.
+    pub fn send(&mut self, set_point: JointSetPoint) -> Result<u8, BoardError> {
+        self.driving |= set_point != JointSetPoint::Vent;
+        self.last_sent = Instant::now();
+        self.line.send(HostCommand::SetJoint(set_point))
+    }
+
+    /// Returns the refusal of a request that was only sent, if there is one.
+    pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
+        match self.line.take_answer(sequence) {
+            Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
+            _ => Ok(()),
+        }
+    }
+
+    /// Whether unread telemetry has arrived: what was read is not the latest.
+    pub fn is_behind(&self) -> bool {
+        self.line.is_behind()
+    }
+
+    /// Sets the number of steps per telemetry frame.
+    pub fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.done(HostCommand::TelemetryDivider(steps), "telemetry").map(drop)
+    }
+
     fn check_above_ambient(&mut self, pressures_pa: [f32; 2]) -> Result<(), BoardError> {
         for (side, pressure_pa) in [Side::A, Side::B].into_iter().zip(pressures_pa) {
             let asked = "configuration of a muscle";

@@ -6,11 +6,12 @@ use super::{Failure, interrupt, print, publish, title_of};
 use model_core::joint::{JointConfig, JointTelemetry};
 use std::io::Write;
 use std::path::PathBuf;
+use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::output::OutputDir;
 use thermyo_joint::JointLoaded;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::joint_tune::{
-    self, Bench, BenchError, Course, Simulated, TuneError, Tuned, duration_s,
+    self, Bench, BenchError, Course, LiveBench, Simulated, TuneError, Tuned, duration_s,
 };
 
 /// A bench that shows the driven time on a progress bar.
@@ -44,16 +45,24 @@ impl Bench for Watched<'_> {
 }
 
 fn tuned(loaded: &JointLoaded, args: &TuneArgs, highest_pa: f64) -> Result<Tuned, Failure> {
+    let bar = Bar::new((duration_s(loaded, highest_pa) * 1e3) as u64, args.output.format.quiet);
+    let tune_on = |bench: &mut dyn Bench| {
+        let mut watched = Watched { bench, bar: &bar, before_ms: 0 };
+        let tuned = joint_tune::tune_on(loaded, highest_pa, &mut watched);
+        bar.clear();
+        Ok(tuned?)
+    };
+    let stopped = &interrupt::is_requested;
+    if let Some(port) = args.board.port() {
+        let mut board = LiveJoint::open(port)?;
+        return tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, stopped));
+    }
     if !args.board.is_core() {
-        let message = "a joint is tuned with the core in this process";
+        let message = "a joint is tuned with the core in this process, or on a board at a PORT; without hardware \
+                       `thermyo board emulated plug SCENARIO.toml`, then `--board port:emulated`";
         return Err(Failure::Usage(message.to_owned()));
     }
-    let bar = Bar::new((duration_s(loaded, highest_pa) * 1e3) as u64, args.output.format.quiet);
-    let mut bench = Simulated { highest_pa, stopped: &interrupt::is_requested };
-    let mut watched = Watched { bench: &mut bench, bar: &bar, before_ms: 0 };
-    let tuned = joint_tune::tune_on(loaded, highest_pa, &mut watched);
-    bar.clear();
-    Ok(tuned?)
+    tune_on(&mut Simulated { highest_pa, stopped })
 }
 
 pub(super) fn run(

@@ -32,7 +32,7 @@ use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::SetPoints;
 
 /// Steps by which a set point is sent ahead of its time, to cover the delay of the link.
-const LEAD_STEPS: u64 = 5;
+pub(crate) const LEAD_STEPS: u64 = 5;
 
 /// A muscle has vented within this excess over ambient, a part of what sensors are off \[Pa\].
 const VENTED_PA: f32 = 3.0e3;
@@ -163,24 +163,39 @@ pub fn drive(
     outcome.and_then(|ended| Ok(stopped.map(|()| ended)?))
 }
 
-/// Waits until the muscle has vented: to ambient, or to where the reading stays. Returns false if it is
-/// stopped meanwhile.
+/// A muscle that vents: to ambient, or to where the reading stays.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Venting {
+    ambient_pa: f32,
+    /// The lowest reading and its step; a board that has restarted counts from 0 again.
+    lowest: (f32, u32),
+}
+
+impl Venting {
+    pub(crate) fn new(ambient_pa: f32) -> Self {
+        Self { ambient_pa, lowest: (f32::INFINITY, 0) }
+    }
+
+    /// Whether it has vented, with the reading of a step.
+    pub(crate) fn is_over(&mut self, pressure_pa: f32, step: u32) -> bool {
+        if pressure_pa < self.lowest.0 - STILL_PA || step < self.lowest.1 {
+            self.lowest = (pressure_pa, step);
+        }
+        pressure_pa <= self.ambient_pa + VENTED_PA || step - self.lowest.1 >= STILL_STEPS
+    }
+}
+
+/// Waits until the muscle has vented. Returns false if it is stopped meanwhile.
 fn vented(
     board: &mut LiveBoard,
     driven: &Loaded,
     wanted: &dyn Fn() -> bool,
 ) -> Result<bool, DriveError> {
     board.vent()?;
-    let ambient_pa = driven.believed.ambient.pressure_pa as f32;
-    // The lowest reading and its step; a board that has restarted counts from 0 again.
-    let mut lowest = (f32::INFINITY, 0);
+    let mut venting = Venting::new(driven.believed.ambient.pressure_pa as f32);
     while !wanted() {
         let Some(telemetry) = board.poll()? else { continue };
-        let (pressure_pa, step) = (telemetry.pressure_pa, telemetry.step);
-        if pressure_pa < lowest.0 - STILL_PA || step < lowest.1 {
-            lowest = (pressure_pa, step);
-        }
-        if pressure_pa <= ambient_pa + VENTED_PA || step - lowest.1 >= STILL_STEPS {
+        if venting.is_over(telemetry.pressure_pa, telemetry.step) {
             return Ok(true);
         }
     }

@@ -12,6 +12,7 @@ mod balance;
 mod check;
 mod experiment;
 mod findings;
+mod live;
 mod page;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ mod tests;
 pub use check::Figures;
 pub use experiment::{Bench, BenchError, Course, INTERVAL_S, Simulated};
 pub use findings::Findings;
+pub use live::LiveBench;
 pub use page::{check_chart, page};
 
 use crate::tune::{self, OutOfReach, Parameter};
