@@ -460,6 +460,60 @@ fn check_and_replay_take_json_and_quiet() {
     }
 }
 
+/// The values are in the written scenario; what stays open is named, with exit code 1; bad input leaves nothing.
+#[test]
+fn a_joint_is_tuned() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 2.5e5\n[joint]\ngravity_n_m = 4\n\
+                inertia_kg_m2 = 0.03\n[believed.joint]\ngravity_n_m = 0\ninertia_kg_m2 = 0.015\n";
+    let file = scenario(folder.path(), text);
+    let out = folder.path().join("out");
+    let place = out.display().to_string();
+    let output = thermyo(&["tune", &file, "--out", &place, "--json", "--quiet"]);
+    let said = stderr_of(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.starts_with("thermyo: the data cannot tell joint.radius_m: "), "{said}");
+    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(summary["open"], serde_json::json!(["joint.radius_m"]));
+    let tuned = thermyo_joint::load(&out.join("tuned.toml")).unwrap().unwrap();
+    let found = tuned.believed.gravity_n_m;
+    assert!((3.8..4.2).contains(&found) && found != 4.0, "{found} N m");
+    let found = tuned.believed.inertia_kg_m2;
+    assert!((0.028..0.032).contains(&found) && found != 0.03, "{found} kg m2");
+    assert_eq!((tuned.joint.gravity_n_m, tuned.joint.inertia_kg_m2), (4.0, 0.03));
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("Balance of torques"));
+
+    let lost = format!("{text}[joint.a.faults]\nlength = \"open\"\nfrom_s = 5\n");
+    let lost = scenario(folder.path(), &lost);
+    let nothing = folder.path().join("nothing");
+    let none = nothing.display().to_string();
+    let radius = folder.path().join("radius.toml");
+    fs::write(&radius, "[joint]\nradius_m = 0.2\n").unwrap();
+    let radius = radius.display().to_string();
+    for (arguments, code, expected) in [
+        (vec![lost.as_str()], 1, "nothing was tuned: faults during the experiment: joint: angle "),
+        (
+            vec![&lost, "--board", "emulated"],
+            2,
+            "a joint is tuned with the core in this process, or ",
+        ),
+        (
+            vec![&lost, "--max-pressure=1e9"],
+            2,
+            "--max-pressure: a highest pressure of 1000000000.0",
+        ),
+        (vec![&radius], 2, "radius.toml:2: joint.mid_length_a_m"),
+    ] {
+        let arguments = [&["tune"][..], &arguments, &["--out", &none, "--quiet"]].concat();
+        let output = thermyo(&arguments);
+        let said = stderr_of(&output);
+        assert_eq!(output.status.code(), Some(code), "{said}");
+        assert!(said.contains(expected) && said.lines().count() == 1, "{said}");
+        assert!(output.stdout.is_empty() && !nothing.exists(), "{arguments:?}");
+    }
+}
+
 /// Good and bad input of a joint: the scenario of its results is the one that ran.
 #[test]
 fn a_joint_runs_and_leaves_what_it_ran() {

@@ -149,7 +149,7 @@ impl LiveJoint {
         self.done(HostCommand::StartJoint(set_point), "start").map(drop)
     }
 
-    /// Sends a set point without waiting for the answer.
+    /// Sends a set point without waiting for the answer; returns the request's number.
     pub fn send(&mut self, set_point: JointSetPoint) -> Result<u8, BoardError> {
         self.driving |= set_point != JointSetPoint::Vent;
         self.last_sent = Instant::now();

@@ -14,6 +14,8 @@ use thermyo_files::shipped;
 use thermyo_joint::{Inputs, JointLoaded, Rig, Row, RunError};
 use thermyo_plant::BuildError;
 use thermyo_scenario::{ChannelFault, FaultWindow, Scenario, ValveFault};
+use thermyo_studies::joint_tune::{self, BenchError, Simulated, TuneError};
+use thermyo_studies::tune::HIGHEST_PA;
 
 /// Stiffness of all cases but those that change it \[N m/rad\].
 const STIFFNESS: f64 = 14.0;
@@ -90,6 +92,10 @@ fn believing(nominal: &JointLoaded, change: fn(&mut JointLoaded)) -> JointLoaded
     loaded
 }
 
+fn gravity_unknown(loaded: &JointLoaded) -> JointLoaded {
+    believing(loaded, |loaded| loaded.believed.gravity_n_m = 0.0)
+}
+
 /// The table.
 ///
 /// # Errors
@@ -119,7 +125,19 @@ pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
         ),
         ("inertia believed half", believing(&nominal, |s| s.believed.inertia_kg_m2 *= 0.5), stable),
         ("no friction, 0.9 N m believed", believing(&nominal, frictionless), stable),
-        ("gravity unknown", believing(&nominal, |s| s.believed.gravity_n_m = 0.0), stable),
+        ("gravity unknown", gravity_unknown(&nominal), stable),
+        ("gravity unknown, tuned", gravity_unknown(&nominal), tuned),
+        ("all wrong, gravity unknown, tuned", gravity_unknown(&all_wrong(&nominal, 1.0)), tuned),
+        (
+            "inertia believed twice, tuned",
+            believing(&nominal, |s| s.believed.inertia_kg_m2 *= 2.0),
+            tuned,
+        ),
+        (
+            "inertia believed half, tuned",
+            believing(&nominal, |s| s.believed.inertia_kg_m2 *= 0.5),
+            tuned,
+        ),
         ("faults of either muscle", nominal.clone(), vents),
         ("brief, angle lost, locked", nominal, locked),
         ("heavy, angle lost, locked", heavy, locked),
@@ -334,6 +352,37 @@ fn stable(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
         Figure::at_most("limit cycle deg", 0.5 * (high - low), 0.3),
         Figure::at_most("vented", f64::from(u8::from(vented)), 0.0),
     ])
+}
+
+/// `thermyo tune`, then sines and rest with the tuned values; errors of the values.
+fn tuned(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
+    let mut bench = Simulated { highest_pa: HIGHEST_PA, stopped: &|| false };
+    let tuned = match joint_tune::tune_on(loaded, HIGHEST_PA, &mut bench) {
+        Ok(tuned) => tuned,
+        Err(TuneError::Bench(BenchError::Run(error))) => return Err(error),
+        // A refusal misses every target.
+        Err(_) => return Ok(vec![Figure::at_most("refused", 1.0, 0.0)]),
+    };
+    let error_percent = |path: &str, truth: f64| {
+        let after = tuned.findings.value(path).map_or(f64::NAN, |one| one.after);
+        100.0 * (after / truth - 1.0).abs()
+    };
+    let plant = &loaded.joint;
+    let mut figures = vec![
+        Figure::shown("gravity error %", error_percent("joint.gravity_n_m", plant.gravity_n_m)),
+        Figure::shown("inertia error %", error_percent("joint.inertia_kg_m2", plant.inertia_kg_m2)),
+    ];
+    let names = ["RMS 0.5 Hz deg", "RMS 1 Hz deg", "RMS 2 Hz deg"];
+    let motions = [(0.5, 20.0), (1.0, 20.0), (2.0, 10.0)];
+    for ((name, (hz, deg)), most) in names.into_iter().zip(motions).zip(WRONG.sines_deg) {
+        let duration_s = BEFORE_S + 5.0 / hz + 1.0;
+        let rows = run(&tuned.scenario, duration_s, |time_s| sine(hz, deg, time_s))?;
+        let moving = after(&rows, BEFORE_S + 1.0 / hz);
+        figures.push(Figure::at_most(name, rms(moving.iter().map(error_deg)), most));
+    }
+    let at_rest = stable(&tuned.scenario)?;
+    figures.extend(at_rest.into_iter().filter(|figure| figure.name != "RMS 1 Hz deg"));
+    Ok(figures)
 }
 
 /// The fault of one case.

@@ -3,6 +3,7 @@
 
 #![warn(clippy::disallowed_methods)]
 
+mod faults;
 mod from_config;
 mod load;
 pub mod page;
@@ -12,6 +13,7 @@ mod run;
 mod summary;
 pub mod trace;
 
+pub use faults::{named, venting};
 pub use from_config::to_scenario;
 pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse};
 pub use render::render;

@@ -12,6 +12,7 @@ use thermyo_protocol::Refusal::{JointSetPoint, NotConfigured, SetPoint};
 use thermyo_serve::OpenError;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
+use thermyo_studies::joint_tune;
 use thermyo_studies::sweep::{MergeError, SweepError};
 use thermyo_studies::tune::{Refusal, TuneError};
 
@@ -30,6 +31,8 @@ pub(super) enum Failure {
     Merge(MergeError),
     /// Exit 1: the data of a tuning was not good enough.
     Tune(Refusal),
+    /// As above, of a joint.
+    JointTune(joint_tune::Refusal),
     /// Exit 2: arguments that do not go together.
     Usage(String),
     /// Exit 2: the board cannot be used.
@@ -58,6 +61,7 @@ impl fmt::Display for Failure {
             Self::Sweep(error) => error.fmt(f),
             Self::Merge(error) => error.fmt(f),
             Self::Tune(refusal) => write!(f, "nothing was tuned: {refusal}"),
+            Self::JointTune(refusal) => write!(f, "nothing was tuned: {refusal}"),
             Self::Usage(message) => f.write_str(message),
             Self::Board(error)
             | Self::Run(RunError::Board(error))
@@ -159,6 +163,7 @@ impl Failure {
             }
             Self::Identify(IdentifyError::Diverged(_))
             | Self::Tune(_)
+            | Self::JointTune(_)
             | Self::Run(_)
             | Self::Joint(_)
             | Self::Check(_) => 1,

@@ -6,10 +6,9 @@ use super::joint::{angle, faulty};
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Failure, FormatArgs, interrupt, print};
-use crate::commands::joint::{line, named};
+use crate::commands::joint::line;
 use model_core::Faults;
 use model_core::joint::{JointError, JointMode, JointSetPoint, JointTelemetry, Motion};
-use model_core::safety::supervisor::VENTING;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -18,7 +17,7 @@ use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::trace::{FILE, board_columns};
-use thermyo_joint::{Inputs, JointLoaded, Rig, RunError};
+use thermyo_joint::{Inputs, JointLoaded, Rig, RunError, named, venting};
 use thermyo_logs::topics;
 use thermyo_protocol::Refusal;
 use thermyo_record::board_trace::Recorder;
@@ -143,11 +142,6 @@ fn show_configuration(
 fn shown(telemetry: &JointTelemetry) -> Value {
     let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.to_string());
     json!({ "a": a, "b": b, "joint": telemetry.faults.to_string() })
-}
-
-/// Faults that vent; none: it may be armed.
-fn venting(telemetry: &JointTelemetry) -> Option<String> {
-    named(telemetry.muscles.map(|muscle| muscle.faults.of(VENTING)), telemetry.faults)
 }
 
 /// A refusal that names only what holds, and the command that helps.

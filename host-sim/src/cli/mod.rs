@@ -17,6 +17,7 @@ mod init;
 mod interrupt;
 mod joint;
 mod joint_board;
+mod joint_tune;
 mod log;
 mod measure;
 mod muscle;
@@ -359,7 +360,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Task::Run(args) => run_command(&args, out, err),
         Task::Identify(args) => identify_command(&args, out, err),
         Task::Sweep(args) => sweep::run(args, out, err),
-        Task::Tune(args) => tune::run(&args, out, err),
+        Task::Tune(args) => tune_command(&args, out, err),
         Task::Measure(command) => measure::run(&command, out, err),
         Task::Replay(args) => replay::run(&args, out, err),
         Task::Fmu(args) => fmu::run(&args, out, err),
@@ -518,6 +519,17 @@ fn run_command(
     let title = title_of(&args.scenario);
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
     finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))
+}
+
+fn tune_command(
+    args: &tune::TuneArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    match joint_in(&args.scenario, args.output.format, stderr)? {
+        Some(joint) => joint_tune::run(&joint, args, stdout, stderr),
+        None => tune::run(args, stdout, stderr),
+    }
 }
 
 fn identify_command(

@@ -18,22 +18,22 @@ use thermyo_studies::tune::{Bench, Simulated};
 
 #[derive(Debug, Args)]
 pub(super) struct TuneArgs {
-    /// Scenario file (TOML): muscle, load, and the core's present configuration
-    scenario: PathBuf,
+    /// Scenario file (TOML): muscle and load or joint, and the core's present configuration
+    pub(super) scenario: PathBuf,
     /// Another experiment, of 5 min: slip and creep of a muscle, as `identify --plan motion` prints it
     #[arg(long, value_enum)]
-    plan: Option<TunePlan>,
+    pub(super) plan: Option<TunePlan>,
     /// Highest absolute pressure of the experiment, such as 3.5bar or 350000 (Pa) [default: 4bar]
     #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = pressure)]
-    max_pressure: Option<f64>,
+    pub(super) max_pressure: Option<f64>,
     #[command(flatten)]
-    output: OutputArgs,
+    pub(super) output: OutputArgs,
     #[command(flatten)]
-    board: BoardArgs,
+    pub(super) board: BoardArgs,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
-enum TunePlan {
+pub(super) enum TunePlan {
     /// Slip and creep
     Motion,
 }
@@ -84,7 +84,7 @@ impl Bench for Watched<'_> {
     }
 }
 
-fn left_on_board(adopted: bool) -> &'static str {
+pub(super) fn left_on_board(adopted: bool) -> &'static str {
     if adopted {
         "the board vents and has the tuned values, not saved; `thermyo board PORT config write` \
          with the scenario of before goes back\n"

@@ -1,17 +1,8 @@
 //! A joint's telemetry as text.
 
-use model_core::Faults;
-use model_core::joint::{JointFaults, JointMode, JointTelemetry};
+use model_core::joint::{JointMode, JointTelemetry};
 use thermyo_files::units::UnitSystem;
-
-/// Faults of the muscles and of the joint, each with its place.
-pub fn named(muscles: [Faults; 2], joint: JointFaults) -> Option<String> {
-    let [a, b] = muscles.map(|faults| faults.to_string());
-    let all = [("muscle a", a), ("muscle b", b), ("joint", joint.to_string())];
-    let held = all.into_iter().filter(|(_, faults)| !faults.is_empty());
-    let texts: Vec<String> = held.map(|(of, faults)| format!("{of}: {faults}")).collect();
-    (!texts.is_empty()).then(|| texts.join("; "))
-}
+use thermyo_joint::named;
 
 /// Every fault that is shown.
 pub fn faults(telemetry: &JointTelemetry) -> Option<String> {

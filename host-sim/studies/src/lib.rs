@@ -2,6 +2,7 @@
 
 pub mod calibrate;
 pub mod drive;
+pub mod joint_tune;
 pub mod stops;
 pub mod sweep;
 pub mod tune;

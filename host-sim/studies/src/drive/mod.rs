@@ -20,7 +20,8 @@ use model_core::{Faults, SetPoint, Telemetry};
 use std::io;
 use std::mem::discriminant;
 use std::path::{Path, PathBuf};
-use subject::{Course, Subject};
+pub(crate) use subject::Course;
+use subject::Subject;
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::{Table, read_table};
@@ -189,7 +190,7 @@ impl Course<SetPoint> for MuscleCourse<'_> {
 }
 
 /// Drives a board along a course.
-fn follow<B: Subject>(
+pub(crate) fn follow<B: Subject>(
     board: &mut B,
     course: &dyn Course<B::SetPoint>,
     wanted: &dyn Fn() -> bool,

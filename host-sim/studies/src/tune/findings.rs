@@ -295,25 +295,29 @@ impl Findings {
     }
 
     pub fn text(&self) -> String {
-        let width = self.parameters.iter().map(|p| p.path.len()).max().unwrap_or(0);
-        let mut text = self.verdict() + "\n";
-        text += &format!(
-            "{:width$}  {:>10}  {:>10}  {:>10}  {:10}\n",
-            "parameter", "before", "after", "std. error", "unit"
-        );
-        for parameter in &self.parameters {
-            let error = parameter.standard_error.map_or_else(String::new, plain);
-            text += &format!(
-                "{:width$}  {:>10}  {:>10}  {error:>10}  {:10}  {}\n",
-                parameter.path,
-                plain(parameter.before),
-                plain(parameter.after),
-                parameter.unit,
-                parameter.remark
-            );
-        }
-        text
+        self.verdict() + "\n" + &table(&self.parameters)
     }
+}
+
+/// The values as a table of text.
+pub fn table(parameters: &[Parameter]) -> String {
+    let width = parameters.iter().map(|p| p.path.len()).max().unwrap_or(0);
+    let mut text = format!(
+        "{:width$}  {:>10}  {:>10}  {:>10}  {:10}\n",
+        "parameter", "before", "after", "std. error", "unit"
+    );
+    for parameter in parameters {
+        let error = parameter.standard_error.map_or_else(String::new, plain);
+        text += &format!(
+            "{:width$}  {:>10}  {:>10}  {error:>10}  {:10}  {}\n",
+            parameter.path,
+            plain(parameter.before),
+            plain(parameter.after),
+            parameter.unit,
+            parameter.remark
+        );
+    }
+    text
 }
 
 /// Four digits, in TOML's notation.

@@ -22,7 +22,7 @@ use model_core::physics::hysteresis::{Held, Law};
 /// spring, ten LSBs of the ADC on the slow ramp.
 const BIN_S: f64 = 0.05;
 /// Least speed of sliding \[m/s\]: above the Stribeck speeds of braided sleeves.
-const SLIDING_M_S: f64 = 0.006;
+pub(crate) const SLIDING_M_S: f64 = 0.006;
 /// Largest deviation of the motion in two neighbouring intervals from their mean, relative \[-\].
 const EVEN: f64 = 0.25;
 /// Motion after a reversal within which friction still builds up \[m\].

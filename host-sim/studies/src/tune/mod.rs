@@ -16,14 +16,16 @@ mod force;
 mod gains;
 mod motion;
 mod page;
-mod regression;
+pub(crate) mod regression;
 #[cfg(test)]
 mod tests;
 mod valve;
 
 pub use check::Figures;
+pub(crate) use experiment::usable_pa;
 pub use experiment::{Bench, HIGHEST_PA, Simulated};
-pub use findings::{Findings, Parameter};
+pub use findings::{Findings, Parameter, table};
+pub(crate) use force::SLIDING_M_S;
 pub use motion::{motion_record, motion_values};
 pub use page::{check_chart, page};
 

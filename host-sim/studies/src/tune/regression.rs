@@ -48,31 +48,45 @@ pub struct Fit<const N: usize> {
 /// The covariance is s^2 t (X'X)^-1: s^2 the mean square of the residuals, t their integrated
 /// autocorrelation time in rows, since model errors persist from row to row.
 pub fn least_squares<const N: usize>(rows: &[([f64; N], f64)]) -> Option<Fit<N>> {
-    if rows.len() < 2 * N {
+    let columns = DMatrix::from_fn(rows.len(), N, |row, i| rows[row].0[i]);
+    let y = DVector::from_fn(rows.len(), |row, _| rows[row].1);
+    let Solution { coefficients, covariance, residuals } = solve(&columns, &y)?;
+    let coefficients = std::array::from_fn(|i| coefficients[i]);
+    Some(Fit { coefficients, covariance, residuals })
+}
+
+/// Coefficients of a linear model of any number of columns.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    pub coefficients: DVector<f64>,
+    pub covariance: DMatrix<f64>,
+    /// Measured less fitted, row by row.
+    pub residuals: Vec<f64>,
+}
+
+/// As [`least_squares`].
+pub fn solve(columns: &DMatrix<f64>, y: &DVector<f64>) -> Option<Solution> {
+    let (rows, count) = columns.shape();
+    if rows < 2 * count {
         return None;
     }
-    let columns = DMatrix::from_fn(rows.len(), N, |row, i| rows[row].0[i]);
     // Scaled to columns of length 1, so that units do not matter.
-    let lengths = DVector::from_fn(N, |i, _| columns.column(i).norm());
+    let lengths = DVector::from_fn(count, |i, _| columns.column(i).norm());
     if lengths.iter().any(|length| !(*length > 0.0 && length.is_finite())) {
         return None;
     }
-    let y = DVector::from_fn(rows.len(), |row, _| rows[row].1);
-    let scaled = DMatrix::from_fn(rows.len(), N, |row, i| columns[(row, i)] / lengths[i]);
+    let scaled = DMatrix::from_fn(rows, count, |row, i| columns[(row, i)] / lengths[i]);
     let normal = scaled.transpose() * &scaled;
     let open = normal.clone().symmetric_eigenvalues().min() < SINGULAR;
     let inverse = normal.cholesky().filter(|_| !open)?.inverse();
-    let found = (&inverse * scaled.transpose() * &y).component_div(&lengths);
-    let residuals = y - columns * &found;
+    let coefficients = (&inverse * scaled.transpose() * y).component_div(&lengths);
+    let residuals = y - columns * &coefficients;
     let variance =
-        residuals.norm_squared() / (rows.len() - N) as f64 * correlation_rows(residuals.as_slice());
-    Some(Fit {
-        coefficients: std::array::from_fn(|i| found[i]),
-        covariance: DMatrix::from_fn(N, N, |i, j| {
-            variance * inverse[(i, j)] / (lengths[i] * lengths[j])
-        }),
-        residuals: residuals.as_slice().to_vec(),
-    })
+        residuals.norm_squared() / (rows - count) as f64 * correlation_rows(residuals.as_slice());
+    let covariance = DMatrix::from_fn(count, count, |i, j| {
+        variance * inverse[(i, j)] / (lengths[i] * lengths[j])
+    });
+    Some(Solution { coefficients, covariance, residuals: residuals.as_slice().to_vec() })
 }
 
 impl<const N: usize> Fit<N> {

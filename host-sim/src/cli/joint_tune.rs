@@ -1,0 +1,118 @@
+//! `thermyo tune` of a joint.
+
+use super::progress::Bar;
+use super::tune::{TuneArgs, left_on_board};
+use super::{Failure, interrupt, print, publish, title_of};
+use model_core::joint::{JointConfig, JointTelemetry};
+use std::io::Write;
+use std::path::PathBuf;
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_files::output::OutputDir;
+use thermyo_joint::JointLoaded;
+use thermyo_simulation::board::BoardError;
+use thermyo_studies::joint_tune::{
+    self, Bench, BenchError, Course, LiveBench, Simulated, TuneError, Tuned, duration_s,
+};
+
+/// A bench that shows the driven time on a progress bar.
+struct Watched<'a> {
+    bench: &'a mut dyn Bench,
+    bar: &'a Bar,
+    /// Time driven before this experiment.
+    before_ms: u64,
+}
+
+impl Bench for Watched<'_> {
+    fn drive(
+        &mut self,
+        loaded: &JointLoaded,
+        (course, duration_s): (Course<'_>, f64),
+        each: &mut dyn FnMut(u32, &JointTelemetry),
+    ) -> Result<(), BenchError> {
+        let Self { bench, bar, before_ms } = self;
+        let step_s = loaded.muscles[0].plant.run.step_s;
+        bench.drive(loaded, (course, duration_s), &mut |step, telemetry| {
+            bar.set_position(*before_ms + (f64::from(step) * step_s * 1e3) as u64);
+            each(step, telemetry);
+        })?;
+        *before_ms += (duration_s * 1e3) as u64;
+        Ok(())
+    }
+
+    fn leave(&mut self, config: &JointConfig) -> Result<(), BoardError> {
+        self.bench.leave(config)
+    }
+}
+
+fn tuned(loaded: &JointLoaded, args: &TuneArgs, highest_pa: f64) -> Result<Tuned, Failure> {
+    let bar = Bar::new((duration_s(loaded, highest_pa) * 1e3) as u64, args.output.format.quiet);
+    let tune_on = |bench: &mut dyn Bench| {
+        let mut watched = Watched { bench, bar: &bar, before_ms: 0 };
+        let tuned = joint_tune::tune_on(loaded, highest_pa, &mut watched);
+        bar.clear();
+        Ok(tuned?)
+    };
+    let stopped = &interrupt::is_requested;
+    if let Some(port) = args.board.port() {
+        let mut board = LiveJoint::open(port)?;
+        return tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, stopped));
+    }
+    if !args.board.is_core() {
+        let message = "a joint is tuned with the core in this process, or on a board at a PORT; without hardware \
+                       `thermyo board emulated plug SCENARIO.toml`, then `--board port:emulated`";
+        return Err(Failure::Usage(message.to_owned()));
+    }
+    tune_on(&mut Simulated { highest_pa, stopped })
+}
+
+pub(super) fn run(
+    loaded: &JointLoaded,
+    args: &TuneArgs,
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    if args.plan.is_some() {
+        let message = "--plan motion finds slip and creep of one muscle: give a scenario without [joint], of either \
+                       muscle alone";
+        return Err(Failure::Usage(message.to_owned()));
+    }
+    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
+    let highest_pa = joint_tune::highest_pa(&loaded.config(), args.max_pressure)
+        .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
+    interrupt::watch();
+    let mut out = OutputDir::create(&folder)?;
+    let tuned = match tuned(loaded, args, highest_pa) {
+        Err(Failure::Interrupted) => {
+            let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
+            return Err(Failure::Interrupted);
+        }
+        tuned => tuned?,
+    };
+    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
+    out.text("summary.json", &json)?;
+    out.text("tuned.toml", &thermyo_joint::render(&tuned.scenario))?;
+    out.text("report.html", &joint_tune::page(&tuned, &title_of(&args.scenario)))?;
+    publish(out, args.output.format, stderr)?;
+    if args.output.format.json {
+        print(stdout, &json)?;
+    } else {
+        print(stdout, &tuned.findings.text())?;
+        if args.board.port().is_some() {
+            print(stdout, left_on_board(tuned.findings.adopted))?;
+        }
+        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
+    }
+    tuned.findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
+}
+
+impl From<TuneError> for Failure {
+    fn from(error: TuneError) -> Self {
+        match error {
+            TuneError::Refused(refusal) => Self::JointTune(refusal),
+            TuneError::Bench(BenchError::Run(error)) => Self::Joint(error),
+            TuneError::Bench(BenchError::Board(error)) => Self::Board(error),
+            TuneError::Bench(BenchError::Stopped) => Self::Interrupted,
+            TuneError::Bench(error @ BenchError::Vented(_)) => Self::Check(error.to_string()),
+        }
+    }
+}

@@ -1,0 +1,378 @@
+//! Values before and after, with their errors, and the reasons why some are left open.
+
+use super::balance::{Altered, Balance, COUNT, Fitted, Term};
+use super::check::{Checked, Figures};
+use super::experiment::{Plan, Record};
+use super::{REST_MOTION_RAD, Refusal};
+use crate::tune::Parameter;
+use crate::tune::regression::Measure;
+use serde::Serialize;
+use thermyo_joint::JointLoaded;
+use thermyo_scenario::joint::Joint;
+use thermyo_scenario::key::Allowed;
+
+/// Errors of the configured law that the stated errors allow for: force area of one muscle, elastic force of bladder
+/// and creep of both, pressure of one muscle. Assumed, as `thermyo evaluate joint` has them with everything wrong.
+const LAWS: [Altered; 3] = [
+    Altered { area: 1.03, ..Altered::NOT },
+    Altered { elastic: 1.2, ..Altered::NOT },
+    Altered { offset_pa: 3.0e3, ..Altered::NOT },
+];
+/// Largest error of a value that is stated, relative: of inertia, radius, mid-lengths \[-\].
+const INERTIA: f64 = 0.25;
+const RADIUS: f64 = 0.05;
+const MID_LENGTH: f64 = 0.02;
+/// The same of the other values, as torque over that of the muscles, both RMS \[-\].
+const TORQUE: f64 = 0.1;
+/// An arm whose gravity is less than this many of its errors hangs nowhere \[-\].
+const HANGS: f64 = 3.0;
+/// Relative difference up to which two errors on the check's sine count as equal \[-\].
+const EQUAL: f64 = 0.1;
+
+/// Values that the records determine.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Estimate {
+    pub fitted: Fitted,
+    /// Errors, those of the configured law included; none: it is held.
+    errors: [Option<f64>; COUNT],
+    /// Held since the data cannot tell it, with the error that it would have had.
+    open: [Option<f64>; COUNT],
+    /// Held at 0, since it came out negative.
+    zero: [bool; COUNT],
+}
+
+fn configured(loaded: &JointLoaded) -> [f64; COUNT] {
+    let joint = &loaded.believed;
+    let dry_n_m = joint.friction_n_m + muscles_n_m(loaded);
+    [
+        joint.inertia_kg_m2,
+        joint.viscous_n_m_s,
+        dry_n_m,
+        joint.gravity_n_m * joint.gravity_angle_rad.cos(),
+        -joint.gravity_n_m * joint.gravity_angle_rad.sin(),
+        joint.mid_length_a_m,
+        joint.mid_length_b_m,
+        joint.radius_m,
+    ]
+}
+
+/// Torque of both muscles' own dry friction as configured \[N m\].
+fn muscles_n_m(loaded: &JointLoaded) -> f64 {
+    let force_n = |i: usize| loaded.muscles[i].believed.friction.force_n;
+    loaded.believed.radius_m * (force_n(0) + force_n(1))
+}
+
+/// Largest stated error of each value.
+fn largest(fitted: &Fitted) -> [f64; COUNT] {
+    let torque = |term: Term| TORQUE * fitted.torque_n_m / fitted.columns[term as usize];
+    let share = |term: Term, share: f64| share * fitted.values[term as usize].value.abs();
+    Term::ALL.map(|term| match term {
+        Term::Inertia => share(term, INERTIA),
+        Term::MidA | Term::MidB => share(term, MID_LENGTH),
+        Term::Radius => share(term, RADIUS),
+        Term::Viscous | Term::Dry | Term::GravitySine | Term::GravityCosine => torque(term),
+    })
+}
+
+/// Fits all values, and leaves open those whose errors are too large, the worst first.
+pub(super) fn estimate(
+    loaded: &JointLoaded,
+    plan: &Plan,
+    records: &[Record],
+) -> Result<Estimate, Refusal> {
+    let config = loaded.config();
+    let balance = Balance::new(records, plan, &config);
+    let too_few = || Refusal::TooFew { windows: balance.windows() };
+    let configured = configured(loaded);
+    let (mut held, mut open) = ([None; COUNT], [None; COUNT]);
+    let mut zero = [false; COUNT];
+    loop {
+        let Some(fitted) = balance.fit(&held, Altered::NOT) else {
+            let radius = Term::Radius as usize;
+            if held[radius].is_some() {
+                return Err(too_few());
+            }
+            (held[radius], open[radius]) = (Some(configured[radius]), Some(f64::INFINITY));
+            continue;
+        };
+        let value = |i: usize| fitted.values[i].value;
+        let negative = [Term::Viscous, Term::Dry].map(|term| term as usize);
+        if let Some(i) = negative.into_iter().find(|i| value(*i) < 0.0) {
+            (held[i], zero[i]) = (Some(0.0), true);
+            continue;
+        }
+        let mut variance = fitted.values.map(|value| value.error * value.error);
+        for law in LAWS {
+            let other = balance.fit(&held, law);
+            for i in (0..COUNT).filter(|i| held[*i].is_none()) {
+                let off =
+                    other.as_ref().map_or(f64::INFINITY, |one| one.values[i].value - value(i));
+                variance[i] += off * off;
+            }
+        }
+        let largest = largest(&fitted);
+        let excess = |i: &usize| variance[*i].sqrt() / largest[*i];
+        let free = (0..COUNT).filter(|i| held[*i].is_none());
+        let worst = free.max_by(|i, j| excess(i).total_cmp(&excess(j)));
+        match worst.filter(|i| excess(i) > 1.0) {
+            Some(i) => (held[i], open[i]) = (Some(configured[i]), Some(variance[i].sqrt())),
+            None => {
+                let errors = std::array::from_fn(|i| held[i].is_none().then(|| variance[i].sqrt()));
+                return Ok(Estimate { fitted, errors, open, zero });
+            }
+        }
+    }
+}
+
+impl Estimate {
+    fn value(&self, term: Term) -> f64 {
+        self.fitted.values[term as usize].value
+    }
+
+    fn measure(&self, term: Term) -> Option<Measure> {
+        let error = self.errors[term as usize]?;
+        Some(Measure { value: self.value(term), error })
+    }
+
+    /// Largest torque of gravity, and the angle at which it hangs.
+    fn gravity(&self) -> (Measure, Option<Measure>) {
+        let (sine, cosine) = (self.value(Term::GravitySine), self.value(Term::GravityCosine));
+        let of = |term: Term| self.errors[term as usize].unwrap_or(0.0);
+        let (by_sine, by_cosine) = (of(Term::GravitySine), of(Term::GravityCosine));
+        let size = sine.hypot(cosine);
+        let error = (sine * by_sine).hypot(cosine * by_cosine) / size.max(f64::MIN_POSITIVE);
+        let across = (cosine * by_sine).hypot(sine * by_cosine) / size.max(f64::MIN_POSITIVE);
+        let angle = Measure { value: (-cosine).atan2(sine), error: across / size };
+        (Measure { value: size, error }, (size > HANGS * error.max(across)).then_some(angle))
+    }
+
+    /// Every value, in the order of the table.
+    pub fn parameters(&self, loaded: &JointLoaded) -> Vec<Parameter> {
+        let joint = &loaded.believed;
+        let mut all = vec![self.single(
+            Term::Inertia,
+            "joint.inertia_kg_m2",
+            joint.inertia_kg_m2,
+            "fast motion",
+        )];
+        all.extend(self.of_gravity(loaded));
+        let with = "fast motion against slow, with the muscles' own";
+        all.push(self.single(Term::Viscous, "joint.viscous_n_m_s", joint.viscous_n_m_s, with));
+        all.extend(self.of_friction(loaded));
+        let middle = "pressures at equal torque, soft and stiff";
+        for (term, path, before, from) in [
+            (Term::MidA, "joint.mid_length_a_m", joint.mid_length_a_m, middle),
+            (Term::MidB, "joint.mid_length_b_m", joint.mid_length_b_m, middle),
+            (Term::Radius, "joint.radius_m", joint.radius_m, "elastic forces and lengths"),
+        ] {
+            all.push(self.single(term, path, before, from));
+        }
+        all
+    }
+
+    fn single(&self, term: Term, path: &'static str, before: f64, from: &str) -> Parameter {
+        let i = term as usize;
+        let Some(found) = self.measure(term) else {
+            let remark = match self.open[i] {
+                Some(error) if error.is_finite() => {
+                    format!("{OPEN}: its error would be {error:.2e}")
+                }
+                Some(_) => format!("{OPEN}: the data does not determine it"),
+                None => "none was seen".to_owned(),
+            };
+            let after = if self.zero[i] { 0.0 } else { before };
+            return parameter(path, before, after, None, remark);
+        };
+        parameter(path, before, found.value, Some(found.error), from.to_owned())
+    }
+
+    fn of_gravity(&self, loaded: &JointLoaded) -> [Parameter; 2] {
+        let joint = &loaded.believed;
+        let [weight, angle] = ["joint.gravity_n_m", "joint.gravity_angle_rad"];
+        let (before, hangs_at) = (joint.gravity_n_m, joint.gravity_angle_rad);
+        let open = [Term::GravitySine, Term::GravityCosine].iter().any(|term| self.is_open(*term));
+        if open {
+            let remark = || format!("{OPEN}: the arm moved too little to tell it");
+            return [
+                parameter(weight, before, before, None, remark()),
+                parameter(angle, hangs_at, hangs_at, None, remark()),
+            ];
+        }
+        let (size, at) = self.gravity();
+        let from = "slow motion".to_owned();
+        [
+            parameter(weight, before, size.value, Some(size.error), from.clone()),
+            match at {
+                Some(at) => parameter(angle, hangs_at, at.value, Some(at.error), from),
+                None => {
+                    let remark = "kept: too little gravity to tell where it hangs".to_owned();
+                    parameter(angle, hangs_at, hangs_at, None, remark)
+                }
+            },
+        ]
+    }
+
+    /// The bearing has what the muscles as configured do not; the muscles have less where there is less.
+    fn of_friction(&self, loaded: &JointLoaded) -> Vec<Parameter> {
+        let path = "joint.friction_n_m";
+        let before = loaded.believed.friction_n_m;
+        if self.is_open(Term::Dry) {
+            return vec![self.single(Term::Dry, path, before, "")];
+        }
+        let dry = self.measure(Term::Dry);
+        let Measure { value, error } = dry.unwrap_or(Measure { value: 0.0, error: 0.0 });
+        let radius = self.value(Term::Radius) / loaded.believed.radius_m;
+        let muscles = radius * muscles_n_m(loaded);
+        let bearing = (value - muscles).max(0.0);
+        let error = dry.map(|_| error);
+        let from = format!("dry friction of {value:.3} N m, {muscles:.3} of it the muscles'");
+        let mut all = vec![parameter(path, before, bearing, error, from)];
+        if value < muscles {
+            let before = loaded.muscles[0].believed.friction.force_n;
+            let share = value / muscles;
+            let from = format!("of both muscles, {share:.2} of what was configured");
+            let error = error.map(|error| before * error / muscles);
+            all.push(parameter(FRICTION, before, share * before, error, from));
+        }
+        all
+    }
+
+    fn is_open(&self, term: Term) -> bool {
+        self.open[term as usize].is_some()
+    }
+
+    /// Keys that are left open.
+    pub fn open(&self) -> Vec<&'static str> {
+        let keys = [
+            (Term::Inertia, "joint.inertia_kg_m2"),
+            (Term::Viscous, "joint.viscous_n_m_s"),
+            (Term::Dry, "joint.friction_n_m"),
+            (Term::GravitySine, "joint.gravity_n_m"),
+            (Term::GravityCosine, "joint.gravity_angle_rad"),
+            (Term::MidA, "joint.mid_length_a_m"),
+            (Term::MidB, "joint.mid_length_b_m"),
+            (Term::Radius, "joint.radius_m"),
+        ];
+        keys.into_iter().filter(|(term, _)| self.is_open(*term)).map(|(_, key)| key).collect()
+    }
+}
+
+/// Beginning of the remark of a value that is left open.
+const OPEN: &str = "open";
+/// Key of the muscles' friction, in the scenario of either.
+pub(super) const FRICTION: &str = "friction.force_n";
+
+fn parameter(
+    path: &'static str,
+    before: f64,
+    after: f64,
+    standard_error: Option<f64>,
+    remark: String,
+) -> Parameter {
+    Parameter { path, before, after, standard_error, unit: unit(path), remark }
+}
+
+/// Unit and range of a key.
+pub(super) fn limits(path: &str) -> thermyo_scenario::schema::Limits {
+    let name = path.strip_prefix("joint.");
+    let key = Joint::TABLE.keys.iter().find(|key| Some(key.name) == name);
+    match key.map(|key| key.allowed) {
+        Some(Allowed::Real(limits)) => limits,
+        _ => thermyo_scenario::schema::limits(path),
+    }
+}
+
+fn unit(path: &str) -> &'static str {
+    limits(path).unit
+}
+
+/// Tracking with the values before and after.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Check {
+    pub before: Figures,
+    pub after: Figures,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    /// Length of the experiment \[s\].
+    pub duration_s: f64,
+    /// Highest pressure in it \[Pa\].
+    pub highest_pa: f64,
+    pub parameters: Vec<Parameter>,
+    /// Keys that the data cannot tell, and that keep their values.
+    pub open: Vec<&'static str>,
+    /// RMS torque of the muscles in the experiment, and RMS residual of the balance \[N m\].
+    pub torque_rms_n_m: f64,
+    pub residual_rms_n_m: f64,
+    pub check: Check,
+    /// The error of the sine has fallen by at least a tenth.
+    pub improved: bool,
+    /// The error of the sine has not grown by more than a tenth: the board keeps the tuned values.
+    pub adopted: bool,
+}
+
+impl Findings {
+    pub(super) fn new(
+        loaded: &JointLoaded,
+        estimate: &Estimate,
+        records: &[Record],
+        [before, after]: [&Checked; 2],
+    ) -> Self {
+        let (before, after) = (before.figures, after.figures);
+        let calm = after.rest_motion_rad <= REST_MOTION_RAD.max(before.rest_motion_rad);
+        Self {
+            duration_s: records.last().map_or(0.0, |record| record.time_s),
+            highest_pa: records.iter().flat_map(|one| one.pressure_pa).fold(0.0, f64::max),
+            parameters: estimate.parameters(loaded),
+            open: estimate.open(),
+            torque_rms_n_m: estimate.fitted.torque_n_m,
+            residual_rms_n_m: estimate.fitted.rms_n_m,
+            check: Check { before, after },
+            improved: after.sine_rms_rad < (1.0 - EQUAL) * before.sine_rms_rad,
+            adopted: calm && after.sine_rms_rad <= (1.0 + EQUAL) * before.sine_rms_rad,
+        }
+    }
+
+    pub fn value(&self, path: &str) -> Option<&Parameter> {
+        self.parameters.iter().find(|parameter| parameter.path == path)
+    }
+
+    /// The result in a sentence.
+    pub fn headline(&self) -> String {
+        let Check { before, after } = self.check;
+        let [before, after] = [before, after].map(|figures| figures.sine_rms_rad.to_degrees());
+        let word = match self {
+            Self { improved: true, .. } => "closer than before",
+            Self { adopted: true, .. } => "as closely as before",
+            _ => "less closely than before",
+        };
+        let kept = if self.adopted { "" } else { ": the former values are kept" };
+        format!(
+            "with the tuned values a sine of 1 Hz is followed {word} ({before:.2} -> {after:.2} deg, RMS){kept}"
+        )
+    }
+
+    pub fn text(&self) -> String {
+        let Check { before, after } = self.check;
+        let figures = |f: &Figures| {
+            format!(
+                "sine {:.2} deg RMS, at rest {:.2} deg, moving by {:.2} deg",
+                f.sine_rms_rad.to_degrees(),
+                f.rest_error_rad.abs().to_degrees(),
+                f.rest_motion_rad.to_degrees()
+            )
+        };
+        let (before, after) = (figures(&before), figures(&after));
+        let verdict = format!("{}\n  before: {before}\n  after:  {after}\n", self.headline());
+        verdict + &crate::tune::table(&self.parameters)
+    }
+
+    /// The message for values that are left open.
+    pub fn failed(&self) -> Option<String> {
+        let keys = self.open.join(", ");
+        (!self.open.is_empty()).then(|| {
+            format!("the data cannot tell {keys}: measured by other means, or left as configured")
+        })
+    }
+}

@@ -1,0 +1,106 @@
+//! A board with a joint of its own.
+
+use super::experiment::{Bench, BenchError, Course, INTERVAL_S};
+use crate::drive::{self, DriveError, Ended, follow};
+use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_joint::JointLoaded;
+use thermyo_protocol::joint_checksum;
+use thermyo_simulation::board::BoardError;
+
+/// The board, armed for each run up to a pressure, a little above which it vents.
+pub struct LiveBench<'a> {
+    board: &'a mut LiveJoint,
+    name: &'a str,
+    highest_pa: f64,
+    /// Returns whether the user wants to stop.
+    stopped: &'a dyn Fn() -> bool,
+}
+
+impl<'a> LiveBench<'a> {
+    /// `name` is the name of the configurations that the board gets.
+    pub fn new(
+        board: &'a mut LiveJoint,
+        name: &'a str,
+        highest_pa: f64,
+        stopped: &'a dyn Fn() -> bool,
+    ) -> Self {
+        Self { board, name, highest_pa, stopped }
+    }
+}
+
+/// A course over the steps of a board.
+struct Stepped<'a> {
+    course: Course<'a>,
+    ambient_pa: f32,
+    step_s: f64,
+    steps: u64,
+}
+
+impl Stepped<'_> {
+    fn at(&self, step: u64) -> JointSetPoint {
+        JointSetPoint::Angle((self.course)(step as f64 * self.step_s))
+    }
+}
+
+impl drive::Course<JointSetPoint> for Stepped<'_> {
+    fn steps(&self) -> u64 {
+        self.steps
+    }
+
+    fn ambient_pa(&self) -> f32 {
+        self.ambient_pa
+    }
+
+    fn first(&self) -> JointSetPoint {
+        self.at(0)
+    }
+
+    fn acting_from(&self, step: u64) -> Option<JointSetPoint> {
+        let every = (INTERVAL_S / self.step_s).round().max(1.0) as u64;
+        step.is_multiple_of(every).then(|| self.at(step))
+    }
+}
+
+impl Bench for LiveBench<'_> {
+    fn drive(
+        &mut self,
+        loaded: &JointLoaded,
+        (course, duration_s): (Course<'_>, f64),
+        each: &mut dyn FnMut(u32, &JointTelemetry),
+    ) -> Result<(), BenchError> {
+        let config = loaded.config();
+        self.board.configure(&config, self.name)?;
+        let most_pa = config.muscles.map(|muscle| muscle.working_limit_pa());
+        let most_pa = most_pa.into_iter().fold(self.highest_pa as f32, f32::min);
+        self.board.arm(Some(most_pa))?;
+        let [a, _] = &config.muscles;
+        let step_s = f64::from(a.step_s);
+        let steps = (duration_s / step_s).round() as u64;
+        let stepped = Stepped { course, ambient_pa: a.ambient.pressure_pa, step_s, steps };
+        let mut vented = None;
+        let mut passed = |telemetry: &JointTelemetry, _: Option<&_>| {
+            vented = thermyo_joint::venting(telemetry);
+            if vented.is_none() {
+                each(telemetry.step(), telemetry);
+            }
+            Ok(())
+        };
+        let outcome = follow(self.board, &stepped, self.stopped, &mut passed);
+        match (vented, outcome) {
+            (Some(faults), _) => Err(BenchError::Vented(faults)),
+            (None, Ok(Ended::Whole)) => Ok(()),
+            (None, Ok(Ended::Stopped)) => Err(BenchError::Stopped),
+            (None, Err(DriveError::Board(error))) => Err(error.into()),
+            (None, Err(DriveError::Output(_))) => Err(BoardError::Interrupted.into()),
+        }
+    }
+
+    fn leave(&mut self, config: &JointConfig) -> Result<(), BoardError> {
+        self.board.stop()?;
+        if self.board.status()?.config_checksum != joint_checksum(config) {
+            self.board.configure(config, self.name)?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,166 @@
+//! `report.html` of a joint's tuning: the values, the balance of torques, the check before and after.
+
+use super::balance::Point;
+use super::{Figures, Tuned};
+use thermyo_files::number::{MISSING, significant};
+use thermyo_report::Colour;
+use thermyo_report::chart::{Axis, Chart, Panel};
+use thermyo_report::page::{Page, Section, Table, Tile};
+
+pub fn page(tuned: &Tuned, title: &str) -> String {
+    let findings = &tuned.findings;
+    let lead = format!(
+        "{:.0} s of slow sweeps and fast motion at two stiffnesses, up to {:.0} kPa: {}.",
+        findings.duration_s,
+        findings.highest_pa / 1e3,
+        findings.headline()
+    );
+    let check = &findings.check;
+    let title = format!("{title}, tuned");
+    let mut page = Page::new(&title, &lead, &thermyo_joint::render(&tuned.scenario));
+    if let Some(open) = findings.failed() {
+        page = page.warning(&open);
+    }
+    page.tile(Tile::new("Sine of 1 Hz, RMS, before", degrees(check.before.sine_rms_rad), "deg"))
+        .tile(Tile::new("The same after", degrees(check.after.sine_rms_rad), "deg"))
+        .tile(Tile::new("Residual torque, RMS", findings.residual_rms_n_m, "N m"))
+        .section(values(tuned))
+        .section(torques(tuned))
+        .section(motion(tuned))
+        .section(followed(tuned))
+        .render()
+}
+
+fn degrees(value_rad: f64) -> f64 {
+    value_rad.to_degrees()
+}
+
+fn values(tuned: &Tuned) -> Section {
+    let columns = ["Parameter", "After", "Error", "Unit", "Before", "From"];
+    let rows = tuned.findings.parameters.iter().map(|parameter| {
+        let error = parameter.standard_error.map(|error| significant(error, 2));
+        vec![
+            parameter.path.to_owned(),
+            significant(parameter.after, 4),
+            error.unwrap_or_else(|| MISSING.to_owned()),
+            parameter.unit.to_owned(),
+            significant(parameter.before, 4),
+            parameter.remark.clone(),
+        ]
+    });
+    let table = Table {
+        caption: "The core's configuration, in SI".to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: rows.collect(),
+    };
+    Section::new("Values").table(table).paragraph(
+        "An error is the standard error of the scatter, correlated as it is, together with what the configured \
+         muscles may be off: 3 % of one force area, 20 % of the elastic forces, 3 kPa of one pressure.",
+    )
+}
+
+/// Points of one direction and speed, by angle.
+fn group(points: &[Point], up: bool, fast: bool) -> Vec<Point> {
+    let middle = 0.4 * points.iter().map(|p| p.speed_rad_s.abs()).fold(0.0, f64::max);
+    let mut group: Vec<Point> = points
+        .iter()
+        .filter(|p| (p.speed_rad_s > 0.0) == up && (p.speed_rad_s.abs() > middle) == fast)
+        .copied()
+        .collect();
+    group.sort_by(|a, b| a.angle_rad.total_cmp(&b.angle_rad));
+    group
+}
+
+fn torques(tuned: &Tuned) -> Section {
+    let mut torque = Panel::new(Axis::new("Torque of the muscles", "N m")).height(300.0);
+    let mut rest = Panel::new(Axis::new("Measured less fitted", "N m")).height(150.0);
+    let points = &tuned.estimate.fitted.points;
+    for (up, fast, name, colour) in [
+        (true, false, "growing, slow", Colour::Vermillion),
+        (false, false, "falling, slow", Colour::Blue),
+        (true, true, "growing, fast", Colour::Orange),
+        (false, true, "falling, fast", Colour::Green),
+    ] {
+        let group = group(points, up, fast);
+        let of = |f: fn(&Point) -> f64| group.iter().map(f).collect::<Vec<f64>>();
+        let x = of(|p| p.angle_rad.to_degrees());
+        torque = torque.dots(name, colour, &x, &of(|p| p.torque_n_m));
+        rest = rest.dots("", colour, &x, &of(|p| p.residual_n_m));
+    }
+    let chart = Chart::new(Axis::new("Angle", "deg")).panel(torque).panel(rest.reference(0.0, "0"));
+    Section::new("Balance of torques").figure(chart.figure(
+        "Torque over the angle",
+        "By pressures and tuned lengths, in means over 0.1 s in which the joint slides one way. Half of the distance \
+         between the slow branches is dry friction, their middle gravity; fast motion adds inertia and viscous \
+         friction.",
+    ))
+}
+
+fn motion(tuned: &Tuned) -> Section {
+    let of = |f: fn(&super::Record) -> f64| tuned.records.iter().map(f).collect::<Vec<f64>>();
+    let time = of(|one| one.time_s);
+    let chart = Chart::new(Axis::new("Time", "s"))
+        .panel(
+            Panel::new(Axis::new("Angle", "deg"))
+                .dashed(
+                    "reference",
+                    Colour::SetPoint,
+                    &time,
+                    &of(|one| one.reference_rad.to_degrees()),
+                )
+                .line("angle", Colour::Measured, &time, &of(|one| one.angle_rad.to_degrees())),
+        )
+        .panel(
+            Panel::new(Axis::new("Pressure", "kPa"))
+                .line("a", Colour::Blue, &time, &of(|one| one.pressure_pa[0] / 1e3))
+                .line("b", Colour::Vermillion, &time, &of(|one| one.pressure_pa[1] / 1e3)),
+        );
+    Section::new("Experiment").figure(
+        chart.figure(
+            "Angle and pressures",
+            "Slow sweeps, a sine and steps, first soft, then stiff.",
+        ),
+    )
+}
+
+fn followed(tuned: &Tuned) -> Section {
+    let row = |name: &str, f: &Figures| {
+        let cells = [f.sine_rms_rad, f.rest_error_rad, f.rest_motion_rad];
+        let cells = cells.map(|value| significant(degrees(value), 3));
+        [name.to_owned()].into_iter().chain(cells).collect()
+    };
+    let check = &tuned.findings.check;
+    let columns = ["", "Sine, RMS [deg]", "At rest [deg]", "Moving at rest [deg]"];
+    let figure = check_chart(tuned).figure(
+        "Check, before and after",
+        "A sine of 1 Hz, then a rest; the error is measured less set point.",
+    );
+    Section::new("Check").figure(figure).table(Table {
+        caption: "The same motion with both".to_owned(),
+        columns: columns.map(str::to_owned).to_vec(),
+        rows: vec![row("before", &check.before), row("after", &check.after)],
+    })
+}
+
+pub fn check_chart(tuned: &Tuned) -> Chart {
+    let (before, after) = (&tuned.before.points, &tuned.after.points);
+    let column = |points: &[(f64, f64, f64)], of: fn(&(f64, f64, f64)) -> f64| {
+        points.iter().map(of).collect::<Vec<f64>>()
+    };
+    let [time_before, time] = [before, after].map(|points| column(points, |point| point.0));
+    let angle: fn(&(f64, f64, f64)) -> f64 = |point| point.2.to_degrees();
+    let error: fn(&(f64, f64, f64)) -> f64 = |point| (point.2 - point.1).to_degrees();
+    Chart::new(Axis::new("Time", "s"))
+        .panel(
+            Panel::new(Axis::new("Angle", "deg"))
+                .wide("set point", Colour::Grey, &time, &column(after, |p| p.1.to_degrees()))
+                .line("before", Colour::Vermillion, &time_before, &column(before, angle))
+                .line("after", Colour::Blue, &time, &column(after, angle)),
+        )
+        .panel(
+            Panel::new(Axis::new("Angle less set point", "deg"))
+                .height(150.0)
+                .line("before", Colour::Vermillion, &time_before, &column(before, error))
+                .line("after", Colour::Blue, &time, &column(after, error)),
+        )
+}

@@ -1,0 +1,196 @@
+//! Values against closed form, on the plant, and what is refused.
+
+use super::balance::{Altered, Balance, COUNT, Term};
+use super::*;
+use model_core::joint::Mechanism;
+use model_core::physics::chamber::{AnyChamber, Chamber};
+use model_core::physics::hysteresis::{Held, Law};
+use std::f64::consts::TAU;
+use std::path::Path;
+
+/// True values, by [`Term`]: inertia, viscous and dry friction, gravity, mid-lengths, radius.
+const TRUE: [f64; COUNT] = [0.03, 0.08, 0.7, 3.0, -1.2, 0.268, 0.273, 0.0206];
+
+/// Slow and fast swings, soft and stiff, each from rest to rest \[rad\].
+fn angle_rad(time_s: f64) -> f64 {
+    let (w, size, share) = match time_s % 26.0 {
+        t if t < 20.0 => (TAU * 0.1, 0.7, t / 20.0),
+        t => (TAU * 1.5, 0.6, (t - 20.0) / 6.0),
+    };
+    size * (w * time_s).sin() * (0.5 * TAU * share).sin().powi(2)
+}
+
+/// Speed and acceleration.
+fn motion(time_s: f64) -> (f64, f64) {
+    const D_S: f64 = 1.0e-4;
+    let [before, now, after] = [-D_S, 0.0, D_S].map(|later_s| angle_rad(time_s + later_s));
+    ((after - before) / (2.0 * D_S), (after - 2.0 * now + before) / (D_S * D_S))
+}
+
+/// Records of a joint that moves so without error: the pressures follow from the true values.
+fn records(config: &JointConfig) -> Vec<Record> {
+    let [inertia, viscous, dry, sine, cosine, mid_a, mid_b, radius] = TRUE;
+    let chambers = config.muscles.map(|muscle| AnyChamber::new(&muscle.chamber));
+    let laws = config.muscles.map(|muscle| Law::new(&muscle.hysteresis, 1.0e-3));
+    let mut held = [Held::default(); 2];
+    let mut before_rad = 0.0;
+    let record = |step: u32| {
+        let time_s = f64::from(step) * 1.0e-3;
+        let (angle_rad, (speed, acceleration)) = (angle_rad(time_s), motion(time_s));
+        let pull_n = if time_s < 26.0 { 200.0 } else { 350.0 };
+        let torque = inertia * acceleration
+            + viscous * speed
+            + dry * speed.signum()
+            + sine * angle_rad.sin()
+            + cosine * angle_rad.cos();
+        let way_m = radius * (angle_rad - before_rad);
+        before_rad = angle_rad;
+        let lengths_m = [mid_a - radius * angle_rad, mid_b + radius * angle_rad];
+        let pressure_pa = [0, 1].map(|i: usize| {
+            let sign = if i == 0 { 1.0 } else { -1.0 };
+            held[i] = laws[i].after(&held[i], (sign * way_m) as f32, 2.0e5, 1.0);
+            let force_n = pull_n + sign * 0.5 * torque / radius;
+            let held_n = f64::from(held[i].force_n());
+            let gauge_pa = chambers[i]
+                .gauge_pressure_for_force_pa((force_n + held_n) as f32, lengths_m[i] as f32);
+            f64::from(config.muscles[i].ambient.pressure_pa + gauge_pa)
+        });
+        Record {
+            step,
+            time_s,
+            angle_rad,
+            reference_rad: angle_rad,
+            pressure_pa,
+            wall_k: [298.0; 2],
+        }
+    };
+    (0..52_000).map(record).collect()
+}
+
+fn plan(config: &JointConfig) -> Plan {
+    Plan::new(config, 4.0e5, SLIDING_M_S)
+}
+
+/// Seven values at once, from a configuration that is wrong in each; then with the radius held wrong by 3 %: as the
+/// head of the module says, torques and lengths take it over.
+#[test]
+fn values_are_those_of_the_closed_form() {
+    let config = JointConfig::default();
+    let records = records(&config);
+    let balance = Balance::new(&records, &plan(&config), &config);
+    assert!((200..2000).contains(&balance.windows()), "{}", balance.windows());
+    let mut held = [None; COUNT];
+    let radius = TRUE[Term::Radius as usize];
+    held[Term::Radius as usize] = Some(radius);
+    let fitted = balance.fit(&held, Altered::NOT).unwrap();
+    for term in Term::ALL.into_iter().filter(|term| *term != Term::Radius) {
+        let (found, truth) = (fitted.values[term as usize].value, TRUE[term as usize]);
+        let off = found / truth - 1.0;
+        // The law in f32 leaves millionths.
+        assert!(off != 0.0 && off.abs() < 1.0e-4, "{term:?}: {found}, {truth}");
+    }
+    assert!((1.0e-9..1.0e-5).contains(&fitted.rms_n_m), "{} N m", fitted.rms_n_m);
+
+    held[Term::Radius as usize] = Some(0.97 * radius);
+    let fitted = balance.fit(&held, Altered::NOT).unwrap();
+    for term in [Term::Inertia, Term::Dry, Term::GravitySine] {
+        let share = fitted.values[term as usize].value / TRUE[term as usize];
+        assert!((0.9..0.985).contains(&share), "{term:?}: {share}");
+    }
+}
+
+/// One muscle's force area 3 % larger: half of it makes every torque larger, and both mid-lengths part by ds A/A'.
+#[test]
+fn an_area_that_is_wrong_appears_in_torques_and_mid_lengths() {
+    let config = JointConfig::default();
+    let records = records(&config);
+    let balance = Balance::new(&records, &plan(&config), &config);
+    let mut held = [None; COUNT];
+    held[Term::Radius as usize] = Some(TRUE[Term::Radius as usize]);
+    let fit = |altered: Altered| balance.fit(&held, altered).unwrap().values;
+    let (as_is, wider) = (fit(Altered::NOT), fit(Altered { area: 1.03, ..Altered::NOT }));
+    let moved = |term: Term| wider[term as usize].value - as_is[term as usize].value;
+    let chamber = AnyChamber::new(&config.muscles[0].chamber);
+    let area = |length_m: f32| -chamber.volume_slope_m2(length_m);
+    let slope = (area(0.269) - area(0.267)) / 0.002;
+    let expected_m = -0.03 * f64::from(area(0.268) / slope);
+    let parted_m = moved(Term::MidA) - moved(Term::MidB);
+    assert!((0.8..1.2).contains(&(parted_m / expected_m)), "{parted_m} m, {expected_m} m");
+}
+
+#[test]
+fn an_experiment_stays_between_the_stops() {
+    let config = JointConfig::default();
+    let plan = plan(&config);
+    assert!((30.0..50.0).contains(&plan.duration_s()), "{} s", plan.duration_s());
+    let Mechanism { minimum_rad, maximum_rad, .. } = config.mechanism;
+    let times = (0..(plan.duration_s() * 100.0) as u32).map(|i| f64::from(i) * 0.01);
+    let motions: Vec<_> = times.map(|time_s| plan.motion(time_s)).collect();
+    for motion in &motions {
+        assert!(motion.angle_rad >= 0.75 * minimum_rad && motion.angle_rad <= 0.75 * maximum_rad);
+    }
+    let most = motions.iter().map(|motion| motion.angle_rad).fold(0.0, f32::max);
+    assert!(most > 0.55, "{most}");
+}
+
+fn loaded(text: &str) -> JointLoaded {
+    thermyo_joint::parse(text, Path::new("joint.toml")).unwrap()
+}
+
+fn tuned(text: &str) -> Result<Tuned, TuneError> {
+    let mut bench = Simulated { highest_pa: 4.0e5, stopped: &|| false };
+    tune_on(&loaded(text), 4.0e5, &mut bench)
+}
+
+/// Errors of the values of the plant `full`, whose muscles have 40 N s/m each; each lies within twice its stated one.
+#[test]
+fn a_joint_that_is_configured_wrong_is_found() {
+    let tuned = tuned(
+        "[plant]\ninitial_pressure_pa = 250000\n[joint]\nmid_length_a_m = 0.268\nmid_length_b_m = 0.273\n\
+         inertia_kg_m2 = 0.03\ngravity_n_m = 4\ngravity_angle_rad = 0.3\nviscous_n_m_s = 0.1\nfriction_n_m = 0.15\n\
+         [believed.joint]\nmid_length_a_m = 0.27\nmid_length_b_m = 0.27\ninertia_kg_m2 = 0.015\ngravity_n_m = 0\n\
+         gravity_angle_rad = 0\nviscous_n_m_s = 0.05\nfriction_n_m = 0\n",
+    )
+    .unwrap();
+    println!("{}", tuned.findings.text());
+    for (path, truth, most) in [
+        ("joint.inertia_kg_m2", 0.03, 0.03),
+        ("joint.gravity_n_m", 4.0, 0.05),
+        ("joint.gravity_angle_rad", 0.3, 0.03),
+        ("joint.viscous_n_m_s", 0.1 + 2.0 * 40.0 * 0.02 * 0.02, 0.15),
+        ("joint.friction_n_m", 0.15, 0.15),
+        ("joint.mid_length_a_m", 0.268, 0.005),
+        ("joint.mid_length_b_m", 0.273, 0.005),
+    ] {
+        let found = tuned.findings.value(path).unwrap();
+        let off = found.after / truth - 1.0;
+        assert!(off.abs() > 1.0e-6 && off.abs() < most, "{path}: {} of {truth}", found.after);
+        let error = found.standard_error.unwrap();
+        assert!((found.after - truth).abs() < 2.0 * error, "{path}: {found:?}");
+        assert!(error < 0.4 * truth, "{path}: {found:?}");
+    }
+    let check = tuned.findings.check;
+    assert!(check.before.sine_rms_rad > 2.0 * check.after.sine_rms_rad, "{check:?}");
+    assert!((1.0e-3..0.012).contains(&check.after.sine_rms_rad), "{check:?}");
+}
+
+#[test]
+fn what_cannot_be_tuned_is_refused() {
+    let lumped = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 250000\n";
+    let fault = |what: &str| format!("{lumped}[joint]\n[joint.a.faults]\n{what}\nfrom_s = 8\n");
+    for (text, expected) in [
+        (fault("length = \"open\""), "faults during the experiment: joint: angle sensor"),
+        (
+            fault("pressure = \"shorted\""),
+            "faults during the experiment: muscle a: pressure sensor",
+        ),
+        (
+            format!("{lumped}[joint]\ngravity_n_m = 14\n[believed.joint]\ngravity_n_m = 0\n"),
+            "enter a rough joint.gravity_n_m",
+        ),
+    ] {
+        let refused = tuned(&text).unwrap_err();
+        assert!(matches!(refused, TuneError::Refused(_)), "{refused:?}");
+        assert!(refused.to_string().contains(expected), "{refused}");
+    }
+}
