@@ -99,6 +99,74 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert!(scenario.contains("zones = 4"), "{scenario}");
 }
 
+/// Keys of the joint, of one muscle, and of both; each row has the figures of a run of the joint.
+#[test]
+fn a_joint_is_swept() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[run]\nduration_s = 1\n[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n\
+                [joint]\n[drive]\nshape = \"sine\"\namplitude_rad = 0.2\n";
+    let scenario = file(folder.path(), "joint.toml", text);
+    let out = folder.path().join("out");
+    let keys = [
+        "--vary",
+        "joint.inertia_kg_m2=0.01,0.03",
+        "--vary",
+        "joint.b.muscle.bladder_stiffness_n_m=700,900",
+    ];
+    let table = sweep(&scenario, &keys, &out);
+    let mut lines = table.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    assert_eq!(rows.len(), 4);
+    let cell = |row: usize, name: &str| {
+        let place =
+            names.iter().position(|other| *other == name).unwrap_or_else(|| panic!("{name}"));
+        rows[row][place].parse::<f64>().unwrap_or(f64::NAN)
+    };
+    let written = format!(
+        "{}[joint.b.muscle]\nbladder_stiffness_n_m = 700\n",
+        text.replace("[joint]\n", "[joint]\ninertia_kg_m2 = 0.03\n")
+    );
+    let single = file(folder.path(), "single.toml", &written);
+    let place = folder.path().join("single").display().to_string();
+    assert_eq!(thermyo(&["run", &single, "--quiet", "--out", &place]).0, 0);
+    let summary = read(Path::new(&place), "summary.json");
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    for (column, key) in [
+        ("control_rms_error", "rms_error_rad"),
+        ("end_error_rad", "end_error_rad"),
+        ("rms_stiffness_error", "rms_stiffness_error"),
+        ("pulses_per_s", "pulses_per_s"),
+        ("limited", "limited"),
+    ] {
+        assert_eq!(Some(cell(2, column)), summary[key].as_f64(), "{column}");
+    }
+    assert_eq!(summary["highest_pressure_pa"][1].as_f64(), Some(cell(2, "highest_pressure_b_pa")));
+    assert!(cell(0, "vented_s").is_nan() && cell(0, "model_rmse_k").is_nan(), "{table}");
+    assert!(cell(0, "estimate_rmse_k") > 0.01 && cell(0, "estimate_rmse_k") < 5.0, "{table}");
+    let page = read(&out, "report.html");
+    assert!(page.contains("The set point is followed to ") && page.contains(" deg RMS at best"));
+
+    let shard = |part: &str| {
+        let out = folder.path().join(part.replace('/', "-"));
+        sweep(&scenario, &[&keys[..], &["--shard", part]].concat(), &out);
+        out.display().to_string()
+    };
+    let (whole, parts) = (folder.path().join("whole"), [shard("1/2"), shard("2/2")]);
+    let whole_text = whole.display().to_string();
+    let merge = ["sweep", "--merge", &parts[0], &parts[1], "--quiet", "--out", &whole_text];
+    assert_eq!(thermyo(&merge).0, 0);
+    assert_eq!(read(&whole, "sweep.csv"), table);
+    for (vary, message) in [
+        ("joint.radus_m=1,2", "unknown key joint.radus_m; did you mean joint.radius_m?"),
+        ("joint.radius_m=0.02,0.4", "joint.mid_length_a_m"),
+        ("load.force_n=1,2", "[load] is not used"),
+    ] {
+        let (code, _, err) = thermyo(&["sweep", &scenario, "--vary", vary, "--quiet"]);
+        assert!(code == 2 && err.contains(message) && err.lines().count() == 1, "{code}: {err}");
+    }
+}
+
 #[test]
 fn a_sweep_with_a_set_point_has_its_tracking_error() {
     let folder = tempfile::tempdir().unwrap();

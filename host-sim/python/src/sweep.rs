@@ -5,7 +5,7 @@ use crate::run::{Signals, results};
 use crate::scenario;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
-use thermyo_studies::sweep::{Latin, Range, Shard, Sweep as Points};
+use thermyo_studies::sweep::{Latin, Range, Shard, Sweep as Points, Swept};
 
 /// The points of `thermyo sweep`, and the rows of its table.
 #[pyclass(frozen, module = "thermyo")]
@@ -33,7 +33,8 @@ impl Sweep {
             text.parse::<Range>().map_err(|e| error::sweep(format!("vary {text}: {e}")))
         });
         let latin = lhs.map(|points| Latin { points, seed });
-        let points = Points::of(document, ranges.collect::<PyResult<_>>()?, latin, Shard::WHOLE)
+        let scenario = Swept::Muscle(document);
+        let points = Points::of(scenario, ranges.collect::<PyResult<_>>()?, latin, Shard::WHOLE)
             .map_err(error::sweep)?;
         Ok(Self { points })
     }

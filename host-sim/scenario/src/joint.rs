@@ -11,8 +11,10 @@
 
 use super::declare::{choice, table};
 use super::document::{Document, allowed_instead, checked};
-use super::key::{Key, Table};
+use super::key::{Allowed, Key, Table};
 use model_core::joint;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::path::Path;
 use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted};
 use toml::Value;
@@ -104,6 +106,8 @@ pub struct JointDocument {
     pub drive: JointDrive,
     /// Muscles a and b.
     pub muscles: [Document; 2],
+    /// Entries of muscles a and b alone, which are above the shared ones.
+    own: [Document; 2],
     /// Keys of the joint in the file, with their lines.
     given: Vec<(String, u64)>,
 }
@@ -188,16 +192,10 @@ impl JointDocument {
         let [shared, own, a, b] = split(text);
         let shared = Document::parse(&shared, origin)?;
         if let Some(entry) = shared.plant.iter().find(|entry| entry.table == "load") {
-            let problem = Problem::UnusedTable {
-                table: "load".to_owned(),
-                why: "the joint is the load of both muscles; leave it out",
-            };
-            return Err(located(origin, entry.line, problem));
+            return Err(located(origin, entry.line, unused_load()));
         }
-        let muscles = [
-            shared.overlaid(&Document::parse(&a, origin)?),
-            shared.overlaid(&Document::parse(&b, origin)?),
-        ];
+        let own_entries = [Document::parse(&a, origin)?, Document::parse(&b, origin)?];
+        let muscles = own_entries.each_ref().map(|own| shared.overlaid(own));
         let (tables, given) = own_tables(&own, origin)?;
         let table = |name: &str| tables.get(name).cloned().unwrap_or_default();
         let mut believed = table("joint");
@@ -208,8 +206,75 @@ impl JointDocument {
             controller: filled(table("joint.controller"), origin)?,
             drive: filled(table("drive"), origin)?,
             muscles,
+            own: own_entries,
             given,
         })
+    }
+
+    /// Sets the key of a whole path, such as "joint.inertia_kg_m2", "joint.b.muscle.zones" or "muscle.zones", as if it
+    /// were in the file.
+    ///
+    /// # Errors
+    /// When there is no such key, or the value is not allowed.
+    pub fn set(&mut self, full_path: &str, value: Setting<'_>) -> Result<(), Problem> {
+        for (muscle, prefix) in self.muscles.iter_mut().zip(["joint.a.", "joint.b."]) {
+            if let Some(path) = full_path.strip_prefix(prefix) {
+                return value.put(muscle, path);
+            }
+        }
+        if let Some((table, name, key)) = own_key(full_path) {
+            return self.set_own((table, name), key, full_path, value);
+        }
+        if OWN
+            .iter()
+            .any(|(table, _)| full_path.rsplit_once('.').is_some_and(|(of, _)| of == *table))
+        {
+            let (table, name) = full_path.rsplit_once('.').unwrap_or_default();
+            let keys = OWN.iter().find(|(own, _)| *own == table).map_or(&[][..], |(_, t)| t.keys);
+            return Err(unknown(full_path, table, name, keys));
+        }
+        if full_path.starts_with("load.") {
+            return Err(unused_load());
+        }
+        for (muscle, own) in self.muscles.iter_mut().zip(&self.own) {
+            let mut set = muscle.clone();
+            value.put(&mut set, full_path)?;
+            // An entry of one muscle stays above the shared one.
+            *muscle = set.overlaid(own);
+        }
+        Ok(())
+    }
+
+    fn set_own(
+        &mut self,
+        (table, name): (&str, &str),
+        key: &Key,
+        full_path: &str,
+        value: Setting<'_>,
+    ) -> Result<(), Problem> {
+        let taken = value.of(key).ok_or_else(|| Problem::NotAllowed {
+            key: full_path.to_owned(),
+            value: value.text(),
+            allowed: allowed_instead(key.allowed, Some(&value.text())),
+        })?;
+        let believed = format!("believed.joint.{name}");
+        let follows = !self.given.iter().any(|(given, _)| *given == believed);
+        match table {
+            "drive" => put(&mut self.drive, name, taken),
+            "joint.controller" => put(&mut self.controller, name, taken),
+            "believed.joint" => put(&mut self.believed, name, taken),
+            _ => {
+                if follows {
+                    put(&mut self.believed, name, taken.clone());
+                }
+                put(&mut self.joint, name, taken);
+            }
+        }
+        // A believed value that is set does not follow the plant.
+        if table == "believed.joint" && follows {
+            self.given.push((believed, 0));
+        }
+        Ok(())
     }
 
     /// The error for a key of the joint, at its line if the file has it.
@@ -219,15 +284,88 @@ impl JointDocument {
     }
 }
 
+fn unused_load() -> Problem {
+    Problem::UnusedTable {
+        table: "load".to_owned(),
+        why: "the joint is the load of both muscles; leave it out",
+    }
+}
+
+/// A value that a key is set to.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Setting<'a> {
+    Number(f64),
+    /// A choice, or a number with its unit.
+    Word(&'a str),
+}
+
+impl Setting<'_> {
+    fn put(self, document: &mut Document, path: &str) -> Result<(), Problem> {
+        match self {
+            Self::Number(number) => document.set(path, number),
+            Self::Word(word) => document.set_word(path, word),
+        }
+    }
+
+    fn text(self) -> String {
+        match self {
+            Self::Number(number) => number.to_string(),
+            Self::Word(word) => word.to_owned(),
+        }
+    }
+
+    /// The value of a key, if it is allowed.
+    fn of(self, key: &Key) -> Option<Value> {
+        match (key.allowed, self) {
+            (Allowed::Real(limits), Self::Number(number)) => limits.taken(number).map(Value::Float),
+            (Allowed::Real(limits), Self::Word(word)) => {
+                let number = limits.wanted().read(word).ok();
+                number.and_then(|number| limits.taken(number)).map(Value::Float)
+            }
+            (Allowed::Choice(words), Self::Word(word)) => {
+                words.contains(&word).then(|| Value::String(word.to_owned()))
+            }
+            _ => None,
+        }
+    }
+}
+
+/// Puts a checked value into the struct of a table.
+fn put<T: Serialize + DeserializeOwned>(table: &mut T, name: &str, value: Value) {
+    let changed = toml::Table::try_from(&*table).ok().and_then(|mut values| {
+        values.insert(name.to_owned(), value);
+        Value::Table(values).try_into().ok()
+    });
+    if let Some(changed) = changed {
+        *table = changed;
+    }
+}
+
+/// The table, the name and the schema of a key of the joint's own tables.
+fn own_key(full_path: &str) -> Option<(&str, &str, &'static Key)> {
+    let (of, name) = full_path.rsplit_once('.')?;
+    let (_, table) = OWN.iter().find(|(own, _)| *own == of)?;
+    let key = table.keys.iter().find(|key| key.name == name)?;
+    Some((of, name, key))
+}
+
+/// The schema of a key of a joint's scenario that one of a muscle does not have: of the joint's own tables.
+pub fn key(full_path: &str) -> Option<&'static Key> {
+    own_key(full_path).map(|(_, _, key)| key)
+}
+
+/// A path of one muscle's key without that muscle's prefix.
+pub fn of_muscle(full_path: &str) -> &str {
+    let [a, b] = ["joint.a.", "joint.b."].map(|prefix| full_path.strip_prefix(prefix));
+    a.or(b).unwrap_or(full_path)
+}
+
 fn located(origin: &Path, line: Option<u64>, problem: Problem) -> InputError {
     InputError { file: origin.to_path_buf(), line, problem: Box::new(problem) }
 }
 
 /// The struct of a table, with defaults for what the file leaves out.
-fn filled<T: serde::de::DeserializeOwned>(
-    table: toml::Table,
-    origin: &Path,
-) -> Result<T, InputError> {
+fn filled<T: DeserializeOwned>(table: toml::Table, origin: &Path) -> Result<T, InputError> {
     let read = Value::Table(table).try_into();
     read.map_err(|error: toml::de::Error| {
         InputError::file(origin, Problem::Syntax(error.message().to_owned()))
@@ -305,6 +443,37 @@ mod tests {
         assert_eq!((zones(0).written.as_str(), zones(0).line), ("4", Some(2)));
         assert_eq!((zones(1).written.as_str(), zones(1).line), ("2", Some(7)));
         assert!(document.muscles[1].plant.get("muscle.slip_force_n").is_some());
+    }
+
+    #[test]
+    fn a_key_is_set_as_if_it_were_in_the_file() {
+        let mut document =
+            parse("[joint]\n[believed.joint]\nradius_m = 0.03\n[joint.b.muscle]\nzones = 2\n")
+                .unwrap();
+        let mut set = |path: &str, value: Setting| {
+            document.set(path, value).map_err(|problem| problem.to_string())
+        };
+        set("joint.radius_m", Setting::Word("25 mm")).unwrap();
+        set("joint.inertia_kg_m2", Setting::Number(0.04)).unwrap();
+        set("muscle.zones", Setting::Number(4.0)).unwrap();
+        set("drive.shape", Setting::Word("sine")).unwrap();
+        set("joint.a.muscle.slip_force_n", Setting::Number(3.0)).unwrap();
+        for (path, value, message) in [
+            ("joint.radius_m", -1.0, "joint.radius_m = -1: must be "),
+            ("joint.radus_m", 1.0, "unknown key joint.radus_m; did you mean joint.radius_m?"),
+            ("load.force_n", 1.0, "[load] is not used: the joint is the load"),
+            ("muscle.zones", 0.5, "muscle.zones = 0.5: must be a whole number"),
+            ("drive.shape", 1.0, "drive.shape = 1: must be one of "),
+        ] {
+            let said = set(path, Setting::Number(value)).unwrap_err();
+            assert!(said.starts_with(message), "{said}");
+        }
+        assert_eq!((document.joint.radius_m, document.believed.radius_m), (0.025, 0.03));
+        assert_eq!(document.believed.inertia_kg_m2, 0.04, "it follows the plant");
+        assert_eq!(document.drive.shape, JointShape::Sine);
+        let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").unwrap();
+        assert_eq!([zones(0), zones(1)].map(|entry| entry.written.as_str()), ["4", "2"]);
+        assert!(document.muscles[1].plant.get("muscle.slip_force_n").is_none());
     }
 
     #[test]

@@ -1,5 +1,5 @@
 use super::progress::Bar;
-use super::{Failure, OutputArgs, interrupt, load, print, publish, whole};
+use super::{Failure, OutputArgs, interrupt, joint_in, load, print, publish, whole};
 use clap::Args;
 use std::collections::BTreeSet;
 use std::io::{self, Write};
@@ -66,7 +66,9 @@ pub(super) fn run(
     let Some(scenario) = &args.scenario else {
         return merge_shards(&args, &folder, stdout, stderr);
     };
-    load(scenario, args.output.format, stderr)?;
+    if joint_in(scenario, args.output.format, stderr)?.is_none() {
+        load(scenario, args.output.format, stderr)?;
+    }
     let latin = args.lhs.map(|points| Latin { points, seed: args.seed });
     let sweep =
         Sweep::new(scenario, args.vary.clone(), latin, args.shard).map_err(Failure::Sweep)?;

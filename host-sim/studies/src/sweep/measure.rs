@@ -2,8 +2,10 @@
 //! set point.
 
 use std::io;
+use thermyo_joint::{JointLoaded, Row as JointRow, RunError as JointRunError};
 use thermyo_record::summary::Errors;
 use thermyo_record::trace::Row;
+use thermyo_scenario::Run;
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
@@ -14,11 +16,11 @@ use thermyo_simulation::run::RunError;
 const SETTLED_S: f64 = 10.0;
 
 /// Start of the errors' evaluation \[s\]: 10 s, or half of a run shorter than 20 s.
-pub fn settled_s(loaded: &Loaded) -> f64 {
-    SETTLED_S.min(0.5 * loaded.plant.run.duration_s)
+pub fn settled_s(run: &Run) -> f64 {
+    SETTLED_S.min(0.5 * run.duration_s)
 }
 
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Figures {
     /// Root-mean-square errors against the plant's gas temperature \[K\].
     pub rmse_k: Errors,
@@ -28,7 +30,20 @@ pub struct Figures {
     /// Root-mean-square error of the set point over the whole run, in its unit; none without a
     /// controlled quantity.
     pub control_rms_error: Option<f64>,
+    /// Figures of a joint's summary, in the order of [`JOINT_COLUMNS`]; none of one muscle.
+    pub of_joint: Vec<f64>,
 }
+
+/// Columns of `sweep.csv` that only a joint has.
+pub(super) const JOINT_COLUMNS: [&str; 7] = [
+    "end_error_rad",
+    "rms_stiffness_error",
+    "pulses_per_s",
+    "limited",
+    "highest_pressure_a_pa",
+    "highest_pressure_b_pa",
+    "vented_s",
+];
 
 /// Runs a scenario with the core in this process; the errors count from `from_s` on \[s\]. `go_on`
 /// is called in each step, and its error ends the run.
@@ -39,30 +54,97 @@ pub fn measure(
 ) -> Result<Figures, RunError> {
     // The observer needs every step.
     loaded.plant.run.log_every = 1;
-    let mut squares = [0.0; 4];
-    let (mut steps, mut within) = (0_u64, 0_u64);
+    let mut errors = TemperatureErrors::default();
     let mut observer = |row: &Row| {
         go_on()?;
         let Row { truth, telemetry, .. } = row;
         if truth.time_s >= from_s {
             let estimate = &telemetry.estimate;
-            let errors =
-                [row.sensor_gas_k, row.sensor_wall_k, row.model_k, f64::from(estimate.gas_k)]
-                    .map(|temperature_k| temperature_k - truth.gas_temperature_k);
-            for (sum, error) in squares.iter_mut().zip(errors) {
-                *sum += error * error;
-            }
-            steps += 1;
-            within += u64::from(errors[3].abs() <= 2.0 * f64::from(estimate.gas_sd_k));
+            errors.add(
+                [row.sensor_gas_k, row.sensor_wall_k, row.model_k, f64::from(estimate.gas_k)],
+                (truth.gas_temperature_k, f64::from(estimate.gas_sd_k)),
+            );
         }
         Ok(())
     };
     let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
-    let [sensor_gas, sensor_wall, model, estimate] =
-        squares.map(|sum: f64| (sum / steps as f64).sqrt());
+    let (rmse_k, within_2sd) = errors.figures();
+    let control_rms_error = summary.control.map(|control| control.rms_error);
+    Ok(Figures { rmse_k, within_2sd, control_rms_error, of_joint: Vec::new() })
+}
+
+/// Runs the scenario of a joint. Temperature errors are those of the muscle with the larger one; a joint has
+/// neither wall sensors nor forward models. The error of the set point is that of the angle \[rad\].
+pub fn measure_joint(
+    mut loaded: JointLoaded,
+    from_s: f64,
+    go_on: &mut dyn FnMut() -> io::Result<()>,
+) -> Result<Figures, JointRunError> {
+    for muscle in &mut loaded.muscles {
+        muscle.plant.run.log_every = 1;
+    }
+    let mut errors = [TemperatureErrors::default(); 2];
+    let summary = thermyo_joint::run(&loaded, &mut |row: &JointRow| {
+        go_on()?;
+        let muscles = row.telemetry.muscles.iter().zip(&row.truth.muscles).zip(row.sensor_gas_k);
+        for (errors, ((muscle, truth), sensor_gas_k)) in errors.iter_mut().zip(muscles) {
+            if row.time_s >= from_s {
+                let estimate = &muscle.estimate;
+                errors.add(
+                    [sensor_gas_k, f64::NAN, f64::NAN, f64::from(estimate.gas_k)],
+                    (truth.gas_temperature_k, f64::from(estimate.gas_sd_k)),
+                );
+            }
+        }
+        Ok(())
+    })?;
+    let [(a, within_a), (b, within_b)] = errors.map(|errors| errors.figures());
+    let of = &summary.figures;
+    let [highest_a_pa, highest_b_pa] = of.highest_pressure_pa;
     Ok(Figures {
-        rmse_k: Errors { sensor_gas, sensor_wall, model, estimate },
-        within_2sd: within as f64 / steps as f64,
-        control_rms_error: summary.control.map(|control| control.rms_error),
+        rmse_k: Errors {
+            sensor_gas: a.sensor_gas.max(b.sensor_gas),
+            estimate: a.estimate.max(b.estimate),
+            ..a
+        },
+        within_2sd: within_a.min(within_b),
+        control_rms_error: Some(of.rms_error_rad),
+        of_joint: vec![
+            of.end_error_rad,
+            of.rms_stiffness_error,
+            of.pulses_per_s,
+            of.limited,
+            highest_a_pa,
+            highest_b_pa,
+            of.vented_s.unwrap_or(f64::NAN),
+        ],
     })
+}
+
+/// Gathers the errors of each way to know the gas temperature.
+#[derive(Debug, Clone, Copy, Default)]
+struct TemperatureErrors {
+    squares: [f64; 4],
+    steps: u64,
+    within: u64,
+}
+
+impl TemperatureErrors {
+    /// Takes the temperatures of a step, the true one, and the stated standard deviation of the estimate \[K\].
+    fn add(&mut self, temperatures_k: [f64; 4], (truth_k, sd_k): (f64, f64)) {
+        let errors = temperatures_k.map(|temperature_k| temperature_k - truth_k);
+        for (sum, error) in self.squares.iter_mut().zip(errors) {
+            *sum += error * error;
+        }
+        self.steps += 1;
+        self.within += u64::from(errors[3].abs() <= 2.0 * sd_k);
+    }
+
+    /// Root-mean-square errors, and the share of steps within two standard deviations.
+    fn figures(&self) -> (Errors, f64) {
+        let steps = self.steps as f64;
+        let [sensor_gas, sensor_wall, model, estimate] =
+            self.squares.map(|sum| (sum / steps).sqrt());
+        (Errors { sensor_gas, sensor_wall, model, estimate }, self.within as f64 / steps)
+    }
 }

@@ -1,7 +1,7 @@
 //! `thermyo sweep`: the same run over many values, to see which sensor is fast enough.
 //!
 //! ```text
-//! scenario file --Document--> set each key --assemble--> Loaded --measure--> Figures, point by point --> journal
+//! scenario file --Swept--> set each key --> Assembled --measure--> Figures, point by point --> journal
 //! journals of shards --merge--> one table
 //! ```
 //!
@@ -15,12 +15,13 @@ pub mod page;
 mod plan;
 mod range;
 mod reach;
+mod scenario;
 mod shard;
 mod study;
 mod ways;
 
 pub use journal::{Journal, Kept, MergeError, merge};
-pub use measure::{Figures, settled_s};
+pub use measure::Figures;
 pub use outcome::{Extent, Outcome, Summary};
 pub use plan::Latin;
 pub use range::{Range, RangeError};
@@ -29,14 +30,14 @@ pub use study::{Point, Study};
 
 use plan::Plan;
 pub use range::MOST_POINTS;
+use scenario::Assembled;
+pub use scenario::Swept;
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use thermyo_compute::parallel;
-use thermyo_files::input::{InputError, Problem, read_text};
-use thermyo_scenario::Document;
-use thermyo_setup::{Loaded, assemble};
+use thermyo_files::input::{InputError, Problem};
 
 /// Reason why a sweep does not start.
 #[derive(Debug, thiserror::Error)]
@@ -64,7 +65,7 @@ pub enum SweepError {
 #[derive(Debug)]
 pub struct Sweep {
     pub study: Study,
-    document: Document,
+    scenario: Swept,
 }
 
 impl Sweep {
@@ -75,30 +76,29 @@ impl Sweep {
         latin: Option<Latin>,
         shard: Shard,
     ) -> Result<Self, SweepError> {
-        let document = Document::parse(&read_text(path)?, path)?;
-        let sweep = Self::of(document, ranges, latin, shard)?;
+        let sweep = Self::of(Swept::read(path)?, ranges, latin, shard)?;
         sweep.check()?;
         Ok(sweep)
     }
 
     /// For a scenario that has been read. The points are checked only when they run.
     pub fn of(
-        document: Document,
+        scenario: Swept,
         ranges: Vec<Range>,
         latin: Option<Latin>,
         shard: Shard,
     ) -> Result<Self, SweepError> {
-        let base = assemble(&document)?;
+        let base = scenario.assemble()?;
         let plan = Plan::new(ranges, latin)?;
         for range in &plan.ranges {
             for value in &range.values {
-                let set = range.set(&mut document.clone(), *value);
+                let set = range.set(&mut scenario.clone(), *value);
                 set.map_err(|problem| SweepError::Value(range.to_string(), problem))?;
             }
         }
-        let name = document.origin.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = scenario.origin().file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let study = Study::new(plan, shard, name, &base);
-        let sweep = Self { study, document };
+        let sweep = Self { study, scenario };
         let own = sweep.study.own();
         if own.is_empty() {
             return Err(SweepError::EmptyShard { shard, points: sweep.study.points() });
@@ -154,22 +154,22 @@ impl Sweep {
             Ok(loaded) => loaded,
             Err(error) => return failed(f64::NAN, 0, error.to_string()),
         };
-        let (settled_s, seed) = (settled_s(&loaded), loaded.plant.run.seed);
+        let (settled_s, seed) = loaded.settled_and_seed();
         // A panic at one point must not lose the others.
-        match catch_unwind(AssertUnwindSafe(|| measure::measure(loaded, settled_s, go_on))) {
+        match catch_unwind(AssertUnwindSafe(|| loaded.measure(settled_s, go_on))) {
             Ok(Ok(figures)) => Point { point, seed, settled_s, figures: Ok(figures) },
-            Ok(Err(error)) => failed(settled_s, seed, error.to_string()),
+            Ok(Err(error)) => failed(settled_s, seed, error),
             Err(panic) => failed(settled_s, seed, format!("the program failed: {}", said(&*panic))),
         }
     }
 
-    fn assemble(&self, point: usize) -> Result<Loaded, InputError> {
-        let mut document = self.document.clone();
+    fn assemble(&self, point: usize) -> Result<Assembled, InputError> {
+        let mut scenario = self.scenario.clone();
         for (range, value) in self.study.ranges().iter().zip(self.study.values(point)) {
-            let set = range.set(&mut document, value);
-            set.map_err(|problem| InputError::file(&document.origin, problem))?;
+            let set = range.set(&mut scenario, value);
+            set.map_err(|problem| InputError::file(scenario.origin(), problem))?;
         }
-        assemble(&document)
+        scenario.assemble()
     }
 }
 

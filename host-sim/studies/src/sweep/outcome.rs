@@ -6,7 +6,6 @@ use super::{Figures, Point, Range, Study};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::significant;
-use thermyo_files::units::UnitSystem;
 
 #[derive(Debug)]
 pub struct Outcome<'a> {
@@ -98,10 +97,7 @@ impl<'a> Outcome<'a> {
     /// How closely the set point is followed, in a sentence; none where no point has one.
     fn tracking(&self) -> String {
         let [Some(least), Some(most)] = self.control() else { return String::new() };
-        let text = |value| match self.study.controlled() {
-            Some(quantity) => quantity.text(value, UnitSystem::Practical),
-            None => significant(value, 3),
-        };
+        let text = |value| self.study.tracking_text(value);
         format!(
             " The set point is followed to {} RMS at best, {} at worst.",
             text(least),

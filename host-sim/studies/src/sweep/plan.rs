@@ -1,10 +1,9 @@
 //! Points of a sweep: the product of all values, or a Latin hypercube.
 
 use super::SweepError;
-use super::range::{MOST_POINTS, Range};
+use super::range::{MOST_POINTS, Range, allowed};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use thermyo_scenario::schema;
 use thermyo_scenario::schema::Allowed;
 
 /// Latin hypercube: each key's range is divided into as many equally probable parts as there are
@@ -91,9 +90,7 @@ impl Plan {
 }
 
 fn draw(range: &Range, key: usize, Latin { points, seed }: Latin) -> Vec<f64> {
-    let path = range.key.strip_prefix("believed.").unwrap_or(&range.key);
-    let whole =
-        schema::key(path).is_some_and(|(_, key)| matches!(key.allowed, Allowed::Whole { .. }));
+    let whole = matches!(allowed(&range.key), Some(Allowed::Whole { .. }));
     // A separate stream, so that an additional key does not change the others.
     let mut generator = Xoshiro256PlusPlus::seed_from_u64(seed);
     (0..key).for_each(|_| generator.jump());

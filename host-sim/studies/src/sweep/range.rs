@@ -1,5 +1,6 @@
 //! Ranges of a sweep: `--vary KEY=FROM:TO:COUNT`, `KEY=FROM:TO`, `KEY=A,B,C`.
 
+use super::scenario::Swept;
 use serde::Serialize;
 use std::fmt;
 use std::str::FromStr;
@@ -7,7 +8,7 @@ use thermyo_files::input::Problem;
 use thermyo_files::number::short;
 use thermyo_files::units::Wanted;
 use thermyo_report::scale::Spacing;
-use thermyo_scenario::Document;
+use thermyo_scenario::joint::{self, Setting};
 use thermyo_scenario::schema::{self, Allowed};
 
 /// Most values of one key, and most points of a sweep.
@@ -64,11 +65,12 @@ impl Range {
     ///
     /// # Errors
     /// Where the key does not allow it.
-    pub fn set(&self, document: &mut Document, value: f64) -> Result<(), Problem> {
-        match self.words.get(value as usize) {
-            Some(word) => document.set_word(&self.key, word),
-            None => document.set(&self.key, value),
-        }
+    pub fn set(&self, scenario: &mut Swept, value: f64) -> Result<(), Problem> {
+        let setting = match self.words.get(value as usize) {
+            Some(word) => Setting::Word(word),
+            None => Setting::Number(value),
+        };
+        scenario.set(&self.key, setting)
     }
 
     /// Value at a fraction of the range, 0 to below 1; `whole` rounds it to an integer.
@@ -208,11 +210,18 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
 
 /// The quantity of a key, for values with a unit; a ratio's for a key that takes no number.
 fn wanted(key: &str) -> Wanted {
-    let path = key.strip_prefix("believed.").unwrap_or(key);
-    match schema::key(path).map(|(_, key)| key.allowed) {
+    match allowed(key) {
         Some(Allowed::Real(limits)) => limits.wanted(),
         _ => Wanted::new(""),
     }
+}
+
+/// Allowed values of a key of a muscle's or a joint's scenario.
+pub(super) fn allowed(full_path: &str) -> Option<Allowed> {
+    let of_muscle = joint::of_muscle(full_path);
+    let path = of_muscle.strip_prefix("believed.").unwrap_or(of_muscle);
+    let key = schema::key(path).map(|(_, key)| key).or_else(|| joint::key(full_path));
+    key.map(|key| key.allowed)
 }
 
 /// f64 holds every digit of the number as written; a seed may have more.
@@ -229,7 +238,7 @@ fn rounded(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use thermyo_setup::assemble;
+    use thermyo_scenario::Document;
 
     fn values(text: &str) -> Vec<f64> {
         text.parse::<Range>().unwrap().values
@@ -249,11 +258,13 @@ mod tests {
         assert_eq!(values("supply.pressure_pa=4bar:800 kPa:3"), [4e5, 6e5, 8e5]);
         assert_eq!(values("believed.drive.contraction=5%,10%"), [0.05, 0.1]);
         assert_eq!(values("ambient.temperature_k=10degC:20degC"), [283.15, 293.15]);
+        assert_eq!(values("joint.radius_m=20mm,3cm"), [0.02, 0.03]);
+        assert_eq!(values("joint.b.supply.pressure_pa=4bar,5bar"), [4e5, 5e5]);
         let error = "supply.pressure_pa=4bar:8kg:3".parse::<Range>().unwrap_err().to_string();
         assert!(error.contains("TO = \"8kg\": must be a number in Pa, or one with"), "{error}");
         let range: Range = "supply.pressure_pa=4kg,5kg".parse().unwrap();
-        let mut document = Document::parse("", "test".as_ref()).unwrap();
-        let error = range.set(&mut document, 0.0).unwrap_err().to_string();
+        let mut scenario = Swept::Muscle(Document::parse("", "test".as_ref()).unwrap());
+        let error = range.set(&mut scenario, 0.0).unwrap_err().to_string();
         assert!(error.contains("= 4kg: must be a number from 1 to 3e6 Pa, or a text"), "{error}");
     }
 
@@ -270,10 +281,10 @@ mod tests {
     #[test]
     fn whole_numbers_keep_every_digit() {
         let range: Range = "run.seed=9007199254740995,9007199254740997".parse().unwrap();
-        let mut document = Document::parse("", "test".as_ref()).unwrap();
+        let mut scenario = Swept::Muscle(Document::parse("", "test".as_ref()).unwrap());
         for (value, seed) in [(0.0, 9_007_199_254_740_995), (1.0, 9_007_199_254_740_997)] {
-            range.set(&mut document, value).unwrap();
-            assert_eq!(assemble(&document).unwrap().plant.run.seed, seed);
+            range.set(&mut scenario, value).unwrap();
+            assert_eq!(scenario.assemble().unwrap().settled_and_seed().1, seed);
         }
         for text in ["run.seed=9007199254740993:9007199254740999:2", "run.seed=1:9007199254740993"]
         {
@@ -285,7 +296,7 @@ mod tests {
         }
         for seed in ["9223372036854775808,9223372036854775809", "-1,9007199254740993"] {
             let range: Range = format!("run.seed={seed}").parse().unwrap();
-            let error = range.set(&mut document, 0.0).unwrap_err().to_string();
+            let error = range.set(&mut scenario, 0.0).unwrap_err().to_string();
             let (first, _) = seed.split_once(',').unwrap();
             assert!(error.starts_with(&format!("run.seed = {first}: must be a whole")), "{error}");
         }

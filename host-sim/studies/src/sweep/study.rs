@@ -1,15 +1,19 @@
 //! Study of a sweep: identifies it, and reads and writes its rows.
 
+use super::measure::JOINT_COLUMNS;
 use super::plan::{Latin, Plan};
+use super::range::allowed;
+use super::scenario::Assembled;
 use super::ways::WAYS;
 use super::{Figures, Range, Shard, SweepError};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write};
+use thermyo_files::number::significant;
+use thermyo_files::units::UnitSystem;
 use thermyo_record::summary::Errors;
 use thermyo_record::tracking::Controlled;
-use thermyo_scenario::schema;
+use thermyo_scenario::joint;
 use thermyo_scenario::schema::Allowed;
-use thermyo_setup::Loaded;
 
 /// Scenario, plan and shard of a sweep.
 #[derive(Debug)]
@@ -51,11 +55,15 @@ pub struct Point {
 }
 
 impl Study {
-    pub(super) fn new(plan: Plan, shard: Shard, name: String, base: &Loaded) -> Self {
-        let scenario = thermyo_setup::render(base);
+    pub(super) fn new(plan: Plan, shard: Shard, name: String, base: &Assembled) -> Self {
+        let scenario = base.render();
         let mut checksum = Checksum::default();
         // Profiles and tables are not in the scenario's text.
-        write!(checksum, "{scenario}{base:?}").expect("a checksum takes everything");
+        let written = match base {
+            Assembled::Muscle(base) => write!(checksum, "{scenario}{base:?}"),
+            Assembled::Joint(base) => write!(checksum, "{scenario}{base:?}"),
+        };
+        written.expect("a checksum takes everything");
         Self { plan, shard, name, scenario, checksum: format!("{:016x}", checksum.0) }
     }
 
@@ -121,8 +129,26 @@ impl Study {
         each.collect::<Vec<_>>().join(", ")
     }
 
+    /// Columns of [`Figures::of_joint`].
+    fn joint_columns(&self) -> &'static [&'static str] {
+        if self.is_joint() { &JOINT_COLUMNS } else { &[] }
+    }
+
+    fn is_joint(&self) -> bool {
+        joint::is_joint(&self.scenario)
+    }
+
+    /// An error of the set point as text.
+    pub(super) fn tracking_text(&self, error: f64) -> String {
+        match self.controlled() {
+            Some(quantity) => quantity.text(error, UnitSystem::Practical),
+            None if self.is_joint() => format!("{} deg", significant(error.to_degrees(), 3)),
+            None => significant(error, 3),
+        }
+    }
+
     /// The quantity that the scenario's drive controls. No other table has these kinds.
-    pub(super) fn controlled(&self) -> Option<Controlled> {
+    fn controlled(&self) -> Option<Controlled> {
         let kinds = [
             ("kind = \"pressure\"", Controlled::Pressure),
             ("kind = \"contraction\"", Controlled::Contraction),
@@ -133,9 +159,7 @@ impl Study {
 
     /// SI unit of a key's values; empty for a ratio or a count.
     pub(super) fn unit(&self, key: usize) -> &'static str {
-        let path = &self.ranges()[key].key;
-        let path = path.strip_prefix("believed.").unwrap_or(path);
-        match schema::key(path).map(|(_, key)| key.allowed) {
+        match allowed(&self.ranges()[key].key) {
             Some(Allowed::Real(limits)) => limits.unit,
             _ => "",
         }
@@ -146,8 +170,9 @@ impl Study {
         let keys = self.ranges().iter().map(|range| range.key.as_str());
         let errors = WAYS.iter().map(|(_, column, _)| *column);
         let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
-        let last = ["estimate_within_2sd", "control_rms_error", "failure", "checksum"];
-        all.chain(last).collect::<Vec<&str>>().join(",")
+        let all = all.chain(["estimate_within_2sd", "control_rms_error"]);
+        let all = all.chain(self.joint_columns().iter().copied());
+        all.chain(["failure", "checksum"]).collect::<Vec<&str>>().join(",")
     }
 
     /// Number and values of a point, the first cells of its row.
@@ -175,10 +200,11 @@ impl Study {
                 WAYS.iter().for_each(|(.., error)| put(&mut text, error(&figures.rmse_k)));
                 put(&mut text, figures.within_2sd);
                 put(&mut text, figures.control_rms_error.unwrap_or(f64::NAN));
+                figures.of_joint.iter().for_each(|figure| put(&mut text, *figure));
                 text.push(',');
             }
             Err(failure) => {
-                text += &",".repeat(WAYS.len() + 3);
+                text += &",".repeat(WAYS.len() + 3 + self.joint_columns().len());
                 text += &quoted(failure);
             }
         }
@@ -203,11 +229,14 @@ impl Study {
         let (row, _) = line.rsplit_once(',')?;
         let rest = row.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
         // The failure is the last cell, and may contain commas.
-        let cells: Vec<&str> = rest.splitn(WAYS.len() + 5, ',').collect();
-        let [seed, settled_s, gas, wall, model, estimate, within, control, failure] = cells[..]
+        let own = self.joint_columns().len();
+        let cells: Vec<&str> = rest.splitn(WAYS.len() + 5 + own, ',').collect();
+        let [seed, settled_s, gas, wall, model, estimate, within, control, ref more @ ..] =
+            cells[..]
         else {
             return None;
         };
+        let (failure, of_joint) = more.split_last().filter(|(_, figures)| figures.len() == own)?;
         let number = |cell: &str| match cell {
             "" => Some(f64::NAN),
             _ => cell.parse().ok(),
@@ -224,6 +253,7 @@ impl Study {
                 rmse_k,
                 within_2sd: within.parse().ok()?,
                 control_rms_error: Some(control_rms_error).filter(|error| !error.is_nan()),
+                of_joint: of_joint.iter().map(|cell| number(cell)).collect::<Option<_>>()?,
             })
         } else {
             Err(unquoted(failure)?)
@@ -277,7 +307,9 @@ mod tests {
         let study = study();
         let rmse_k =
             Errors { sensor_gas: 0.1, sensor_wall: 1.0 / 3.0, model: f64::NAN, estimate: 3e-7 };
-        let figures = Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5) });
+        let of_joint = Vec::new();
+        let figures =
+            Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), of_joint });
         let whole = Point { point: 4, seed: 7, settled_s: 10.0, figures };
         let text = study.csv_row(&whole);
         assert_eq!(
