@@ -981,7 +981,7 @@ mod tests {
             (encode(&telemetry), (77, 1_017_350_385)),
             (encode(&muscle), (451, 3_805_535_179)),
             (encode(&joint), (124, 1_522_414_787)),
-            (encode(&of_joint), (174, 4_125_025_272)),
+            (encode(&of_joint), (191, 1_436_421_169)),
         ] {
             let frame = frame.unwrap();
             assert_eq!((frame.len(), CRC.checksum(&frame)), expected);
