@@ -18,9 +18,8 @@ const LAWS: [Altered; 3] = [
     Altered { elastic: 1.2, ..Altered::NOT },
     Altered { offset_pa: 3.0e3, ..Altered::NOT },
 ];
-/// Largest error of a value that is stated, relative: of inertia, radius, mid-lengths \[-\].
+/// Largest error of a value that is stated, relative: of inertia, of mid-lengths \[-\].
 const INERTIA: f64 = 0.25;
-const RADIUS: f64 = 0.05;
 const MID_LENGTH: f64 = 0.02;
 /// The same of the other values, as torque over that of the muscles, both RMS \[-\].
 const TORQUE: f64 = 0.1;
@@ -69,12 +68,13 @@ fn largest(fitted: &Fitted) -> [f64; COUNT] {
     Term::ALL.map(|term| match term {
         Term::Inertia => share(term, INERTIA),
         Term::MidA | Term::MidB => share(term, MID_LENGTH),
-        Term::Radius => share(term, RADIUS),
+        // It is held.
+        Term::Radius => f64::INFINITY,
         Term::Viscous | Term::Dry | Term::GravitySine | Term::GravityCosine => torque(term),
     })
 }
 
-/// Fits all values, and leaves open those whose errors are too large, the worst first.
+/// Fits all values but the radius, and leaves open those whose errors are too large, the worst first.
 pub(super) fn estimate(
     loaded: &JointLoaded,
     plan: &Plan,
@@ -82,18 +82,14 @@ pub(super) fn estimate(
 ) -> Result<Estimate, Refusal> {
     let config = loaded.config();
     let balance = Balance::new(records, plan, &config);
-    let too_few = || Refusal::TooFew { windows: balance.windows() };
     let configured = configured(loaded);
     let (mut held, mut open) = ([None; COUNT], [None; COUNT]);
     let mut zero = [false; COUNT];
+    let radius = Term::Radius as usize;
+    held[radius] = Some(configured[radius]);
     loop {
         let Some(fitted) = balance.fit(&held, Altered::NOT) else {
-            let radius = Term::Radius as usize;
-            if held[radius].is_some() {
-                return Err(too_few());
-            }
-            (held[radius], open[radius]) = (Some(configured[radius]), Some(f64::INFINITY));
-            continue;
+            return Err(Refusal::TooFew { windows: balance.windows() });
         };
         let value = |i: usize| fitted.values[i].value;
         let negative = [Term::Viscous, Term::Dry].map(|term| term as usize);
@@ -160,13 +156,15 @@ impl Estimate {
         all.push(self.single(Term::Viscous, "joint.viscous_n_m_s", joint.viscous_n_m_s, with));
         all.extend(self.of_friction(loaded));
         let middle = "pressures at equal torque, soft and stiff";
-        for (term, path, before, from) in [
-            (Term::MidA, "joint.mid_length_a_m", joint.mid_length_a_m, middle),
-            (Term::MidB, "joint.mid_length_b_m", joint.mid_length_b_m, middle),
-            (Term::Radius, "joint.radius_m", joint.radius_m, "elastic forces and lengths"),
+        for (term, path, before) in [
+            (Term::MidA, "joint.mid_length_a_m", joint.mid_length_a_m),
+            (Term::MidB, "joint.mid_length_b_m", joint.mid_length_b_m),
         ] {
-            all.push(self.single(term, path, before, from));
+            all.push(self.single(term, path, before, middle));
         }
+        let (path, radius_m) = ("joint.radius_m", joint.radius_m);
+        let remark = "kept: torques do not tell it, measure the pulley".to_owned();
+        all.push(parameter(path, radius_m, radius_m, None, remark));
         all
     }
 
@@ -221,8 +219,7 @@ impl Estimate {
         }
         let dry = self.measure(Term::Dry);
         let Measure { value, error } = dry.unwrap_or(Measure { value: 0.0, error: 0.0 });
-        let radius = self.value(Term::Radius) / loaded.believed.radius_m;
-        let muscles = radius * muscles_n_m(loaded);
+        let muscles = muscles_n_m(loaded);
         let bearing = (value - muscles).max(0.0);
         let error = dry.map(|_| error);
         let from = format!("dry friction of {value:.3} N m, {muscles:.3} of it the muscles'");
@@ -251,7 +248,6 @@ impl Estimate {
             (Term::GravityCosine, "joint.gravity_angle_rad"),
             (Term::MidA, "joint.mid_length_a_m"),
             (Term::MidB, "joint.mid_length_b_m"),
-            (Term::Radius, "joint.radius_m"),
         ];
         keys.into_iter().filter(|(term, _)| self.is_open(*term)).map(|(_, key)| key).collect()
     }
