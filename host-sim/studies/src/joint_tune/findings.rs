@@ -22,7 +22,10 @@ const LAWS: [Altered; 3] = [
 const INERTIA: f64 = 0.25;
 const MID_LENGTH: f64 = 0.02;
 /// The same of the other values, as torque over that of the muscles, both RMS \[-\].
-const TORQUE: f64 = 0.1;
+const TORQUE: f64 = 0.2;
+/// Mid-lengths from which the fit starts, over the configured ones: windows with a slack tendon are left out, and which
+/// ones depends on the lengths \[-\].
+const STARTS: [f64; 5] = [1.0, 0.98, 1.02, 0.96, 1.04];
 /// An arm whose gravity is less than this many of its errors hangs nowhere \[-\].
 const HANGS: f64 = 3.0;
 /// Relative difference up to which two errors on the check's sine count as equal \[-\].
@@ -87,11 +90,13 @@ pub(super) fn estimate(
     let mut zero = [false; COUNT];
     let radius = Term::Radius as usize;
     held[radius] = Some(configured[radius]);
+    let mut start_m = start(&balance, &held, &configured);
     loop {
-        let Some(fitted) = balance.fit(&held, Altered::NOT) else {
+        let Some(fitted) = balance.fit(&held, Altered::NOT, start_m) else {
             return Err(Refusal::TooFew { windows: balance.windows() });
         };
         let value = |i: usize| fitted.values[i].value;
+        start_m = [Term::MidA, Term::MidB].map(|term| value(term as usize));
         let negative = [Term::Viscous, Term::Dry].map(|term| term as usize);
         if let Some(i) = negative.into_iter().find(|i| value(*i) < 0.0) {
             (held[i], zero[i]) = (Some(0.0), true);
@@ -99,7 +104,7 @@ pub(super) fn estimate(
         }
         let mut variance = fitted.values.map(|value| value.error * value.error);
         for law in LAWS {
-            let other = balance.fit(&held, law);
+            let other = balance.fit(&held, law, start_m);
             for i in (0..COUNT).filter(|i| held[*i].is_none()) {
                 let off =
                     other.as_ref().map_or(f64::INFINITY, |one| one.values[i].value - value(i));
@@ -118,6 +123,23 @@ pub(super) fn estimate(
             }
         }
     }
+}
+
+/// Mid-lengths of the fit that leaves least of the torque, of all [`STARTS`] \[m\].
+fn start(
+    balance: &Balance<'_>,
+    held: &[Option<f64>; COUNT],
+    configured: &[f64; COUNT],
+) -> [f64; 2] {
+    let mids_m = [Term::MidA, Term::MidB].map(|term| configured[term as usize]);
+    let fits = STARTS
+        .iter()
+        .filter_map(|share| balance.fit(held, Altered::NOT, mids_m.map(|mid_m| share * mid_m)));
+    let left = |fitted: &Fitted| fitted.rms_n_m / fitted.torque_n_m;
+    let best = fits.min_by(|one, other| left(one).total_cmp(&left(other)));
+    best.map_or(mids_m, |best| {
+        [Term::MidA, Term::MidB].map(|term| best.values[term as usize].value)
+    })
 }
 
 impl Estimate {
