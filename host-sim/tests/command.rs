@@ -460,7 +460,7 @@ fn check_and_replay_take_json_and_quiet() {
     }
 }
 
-/// The values are in the written scenario; what stays open is named, with exit code 1; bad input leaves nothing.
+/// The values are in the written scenario; bad input and lost data leave nothing.
 #[test]
 fn a_joint_is_tuned() {
     let folder = tempfile::tempdir().unwrap();
@@ -471,10 +471,9 @@ fn a_joint_is_tuned() {
     let place = out.display().to_string();
     let output = thermyo(&["tune", &file, "--out", &place, "--json", "--quiet"]);
     let said = stderr_of(&output);
-    assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.starts_with("thermyo: the data cannot tell joint.radius_m: "), "{said}");
+    assert_eq!((output.status.code(), said.as_str()), (Some(0), ""));
     let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(summary["open"], serde_json::json!(["joint.radius_m"]));
+    assert_eq!(summary["open"], serde_json::json!([]));
     let tuned = thermyo_joint::load(&out.join("tuned.toml")).unwrap().unwrap();
     let found = tuned.believed.gravity_n_m;
     assert!((3.8..4.2).contains(&found) && found != 4.0, "{found} N m");

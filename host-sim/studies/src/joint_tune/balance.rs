@@ -309,16 +309,19 @@ impl<'a> Balance<'a> {
         self.windows.len()
     }
 
-    /// Fits every coefficient but those that are `held` at a value. `None` where the windows do not determine them.
-    pub fn fit(&self, held: &[Option<f64>; COUNT], altered: Altered) -> Option<Fitted> {
+    /// Fits every coefficient but those that are `held` at a value, from these mid-lengths on. `None` where the windows
+    /// do not determine them.
+    pub fn fit(
+        &self,
+        held: &[Option<f64>; COUNT],
+        altered: Altered,
+        start_m: [f64; 2],
+    ) -> Option<Fitted> {
         let mechanism = &self.muscles.config.mechanism;
-        let at = |term: Term, configured: f32| held[term as usize].unwrap_or(f64::from(configured));
+        let at = |term: Term, start: f64| held[term as usize].unwrap_or(start);
         let mut lengths = Lengths {
-            radius: at(Term::Radius, mechanism.radius_m),
-            mid: [
-                at(Term::MidA, mechanism.mid_length_a_m),
-                at(Term::MidB, mechanism.mid_length_b_m),
-            ],
+            radius: at(Term::Radius, f64::from(mechanism.radius_m)),
+            mid: [at(Term::MidA, start_m[0]), at(Term::MidB, start_m[1])],
         };
         let free: Vec<usize> = (0..COUNT).filter(|i| held[*i].is_none()).collect();
         for _ in 0..REPEATS {

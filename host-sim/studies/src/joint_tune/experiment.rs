@@ -32,6 +32,8 @@ const SINE_HZ: f64 = 1.5;
 const PERIODS: f64 = 4.0;
 const STEPS: u32 = 6;
 const STEP_S: f64 = 0.6;
+/// Most steps whose telemetry was lost that are interpolated: shorter than a PWM period.
+const MOST_LOST: u32 = 8;
 /// Interval at which a set point is updated \[s\].
 pub const INTERVAL_S: f64 = 0.01;
 
@@ -137,6 +139,36 @@ impl Bench for Simulated<'_> {
     }
 }
 
+/// A record between two others, at a step.
+fn between(one: &Record, other: &Record, step: u32) -> Record {
+    let share = f64::from(step - one.step) / f64::from(other.step - one.step);
+    let mix = |from: f64, to: f64| from + share * (to - from);
+    let both = |from: [f64; 2], to: [f64; 2]| [mix(from[0], to[0]), mix(from[1], to[1])];
+    Record {
+        step,
+        time_s: mix(one.time_s, other.time_s),
+        angle_rad: mix(one.angle_rad, other.angle_rad),
+        reference_rad: mix(one.reference_rad, other.reference_rad),
+        pressure_pa: both(one.pressure_pa, other.pressure_pa),
+        wall_k: both(one.wall_k, other.wall_k),
+    }
+}
+
+/// The records with those in short gaps, which a slow link leaves.
+pub(super) fn filled(records: &[Record]) -> Vec<Record> {
+    let mut all: Vec<Record> = Vec::with_capacity(records.len());
+    for record in records {
+        if let Some(before) = all.last().copied() {
+            let lost = record.step.saturating_sub(before.step + 1);
+            if lost <= MOST_LOST {
+                all.extend((1..=lost).map(|k| between(&before, record, before.step + k)));
+            }
+        }
+        all.push(*record);
+    }
+    all
+}
+
 /// Drives a course and records every step.
 pub fn record(
     loaded: &JointLoaded,
@@ -148,7 +180,7 @@ pub fn record(
     bench.drive(loaded, (course, duration_s), &mut |step, telemetry| {
         records.push(Record::new(step, telemetry, step_s));
     })?;
-    Ok(records)
+    Ok(filled(&records))
 }
 
 /// Form of a part of the motion.

@@ -1,4 +1,4 @@
-//! `thermyo tune` for a joint: inertia, gravity, friction and lengths from a short experiment on a board.
+//! `thermyo tune` for a joint: inertia, gravity, friction and mid-lengths from a short experiment on a board.
 //!
 //! ```text
 //! configured scenario --experiment--> records --balance--> values, errors, what is left open
@@ -177,7 +177,7 @@ fn adopt(loaded: &JointLoaded, parameters: &[Parameter]) -> Result<JointLoaded, 
             "joint.friction_n_m" => joint.friction_n_m = value,
             "joint.mid_length_a_m" => joint.mid_length_a_m = value,
             "joint.mid_length_b_m" => joint.mid_length_b_m = value,
-            "joint.radius_m" => joint.radius_m = value,
+            "joint.radius_m" => {}
             _ => {
                 for muscle in &mut scenario.muscles {
                     let own = muscle.believed.friction.force_n * value / before;

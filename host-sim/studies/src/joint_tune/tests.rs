@@ -11,6 +11,9 @@ use std::path::Path;
 /// True values, by [`Term`]: inertia, viscous and dry friction, gravity, mid-lengths, radius.
 const TRUE: [f64; COUNT] = [0.03, 0.08, 0.7, 3.0, -1.2, 0.268, 0.273, 0.0206];
 
+/// Mid-lengths as configured.
+const START_M: [f64; 2] = [0.27; 2];
+
 /// Slow and fast swings, soft and stiff, each from rest to rest \[rad\].
 fn angle_rad(time_s: f64) -> f64 {
     let (w, size, share) = match time_s % 26.0 {
@@ -82,7 +85,7 @@ fn values_are_those_of_the_closed_form() {
     let mut held = [None; COUNT];
     let radius = TRUE[Term::Radius as usize];
     held[Term::Radius as usize] = Some(radius);
-    let fitted = balance.fit(&held, Altered::NOT).unwrap();
+    let fitted = balance.fit(&held, Altered::NOT, START_M).unwrap();
     for term in Term::ALL.into_iter().filter(|term| *term != Term::Radius) {
         let (found, truth) = (fitted.values[term as usize].value, TRUE[term as usize]);
         let off = found / truth - 1.0;
@@ -92,7 +95,7 @@ fn values_are_those_of_the_closed_form() {
     assert!((1.0e-9..1.0e-5).contains(&fitted.rms_n_m), "{} N m", fitted.rms_n_m);
 
     held[Term::Radius as usize] = Some(0.97 * radius);
-    let fitted = balance.fit(&held, Altered::NOT).unwrap();
+    let fitted = balance.fit(&held, Altered::NOT, START_M).unwrap();
     for term in [Term::Inertia, Term::Dry, Term::GravitySine] {
         let share = fitted.values[term as usize].value / TRUE[term as usize];
         assert!((0.9..0.985).contains(&share), "{term:?}: {share}");
@@ -107,7 +110,7 @@ fn an_area_that_is_wrong_appears_in_torques_and_mid_lengths() {
     let balance = Balance::new(&records, &plan(&config), &config);
     let mut held = [None; COUNT];
     held[Term::Radius as usize] = Some(TRUE[Term::Radius as usize]);
-    let fit = |altered: Altered| balance.fit(&held, altered).unwrap().values;
+    let fit = |altered: Altered| balance.fit(&held, altered, START_M).unwrap().values;
     let (as_is, wider) = (fit(Altered::NOT), fit(Altered { area: 1.03, ..Altered::NOT }));
     let moved = |term: Term| wider[term as usize].value - as_is[term as usize].value;
     let chamber = AnyChamber::new(&config.muscles[0].chamber);
@@ -192,5 +195,28 @@ fn what_cannot_be_tuned_is_refused() {
         let refused = tuned(&text).unwrap_err();
         assert!(matches!(refused, TuneError::Refused(_)), "{refused:?}");
         assert!(refused.to_string().contains(expected), "{refused}");
+    }
+}
+
+/// A slow link loses every second frame: what lies between is interpolated, a longer gap is left.
+#[test]
+fn short_gaps_are_filled() {
+    let record = |step: u32| Record {
+        step,
+        time_s: f64::from(step) * 1.0e-3,
+        angle_rad: 0.01 * f64::from(step),
+        reference_rad: 0.0,
+        pressure_pa: [2.0e5 + f64::from(step), 3.0e5],
+        wall_k: [298.0; 2],
+    };
+    let kept: Vec<Record> = [0, 2, 4, 9, 30, 31].map(record).to_vec();
+    let filled = experiment::filled(&kept);
+    let steps: Vec<u32> = filled.iter().map(|record| record.step).collect();
+    assert_eq!(steps, (0..10).chain([30, 31]).collect::<Vec<u32>>());
+    for one in filled {
+        let off = (one.angle_rad - record(one.step).angle_rad).abs();
+        assert!(
+            off < 1.0e-12 && (one.pressure_pa[0] - record(one.step).pressure_pa[0]).abs() < 1e-6
+        );
     }
 }
