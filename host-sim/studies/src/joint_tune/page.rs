@@ -133,7 +133,7 @@ fn followed(tuned: &Tuned) -> Section {
     let columns = ["", "Sine, RMS [deg]", "At rest [deg]", "Moving at rest [deg]"];
     let figure = check_chart(tuned).figure(
         "Check, before and after",
-        "A sine of 1 Hz, then a rest; the error is measured less set point.",
+        "A sine of 1 Hz, then a step and a rest; the error is measured less set point.",
     );
     Section::new("Check").figure(figure).table(Table {
         caption: "The same motion with both".to_owned(),
@@ -158,7 +158,7 @@ pub fn check_chart(tuned: &Tuned) -> Chart {
                 .line("after", Colour::Blue, &time, &column(after, angle)),
         )
         .panel(
-            Panel::new(Axis::new("Angle less set point", "deg"))
+            Panel::new(Axis::new("Angle less set point", "deg").range(-3.0, 3.0))
                 .height(150.0)
                 .line("before", Colour::Vermillion, &time_before, &column(before, error))
                 .line("after", Colour::Blue, &time, &column(after, error)),
