@@ -602,7 +602,7 @@ fn a_joints_run_is_replayed_to_the_bit() {
     let mut cells: Vec<&str> = lines[301].split(',').collect();
     cells[column.unwrap()] = "0.123";
     lines[301] = cells.join(",");
-    fs::write(&trace, lines.join("\n")).unwrap();
+    fs::write(&trace, lines.join("\n") + "\n").unwrap();
     let output = thermyo(&["replay", &trace, "--quiet", "--out", &again]);
     assert_eq!(output.status.code(), Some(1));
     let said = stderr_of(&output);
