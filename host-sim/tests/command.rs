@@ -502,7 +502,7 @@ fn a_joint_is_tuned() {
             2,
             "--max-pressure: a highest pressure of 1000000000.0",
         ),
-        (vec![&radius], 2, "radius.toml:2: joint.mid_length_a_m"),
+        (vec![&radius], 2, "radius.toml: joint.mid_length_a_m"),
     ] {
         let arguments = [&["tune"][..], &arguments, &["--out", &none, "--quiet"]].concat();
         let output = thermyo(&arguments);
