@@ -46,9 +46,8 @@ impl<'a> LiveBench<'a> {
         let mut venting = config.muscles.map(|muscle| Venting::new(muscle.ambient.pressure_pa));
         loop {
             let Some(telemetry) = self.next()? else { continue };
-            let muscles = telemetry.muscles.iter().zip(&mut venting);
-            let over = muscles.map(|(muscle, one)| one.is_over(muscle.pressure_pa, muscle.step));
-            let over = over.fold(true, |all, one| all && one);
+            let ([a, b], [of_a, of_b]) = (&telemetry.muscles, &mut venting);
+            let over = of_a.is_over(a.pressure_pa, a.step) & of_b.is_over(b.pressure_pa, b.step);
             if over && telemetry.mode != JointMode::StartupCheck {
                 return Ok(());
             }
