@@ -556,7 +556,6 @@ fn a_joint_is_refused_in_one_line_with_the_way_out() {
     fs::write(&data, "time_s,pressure_pa\n0,1e5\n").unwrap();
     for arguments in [
         &["fmu", &file, "-o", &fmu][..],
-        &["tune", &file],
         &["measure", "stop", &file],
         &["serve", &file],
         &["identify", &data, "--config", &file],
