@@ -5,7 +5,7 @@ use crate::run::{Signals, results};
 use crate::scenario;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
-use thermyo_studies::sweep::{Latin, Range, Shard, Sweep as Points, Swept};
+use thermyo_sweep::{Latin, Range, Shard, Sweep as Points, Swept};
 
 /// The points of `thermyo sweep`, and the rows of its table.
 #[pyclass(frozen, module = "thermyo")]

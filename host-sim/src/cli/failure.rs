@@ -13,8 +13,8 @@ use thermyo_serve::OpenError;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 use thermyo_studies::joint_tune;
-use thermyo_studies::sweep::{MergeError, SweepError};
 use thermyo_studies::tune::{Refusal, TuneError};
+use thermyo_sweep::{MergeError, SweepError};
 
 /// Exit code that shells report for a command that Ctrl-C ended.
 pub(super) const STOPPED: u8 = 130;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use thermyo_compute::parallel::Watch;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
-use thermyo_studies::sweep::page::page;
-use thermyo_studies::sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
+use thermyo_sweep::page::page;
+use thermyo_sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
 
 #[derive(Debug, Args)]
 pub(super) struct SweepArgs {
