@@ -369,6 +369,6 @@ fn the_command_configures_and_moves_a_joint() {
     let (code, text) = run(&["info"]);
     println!("{text}");
     assert!(code == 0 && text.contains(", a joint") && text.contains("0 missed"), "{text}");
-    let (code, text) = run(&["drive", &file]);
+    let (code, text) = run(&["history"]);
     assert!(code == 2 && text.contains("takes info"), "{code}: {text}");
 }
