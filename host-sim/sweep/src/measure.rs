@@ -30,7 +30,7 @@ pub struct Figures {
     /// Root-mean-square error of the set point over the whole run, in its unit; none without a
     /// controlled quantity.
     pub control_rms_error: Option<f64>,
-    /// Figures of a joint's summary, in the order of [`JOINT_COLUMNS`]; none of one muscle.
+    /// Figures of a joint's summary, in the order of its columns in `sweep.csv`; none of one muscle.
     pub of_joint: Vec<f64>,
 }
 
