@@ -93,8 +93,7 @@ pub fn moves(telemetry: &Telemetry) -> bool {
 }
 
 pub fn step(telemetry: &Telemetry) -> u32 {
-    let [a, _] = &telemetry.muscles;
-    a.step
+    telemetry.step()
 }
 
 pub fn faults(telemetry: &Telemetry) -> Faults {

@@ -156,9 +156,12 @@ impl Line {
         self.link.take_joint_telemetry()
     }
 
-    /// The answer to a request, if it has arrived.
-    pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
-        self.link.take_answer(sequence)
+    /// Returns the refusal of a request that was only sent, if it has arrived.
+    pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
+        match self.link.take_answer(sequence) {
+            Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
+            _ => Ok(()),
+        }
     }
 
     /// Latest status that the board sent.

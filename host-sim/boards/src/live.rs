@@ -227,10 +227,7 @@ impl LiveBoard {
 
     /// Returns the refusal of a request that was only sent, if there is one.
     pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
-        match self.line.take_answer(sequence) {
-            Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
-            _ => Ok(()),
-        }
+        self.line.check(sequence)
     }
 
     /// Vents; returns when the telemetry confirms it.

@@ -158,10 +158,7 @@ impl LiveJoint {
 
     /// Returns the refusal of a request that was only sent, if there is one.
     pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
-        match self.line.take_answer(sequence) {
-            Some(Answer::Refused(refusal)) => Err(BoardError::Refused(refusal)),
-            _ => Ok(()),
-        }
+        self.line.check(sequence)
     }
 
     /// Whether unread telemetry has arrived: what was read is not the latest.

@@ -1,8 +1,8 @@
 //! `thermyo tune` of a joint.
 
 use super::progress::Bar;
-use super::tune::{TuneArgs, left_on_board};
-use super::{Failure, interrupt, print, publish, title_of};
+use super::tune::{Done, TuneArgs};
+use super::{Failure, interrupt, title_of};
 use model_core::joint::{JointConfig, JointTelemetry};
 use std::io::Write;
 use std::path::PathBuf;
@@ -88,21 +88,12 @@ pub(super) fn run(
         }
         tuned => tuned?,
     };
-    let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";
-    out.text("summary.json", &json)?;
-    out.text("tuned.toml", &thermyo_joint::render(&tuned.scenario))?;
-    out.text("report.html", &joint_tune::page(&tuned, &title_of(&args.scenario)))?;
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        print(stdout, &json)?;
-    } else {
-        print(stdout, &tuned.findings.text())?;
-        if args.board.port().is_some() {
-            print(stdout, left_on_board(tuned.findings.adopted))?;
-        }
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
-    }
-    tuned.findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
+    let page = joint_tune::page(&tuned, &title_of(&args.scenario));
+    let scenario = thermyo_joint::render(&tuned.scenario);
+    let shown = (tuned.findings.text(), tuned.findings.adopted);
+    Done::new(args, &mut out, &tuned.findings, (&scenario, &page), shown)?
+        .failing(tuned.findings.failed())
+        .publish(args, out, stdout, stderr)
 }
 
 impl From<TuneError> for Failure {

@@ -38,6 +38,8 @@ pub(super) enum TunePlan {
     Motion,
 }
 
+/// The record of a motion.
+const RECORD: &str = "motion.csv";
 /// Lower values are in another unit, such as bar \[Pa\].
 const LEAST_PA: f64 = 1.0e5;
 
@@ -84,7 +86,7 @@ impl Bench for Watched<'_> {
     }
 }
 
-pub(super) fn left_on_board(adopted: bool) -> &'static str {
+fn left_on_board(adopted: bool) -> &'static str {
     if adopted {
         "the board vents and has the tuned values, not saved; `thermyo board PORT config write` \
          with the scenario of before goes back\n"
@@ -128,44 +130,64 @@ pub(super) fn run(
         None => loops(args, &loaded, highest_pa, &mut out),
         Some(TunePlan::Motion) => motion(args, &loaded, highest_pa, &mut out),
     };
-    let Done { json, text, failed } = match done {
+    match done {
         // The emulated board gets the signal too, and may exit first.
         Err(_) if interrupt::is_requested() && args.board.port().is_none() => {
-            let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
-            return Err(Failure::Interrupted);
+            let left = "the experiment was not finished, nothing is kept";
+            let _ = writeln!(stderr, "thermyo: {left}");
+            Err(Failure::Interrupted)
         }
-        done => done?,
-    };
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        print(stdout, &json)?;
-    } else {
-        print(stdout, &text)?;
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
+        done => done?.publish(args, out, stdout, stderr),
     }
-    failed.map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
 /// Results of an experiment for a terminal.
-struct Done {
+pub(super) struct Done {
     json: String,
     text: String,
     failed: Option<String>,
 }
 
 impl Done {
-    /// Writes what every experiment writes.
-    fn new(
+    /// Writes what every experiment writes. `adopted` is whether a board keeps the values.
+    pub(super) fn new(
+        args: &TuneArgs,
         out: &mut OutputDir,
         findings: &impl Serialize,
-        scenario: &Loaded,
-        report: &str,
+        (scenario, report): (&str, &str),
+        (mut text, adopted): (String, bool),
     ) -> Result<Self, Failure> {
         let json = serde_json::to_string_pretty(findings).expect("plain data") + "\n";
         out.text("summary.json", &json)?;
-        out.text("tuned.toml", &thermyo_setup::render(scenario))?;
+        out.text("tuned.toml", scenario)?;
         out.text("report.html", report)?;
-        Ok(Self { json, text: String::new(), failed: None })
+        if args.board.port().is_some() {
+            text += left_on_board(adopted);
+        }
+        Ok(Self { json, text, failed: None })
+    }
+
+    /// The same, for values that are not to be relied on.
+    pub(super) fn failing(self, failed: Option<String>) -> Self {
+        Self { failed, ..self }
+    }
+
+    pub(super) fn publish(
+        self,
+        args: &TuneArgs,
+        out: OutputDir,
+        stdout: &mut dyn Write,
+        stderr: &mut dyn Write,
+    ) -> Result<(), Failure> {
+        let report = out.path().join("report.html");
+        publish(out, args.output.format, stderr)?;
+        if args.output.format.json {
+            print(stdout, &self.json)?;
+        } else {
+            print(stdout, &self.text)?;
+            print(stdout, &format!("report: {}\n", report.display()))?;
+        }
+        self.failed.map_or(Ok(()), |message| Err(Failure::Check(message)))
     }
 }
 
@@ -179,12 +201,9 @@ fn loops(
         Ok(tune::tune_on(loaded, &args.scenario, highest_pa, bench)?)
     })?;
     let page = tune::page(&tuned, &title_of(&args.scenario));
-    let mut done = Done::new(out, &tuned.findings, &tuned.scenario, &page)?;
-    done.text = tuned.findings.text();
-    if args.board.port().is_some() {
-        done.text += left_on_board(tuned.findings.adopted);
-    }
-    Ok(done)
+    let scenario = thermyo_setup::render(&tuned.scenario);
+    let shown = (tuned.findings.text(), tuned.findings.adopted);
+    Done::new(args, out, &tuned.findings, (&scenario, &page), shown)
 }
 
 fn motion(
@@ -195,10 +214,10 @@ fn motion(
 ) -> Result<Done, Failure> {
     let found = on_bench(args, highest_pa, |bench| {
         let record = tune::motion_record(loaded, &args.scenario, highest_pa, bench)?;
-        out.text("motion.csv", &record)?;
+        out.text(RECORD, &record)?;
         // The experiment cannot be had again as soon: its record stays if the search is not finished.
         out.keep();
-        let record_file = out.place().join("motion.csv");
+        let record_file = out.place().join(RECORD);
         let watch = Bar::new(0, args.output.format.quiet);
         let record = (record.as_str(), record_file.as_path());
         let found = tune::motion_values(loaded, &args.scenario, record, &watch)?;
@@ -211,11 +230,8 @@ fn motion(
         Ok(found)
     })?;
     let page = motion::page(&found, &title_of(&args.scenario));
-    let mut done = Done::new(out, &found.findings, &found.scenario, &page)?;
-    done.text = found.findings.text();
-    if args.board.port().is_some() {
-        done.text += left_on_board(found.findings.holds);
-    }
-    done.failed = found.findings.failed();
-    Ok(done)
+    let scenario = thermyo_setup::render(&found.scenario);
+    let shown = (found.findings.text(), found.findings.holds);
+    let done = Done::new(args, out, &found.findings, (&scenario, &page), shown)?;
+    Ok(done.failing(found.findings.failed()))
 }

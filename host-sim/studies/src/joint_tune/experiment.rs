@@ -11,7 +11,7 @@ use model_core::joint::allocation::{Line, stiffness_n_m_rad};
 use model_core::joint::{JointConfig, JointTelemetry, Motion};
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::f64::consts::TAU;
-use thermyo_joint::{Inputs, JointLoaded, Rig};
+use thermyo_joint::{Inputs, JointLoaded, Rig, SET_POINT_INTERVAL_S};
 use thermyo_simulation::board::BoardError;
 
 /// Used fraction of the range between the stops: the rest is room for an overshoot \[-\].
@@ -34,8 +34,6 @@ const STEPS: u32 = 6;
 const STEP_S: f64 = 0.6;
 /// Most steps whose telemetry was lost that are interpolated: shorter than a PWM period.
 const MOST_LOST: u32 = 8;
-/// Interval at which a set point is updated \[s\].
-pub const INTERVAL_S: f64 = 0.01;
 
 /// Data of one step of the core; arrays are of muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -112,7 +110,7 @@ impl Bench for Simulated<'_> {
         each: &mut dyn FnMut(u32, &JointTelemetry),
     ) -> Result<(), BenchError> {
         let step_s = loaded.muscles[0].plant.run.step_s;
-        let every = (INTERVAL_S / step_s).round().max(1.0) as u64;
+        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
         let mut inputs = Inputs::of(course(0.0));
         let mut rig = Rig::new(loaded, inputs)?;
         let armed = rig.core().arm(Some(self.highest_pa as f32));

@@ -4,8 +4,8 @@ use super::balance::{Altered, Balance, COUNT, Fitted, Term};
 use super::check::{Checked, Figures};
 use super::experiment::{Plan, Record};
 use super::{REST_MOTION_RAD, Refusal};
-use crate::tune::Parameter;
 use crate::tune::regression::Measure;
+use crate::tune::{Parameter, compared, word};
 use serde::Serialize;
 use thermyo_joint::JointLoaded;
 use thermyo_scenario::joint::Joint;
@@ -28,8 +28,6 @@ const TORQUE: f64 = 0.2;
 const STARTS: [f64; 5] = [1.0, 0.98, 1.02, 0.96, 1.04];
 /// An arm whose gravity is less than this many of its errors hangs nowhere \[-\].
 const HANGS: f64 = 3.0;
-/// Relative difference up to which two errors on the check's sine count as equal \[-\].
-const EQUAL: f64 = 0.1;
 
 /// Values that the records determine.
 #[derive(Debug, Clone, PartialEq)]
@@ -338,6 +336,7 @@ impl Findings {
         [before, after]: [&Checked; 2],
     ) -> Self {
         let (before, after) = (before.figures, after.figures);
+        let (improved, followed) = compared(before.sine_rms_rad, after.sine_rms_rad);
         let calm = after.rest_motion_rad <= REST_MOTION_RAD.max(before.rest_motion_rad);
         Self {
             duration_s: records.last().map_or(0.0, |record| record.time_s),
@@ -347,8 +346,8 @@ impl Findings {
             torque_rms_n_m: estimate.fitted.torque_n_m,
             residual_rms_n_m: estimate.fitted.rms_n_m,
             check: Check { before, after },
-            improved: after.sine_rms_rad < (1.0 - EQUAL) * before.sine_rms_rad,
-            adopted: calm && after.sine_rms_rad <= (1.0 + EQUAL) * before.sine_rms_rad,
+            improved,
+            adopted: calm && followed,
         }
     }
 
@@ -360,11 +359,7 @@ impl Findings {
     pub fn headline(&self) -> String {
         let Check { before, after } = self.check;
         let [before, after] = [before, after].map(|figures| figures.sine_rms_rad.to_degrees());
-        let word = match self {
-            Self { improved: true, .. } => "closer than before",
-            Self { adopted: true, .. } => "as closely as before",
-            _ => "less closely than before",
-        };
+        let word = word(self.improved, self.adopted);
         let kept = if self.adopted { "" } else { ": the former values are kept" };
         format!(
             "with the tuned values a sine of 1 Hz is followed {word} ({before:.2} -> {after:.2} deg, RMS){kept}"

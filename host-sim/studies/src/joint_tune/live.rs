@@ -1,10 +1,10 @@
 //! A board with a joint of its own.
 
-use super::experiment::{Bench, BenchError, Course, INTERVAL_S};
+use super::experiment::{Bench, BenchError, Course};
 use crate::drive::{self, DriveError, Ended, follow};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
-use thermyo_joint::JointLoaded;
+use thermyo_joint::{JointLoaded, SET_POINT_INTERVAL_S};
 use thermyo_protocol::joint_checksum;
 use thermyo_simulation::board::BoardError;
 
@@ -57,7 +57,7 @@ impl drive::Course<JointSetPoint> for Stepped<'_> {
     }
 
     fn acting_from(&self, step: u64) -> Option<JointSetPoint> {
-        let every = (INTERVAL_S / self.step_s).round().max(1.0) as u64;
+        let every = (SET_POINT_INTERVAL_S / self.step_s).round().max(1.0) as u64;
         step.is_multiple_of(every).then(|| self.at(step))
     }
 }

@@ -18,12 +18,12 @@ mod page;
 mod tests;
 
 pub use check::Figures;
-pub use experiment::{Bench, BenchError, Course, INTERVAL_S, Simulated};
+pub use experiment::{Bench, BenchError, Course, Simulated};
 pub use findings::Findings;
 pub use live::LiveBench;
 pub use page::{check_chart, page};
 
-use crate::tune::{self, OutOfReach, Parameter};
+use crate::tune::{self, OutOfReach, Parameter, SLIDING_M_S};
 use check::Checked;
 use experiment::{Plan, Record};
 use findings::{Estimate, FRICTION, limits};
@@ -31,8 +31,6 @@ use model_core::joint::JointConfig;
 use thermyo_joint::JointLoaded;
 use thermyo_scenario::with_numbers;
 
-/// Least speed at which a muscle slides \[m/s\], as with one muscle.
-const SLIDING_M_S: f64 = tune::SLIDING_M_S;
 /// Least part of the way between the ends that a joint has to move.
 const MOVED: f64 = 0.8;
 /// The tuned values are wrong if the check's error grows by more than this factor, and exceeds [`WORSE_RAD`].

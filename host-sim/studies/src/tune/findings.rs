@@ -221,6 +221,20 @@ pub struct Findings {
     pub adopted: bool,
 }
 
+/// Whether an error on the check's sine has fallen by at least a tenth, and whether it has not grown by more.
+pub(crate) fn compared(before: f64, after: f64) -> (bool, bool) {
+    (after < (1.0 - EQUAL) * before, after <= (1.0 + EQUAL) * before)
+}
+
+/// Rating of the check's sine: its error has fallen, or has not grown.
+pub(crate) fn word(improved: bool, adopted: bool) -> &'static str {
+    match (improved, adopted) {
+        (true, _) => "closer than before",
+        (_, true) => "as closely as before",
+        _ => "less closely than before",
+    }
+}
+
 impl Findings {
     pub(super) fn new(
         parameters: Vec<Parameter>,
@@ -230,6 +244,7 @@ impl Findings {
         [before, after]: [&Checked; 2],
     ) -> Self {
         let (before, after) = (before.figures, after.figures);
+        let (improved, adopted) = compared(before.sine_rms_percent, after.sine_rms_percent);
         Self {
             duration_s: records.last().map_or(0.0, |record| record.time_s),
             highest_pa: records.iter().map(|record| record.pressure_pa).fold(0.0, f64::max),
@@ -240,8 +255,8 @@ impl Findings {
             force_rms_n: force.rms_n,
             signal_to_noise: force.coulomb_n.value / force.coulomb_n.error,
             check: Check { before, after },
-            improved: after.sine_rms_percent < (1.0 - EQUAL) * before.sine_rms_percent,
-            adopted: after.sine_rms_percent <= (1.0 + EQUAL) * before.sine_rms_percent,
+            improved,
+            adopted,
         }
     }
 
@@ -251,11 +266,7 @@ impl Findings {
 
     /// Rating of the check's sine with the tuned values.
     pub fn word(&self) -> &'static str {
-        match self {
-            Self { improved: true, .. } => "closer than before",
-            Self { adopted: true, .. } => "as closely as before",
-            _ => "less closely than before",
-        }
+        word(self.improved, self.adopted)
     }
 
     /// The result in a sentence.

@@ -25,6 +25,7 @@ pub use check::Figures;
 pub(crate) use experiment::usable_pa;
 pub use experiment::{Bench, HIGHEST_PA, Simulated};
 pub use findings::{Findings, Parameter, table};
+pub(crate) use findings::{compared, word};
 pub(crate) use force::SLIDING_M_S;
 pub use motion::{motion_record, motion_values};
 pub use page::{check_chart, page};
