@@ -660,12 +660,14 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
     let fine = folder.path().join("fine.toml");
     fs::write(&fine, "[run]\nstep_s = 1e-4\n").unwrap();
     let fine = fine.display().to_string();
-    for (arguments, expected) in [
-        (&["tune", &fine][..], "the experiment was not finished, nothing is kept"),
-        (&["identify", &trace, "--config", &file], " of 100 searches "),
-        (&["evaluate", "control"], "finished"),
+    // From when on the signal is sent: by then the handler of Ctrl-C is installed.
+    for (arguments, from, expected) in [
+        (&["tune", &fine][..], "", "the experiment was not finished, nothing is kept"),
+        (&["tune", &file, "--plan", "motion"], "motion.csv", "not finished, its record is "),
+        (&["identify", &trace, "--config", &file], "", " of 100 searches "),
+        (&["evaluate", "control"], "", "finished"),
     ] {
-        let out = folder.path().join(arguments[0]);
+        let out = folder.path().join(arguments[0]).join(from);
         let child = Command::new(env!("CARGO_BIN_EXE_thermyo"))
             .args(arguments)
             .args(["--quiet", "--out"])
@@ -674,8 +676,7 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
             .stderr(std::process::Stdio::piped())
             .spawn()
             .unwrap();
-        // By then the handler of Ctrl-C is installed.
-        while !out.join("unfinished-1").exists() {
+        while !out.join("unfinished-1").join(from).exists() {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
         let pid = child.id().to_string();

@@ -133,7 +133,12 @@ pub(super) fn run(
     match done {
         // The emulated board gets the signal too, and may exit first.
         Err(_) if interrupt::is_requested() && args.board.port().is_none() => {
-            let left = "the experiment was not finished, nothing is kept";
+            let record = out.place().join(RECORD);
+            let left = if record.exists() {
+                format!("the search was not finished, its record is {}", record.display())
+            } else {
+                "the experiment was not finished, nothing is kept".to_owned()
+            };
             let _ = writeln!(stderr, "thermyo: {left}");
             Err(Failure::Interrupted)
         }
