@@ -227,20 +227,24 @@ impl Movements {
         add(&mut self.faces.down, &moved.faces.down);
     }
 
-    /// Rows of the heat that each zone gives to the wall, and of their sum.
-    fn heat_rows(&self, gas_k: &PerZone) -> ([GasRow; ZONES], GasRow) {
+    /// Rows of the heat that each zone gives to the wall, and of their sum. An error decays by that heat while the
+    /// interval lasts: one at its start counts with its mean, 1/(1 + x/2) for x = G/(cp m).
+    fn heat_rows(&self, gas_k: &PerZone, per_cp: f32) -> ([GasRow; ZONES], GasRow) {
         let mut rows = [GasRow::default(); ZONES];
         let mut sum = GasRow::default();
         let heat = self.heat_j.iter().zip(&self.stirred_j);
-        let zones = self.conductance_j_k.iter().zip(gas_k).zip(heat).enumerate();
-        for (row, (i, ((conductance, gas_k), (heat, stirred)))) in rows.iter_mut().zip(zones) {
+        let zones = self.conductance_j_k.iter().zip(&self.mass_kg).zip(gas_k).zip(heat).enumerate();
+        for (row, (i, (((conductance, mass_kg), gas_k), (heat, stirred)))) in
+            rows.iter_mut().zip(zones)
+        {
+            let mean = mass_kg / (mass_kg + 0.5 * per_cp * conductance);
             let own = GasRow {
                 zones: [0.0; ZONES],
                 wall: -conductance,
                 scale: *heat,
                 stirring: *stirred,
             };
-            *row = own.on(i, -conductance * gas_k);
+            *row = own.on(i, -conductance * gas_k).times(mean);
             sum = sum.plus(row);
         }
         (rows, sum)
@@ -444,7 +448,7 @@ impl Estimator {
         let Pending { moved, mass_kg, .. } = &self.pending;
         let steps = f32::from(moved.steps);
         let gas_k = scaled(&moved.gas_k, 1.0 / steps);
-        let (heat, all) = moved.heat_rows(&gas_k);
+        let (heat, all) = moved.heat_rows(&gas_k, self.coefficients.per_cp);
         let [port_k, ..] = gas_k;
         let [port_kg, ..] = moved.mass_kg;
         let closed = 1.0 - f32::from(moved.flowing_steps) / steps;
@@ -632,5 +636,30 @@ impl Estimator {
         let variance = self.covariance.gas(&shares) + self.energy.noise_left() * noise * noise;
         self.gas_sd_k = self.gas_k * limit(sqrt(variance), 1.0e-6, 1.0);
         self.wall_sd_k = sqrt(self.covariance.wall_k2());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// However well gas and wall exchange heat, an error of the gas is not larger after an interval than before.
+    #[test]
+    fn heat_to_the_wall_lets_no_error_grow() {
+        let (cp_j_kg_k, gas_k, mass_kg) = (1005.0, 300.0, 1.0e-4);
+        for exchanged in [0.0, 0.1, 1.0, 3.0, 30.0, 1.0e4_f32] {
+            let moved = Movements {
+                mass_kg: [mass_kg; ZONES],
+                conductance_j_k: [exchanged * cp_j_kg_k * mass_kg; ZONES],
+                ..Movements::default()
+            };
+            let ([row, ..], _) = moved.heat_rows(&[gas_k; ZONES], 1.0 / cp_j_kg_k);
+            let [own, ..] = row.zones;
+            let left = 1.0 + own / (cp_j_kg_k * gas_k * mass_kg);
+            assert!((-1.0..=1.0).contains(&left), "{exchanged}: {left}");
+            // What decays exactly, as long as little does.
+            let exact = (-exchanged).exp();
+            assert!(exchanged > 1.0 || (left - exact).abs() < 0.04, "{exchanged}: {left}");
+        }
     }
 }

@@ -41,7 +41,7 @@
 //! R_i of it that is stirred, the volumes x_f that cross the faces and what mixes there, y_f:
 //!
 //! ```text
-//! dQ_i  = -G_i T_i e_i - G_i T_w + Q_i ln s + R_i ln sigma
+//! dQ_i  = (Q_i ln s + R_i ln sigma - G_i T_i e_i - G_i T_w)/(1 + G_i/(2 cp m_i))
 //! dH_f  = sum of dQ_i beyond the face (less their mean while both valves are shut)
 //! dm_f' = m_behind 4/(k E) dH_f + (x_f + y_f) m_(f-1) e_(f-1) - y_f m_f e_f
 //! e_i'  = (m_i e_i + dm_i' - dm_(i+1)')/m_i'
