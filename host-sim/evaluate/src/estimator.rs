@@ -91,6 +91,10 @@ pub fn cases() -> Vec<Case> {
             }
             random_pressure(l);
         }),
+        case("held at 1.5 bar", [0.1, 0.15], |l| {
+            l.plant.drive.kind = DriveKind::Pressure;
+            l.drive_profile = profile(&[(0.0, 1.5e5)]);
+        }),
         case("dump from 5 bar", [0.3, 0.6], |l| {
             l.plant.drive.kind = DriveKind::Pressure;
             l.drive_profile =

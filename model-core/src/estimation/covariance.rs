@@ -72,6 +72,7 @@ pub struct GasRow {
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct HousingRow {
     pub zones: PerZone,
+    pub wall: f32,
     pub housing: f32,
     pub foil: f32,
     pub housing_lag: f32,
@@ -132,8 +133,9 @@ impl GasRow {
 
 impl HousingRow {
     fn of(&self, p: &[Row; ERRORS]) -> Row {
-        let [a, b, c, d, _, housing, _, foil, _, _, _, housing_lag, place] = p;
+        let [a, b, c, d, wall, housing, _, foil, _, _, _, housing_lag, place] = p;
         let mut out = of_zones([a, b, c, d], &self.zones);
+        add(&mut out, wall, self.wall);
         add(&mut out, housing, self.housing);
         add(&mut out, foil, self.foil);
         add(&mut out, housing_lag, self.housing_lag);
@@ -143,6 +145,7 @@ impl HousingRow {
 
     fn dot(&self, m: &Errors<f32>) -> f32 {
         total(&times(&self.zones, &m.zones))
+            + self.wall * m.wall
             + self.housing * m.housing
             + self.foil * m.foil
             + self.housing_lag * m.housing_lag

@@ -97,6 +97,8 @@ pub struct Response {
     pub mean_k: f32,
     /// Mean zones around the foil, times the steps \[K\].
     pub zones_k: PerZone,
+    /// Gain of what the foil sees on an error of the wall, times the steps \[-\].
+    pub wall: f32,
 }
 
 impl Response {
@@ -108,6 +110,7 @@ impl Response {
         element_k: 0.0,
         mean_k: 0.0,
         zones_k: [0.0; ZONES],
+        wall: 0.0,
     };
 }
 
@@ -218,6 +221,8 @@ impl Element {
         response.element_k += element_k;
         response.mean_k += steps * (self.sensor_k - 0.5 * element_k);
         response.zones_k = plus(&response.zones_k, &scaled(&seen_k, self.gain * steps));
+        // The profile is one about the wall.
+        response.wall += (1.0 - self.gain) * steps;
     }
 
     /// The interval's reading, unless it is a frozen one.
@@ -324,5 +329,31 @@ impl Element {
         self.housing_lag_s += share * (c.housing_s - self.housing_lag_s);
         self.place -= share * self.place;
         self.foil_k *= c.keep.foil;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::profile::Conduction;
+    use super::*;
+    use crate::config::Config;
+
+    /// Still gas that a source keeps 1 K above its wall: with a wall that is 1 K warmer, it has no profile.
+    #[test]
+    fn an_error_of_the_wall_is_seen_by_the_foil() {
+        let mut config = Config::default();
+        (config.zones.bore_m, config.zones.foil_radius) = (0.02, 0.0);
+        let c = Coefficients::new(&config);
+        let mut element = Element::new(300.0, &c);
+        let conduction = Conduction::new(&c.profile, 0.001, 2.3, 0.02);
+        let exchange = Exchange { conduction, formed_j_k: 1.0, ..Exchange::default() };
+        for _ in 0..100_000 {
+            element.conduct(&c, &exchange, &[1.0; ZONES]);
+        }
+        let mut response = Response::NONE;
+        element.follow(&[301.0; ZONES], (10.0, 0.001), &mut response);
+        assert!((0.9..1.1).contains(&element.above_k), "{}", element.above_k);
+        let by_wall = response.wall / 10.0;
+        assert!((by_wall + element.above_k).abs() < 0.03, "{by_wall}");
     }
 }

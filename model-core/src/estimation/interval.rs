@@ -503,6 +503,7 @@ impl Estimator {
         let share = 1.0 - response.housing_left;
         let housing = HousingRow {
             zones: scaled(&response.zones_k, -share / steps),
+            wall: share / steps * response.wall,
             housing: response.housing_left,
             foil: share,
             housing_lag: -response.housing_k * response.housing_left,

@@ -38,7 +38,8 @@
 //! the end.
 //!
 //! The linearised error over one interval D, with the conductance G_i, the heat Q_i = G_i (T_i - T_w) and the part
-//! R_i of it that is stirred, the volumes x_f that cross the faces and what mixes there, y_f:
+//! R_i of it that is stirred, the volumes x_f that cross the faces and what mixes there, y_f, and the gain g of what the
+//! foil sees on an error that stays, by the profile of still gas:
 //!
 //! ```text
 //! dQ_i  = (Q_i ln s + R_i ln sigma - G_i T_i e_i - G_i T_w)/(1 + G_i/(2 cp m_i))
@@ -46,7 +47,7 @@
 //! dm_f' = m_behind 4/(k E) dH_f + (x_f + y_f) m_(f-1) e_(f-1) - y_f m_f e_f
 //! e_i'  = (m_i e_i + dm_i' - dm_(i+1)')/m_i'
 //! T_w'  = T_w + sum dQ_i/C_w - K D/C_w T_w
-//! T_h'  = T_h + D/tau_h (b + dT/dz z - sum w_i T_i e_i - T_h) - D/tau_h (T_f - T_h) ln tau_h
+//! T_h'  = T_h + D/tau_h (b + dT/dz z - g sum w_i T_i e_i + (1 - g) T_w - T_h) - D/tau_h (T_f - T_h) ln tau_h
 //! T_s'  = T_s + D/tau (T_h - T_s) - D/tau (T_h - T_s) ln tau
 //! ```
 //!
