@@ -658,7 +658,7 @@ mod tests {
             let [own, ..] = row.zones;
             let left = 1.0 + own / (cp_j_kg_k * gas_k * mass_kg);
             assert!((-1.0..=1.0).contains(&left), "{exchanged}: {left}");
-            // What decays exactly, as long as little does.
+            // The exact decay, where it is slow.
             let exact = (-exchanged).exp();
             assert!(exchanged > 1.0 || (left - exact).abs() < 0.04, "{exchanged}: {left}");
         }
