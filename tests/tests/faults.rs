@@ -44,7 +44,7 @@ fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
     for (name, number, most_k) in [
         ("length sensor frozen", 31, 6.0),
         ("length sensor noisy", 60, 6.0),
-        ("length sensor shorted", 99, 8.0),
+        ("length sensor shorted", 99, 13.5),
     ] {
         let faults = cases::all();
         let fault = faults.iter().find(|fault| fault.name == name).unwrap();
