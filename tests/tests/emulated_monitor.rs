@@ -18,7 +18,7 @@ fn poll_until(session: &mut Session<Muscle>, done: impl Fn(&Session<Muscle>) -> 
     let start = Instant::now();
     while !done(session) {
         session.poll().unwrap();
-        assert!(start.elapsed() < Duration::from_secs(20), "{:?}", session.status());
+        assert!(start.elapsed() < Duration::from_secs(60), "{:?}", session.status());
     }
 }
 
