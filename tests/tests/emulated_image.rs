@@ -26,7 +26,7 @@ const JOINT_FLASH: RangeInclusive<u64> = 167 * 1024..=175 * 1024;
 const JOINT_RAM: RangeInclusive<u64> = 47 * 1024..=51 * 1024;
 /// Memory that the joint's image leaves at least for the stack, of which `emulated_joint_image` uses
 /// 27.2 KiB.
-const JOINT_STACK: u64 = 33 * 1024;
+const JOINT_STACK: u64 = 32 * 1024;
 /// RAM of the linker script.
 const ALL_RAM: u64 = 256 * 1024;
 
