@@ -150,7 +150,8 @@ impl Board {
             // As decimals: in f32 steps of 1 ms, 2 s end a little after 2 s, and their last row would be lost.
             Ok((number, short(live.config()?.step_s)))
         })?;
-        let patience = PATIENCE + Duration::from_secs_f64(f64::from(steps) * step_s);
+        // An emulated board beside other work may take three times as long.
+        let patience = PATIENCE + Duration::from_secs_f64(3.0 * f64::from(steps) * step_s);
         let first = Mutex::new(None);
         Ok(Stream { board: this.unbind(), number, step_s, patience, duration_s, first })
     }
