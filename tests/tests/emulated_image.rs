@@ -10,8 +10,8 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
-/// Flash of the image \[bytes\]; 154.1 KiB are reached, 140 aimed at.
-const FLASH: RangeInclusive<u64> = 148 * 1024..=155 * 1024;
+/// Flash of the image \[bytes\]; 153.9 KiB are reached, 140 aimed at.
+const FLASH: RangeInclusive<u64> = 147 * 1024..=154 * 1024;
 /// Static memory of the image, its code and constants left out \[bytes\]; 27.8 KiB are reached, up to one more
 /// where a table is aligned.
 const RAM: RangeInclusive<u64> = 27 * 1024..=30 * 1024;
@@ -26,7 +26,7 @@ const JOINT_FLASH: RangeInclusive<u64> = 167 * 1024..=175 * 1024;
 const JOINT_RAM: RangeInclusive<u64> = 47 * 1024..=51 * 1024;
 /// Memory that the joint's image leaves at least for the stack, of which `emulated_joint_image` uses
 /// 27.2 KiB.
-const JOINT_STACK: u64 = 32 * 1024;
+const JOINT_STACK: u64 = 33 * 1024;
 /// RAM of the linker script.
 const ALL_RAM: u64 = 256 * 1024;
 

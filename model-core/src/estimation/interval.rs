@@ -240,11 +240,11 @@ impl Movements {
             let mean = mass_kg / (mass_kg + 0.5 * per_cp * conductance);
             let own = GasRow {
                 zones: [0.0; ZONES],
-                wall: -conductance,
-                scale: *heat,
-                stirring: *stirred,
+                wall: -conductance * mean,
+                scale: heat * mean,
+                stirring: stirred * mean,
             };
-            *row = own.on(i, -conductance * gas_k).times(mean);
+            *row = own.on(i, -conductance * gas_k * mean);
             sum = sum.plus(row);
         }
         (rows, sum)
