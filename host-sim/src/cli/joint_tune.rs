@@ -1,7 +1,7 @@
 //! `thermyo tune` of a joint.
 
 use super::progress::Bar;
-use super::tune::{Done, TuneArgs};
+use super::tune::{Done, TuneArgs, interrupted};
 use super::{Failure, interrupt, title_of};
 use model_core::joint::{JointConfig, JointTelemetry};
 use std::io::Write;
@@ -82,10 +82,7 @@ pub(super) fn run(
     interrupt::watch();
     let mut out = OutputDir::create(&folder)?;
     let tuned = match tuned(loaded, args, highest_pa) {
-        Err(Failure::Interrupted) => {
-            let _ = writeln!(stderr, "thermyo: the experiment was not finished, nothing is kept");
-            return Err(Failure::Interrupted);
-        }
+        Err(Failure::Interrupted) => return Err(interrupted(&out, stderr)),
         tuned => tuned?,
     };
     let page = joint_tune::page(&tuned, &title_of(&args.scenario));

@@ -133,17 +133,22 @@ pub(super) fn run(
     match done {
         // The emulated board gets the signal too, and may exit first.
         Err(_) if interrupt::is_requested() && args.board.port().is_none() => {
-            let record = out.place().join(RECORD);
-            let left = if record.exists() {
-                format!("the search was not finished, its record is {}", record.display())
-            } else {
-                "the experiment was not finished, nothing is kept".to_owned()
-            };
-            let _ = writeln!(stderr, "thermyo: {left}");
-            Err(Failure::Interrupted)
+            Err(interrupted(&out, stderr))
         }
         done => done?.publish(args, out, stdout, stderr),
     }
+}
+
+/// Says what an interrupted experiment leaves.
+pub(super) fn interrupted(out: &OutputDir, stderr: &mut dyn Write) -> Failure {
+    let record = out.place().join(RECORD);
+    let left = if record.exists() {
+        format!("the search was not finished, its record is {}", record.display())
+    } else {
+        "the experiment was not finished, nothing is kept".to_owned()
+    };
+    let _ = writeln!(stderr, "thermyo: {left}");
+    Failure::Interrupted
 }
 
 /// Results of an experiment for a terminal.
