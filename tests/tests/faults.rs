@@ -37,6 +37,21 @@ fn every_fault_is_found_in_time_with_the_right_reaction() {
     assert_eq!(missed(&lines).0, 0);
 }
 
+/// Muscles in which gas, wall and what the foil sees follow a drifting reading most willingly.
+#[test]
+fn a_drift_that_the_filter_follows_is_found_in_time() {
+    let faults = cases::all();
+    let fault = faults.iter().find(|fault| fault.name == "gas sensor drifting").unwrap();
+    for number in [19, 34, 99] {
+        let found_s = Trial::random(fault, number, COMES_S).run().unwrap().found_s;
+        println!("muscle {number}: {found_s:?} s");
+        assert!(
+            found_s.is_some_and(|found_s| (8.0..20.0).contains(&found_s)),
+            "{number}: {found_s:?}"
+        );
+    }
+}
+
 /// Without the sensor neither loop takes the length that pressure stands for as measured: both hunted, and the estimate
 /// was 60, 30 and 17 K off.
 #[test]

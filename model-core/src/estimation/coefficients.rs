@@ -24,8 +24,8 @@ pub const LOWEST_PA: f32 = 5.0e3;
 const NOISE_DEVIATIONS: f32 = 4.0;
 /// Averaging time of the mean square of the swing \[s\].
 const SWING_S: f32 = 8.0;
-/// Over how long corrections are added up that may follow a drift \[s\].
-const LED_S: f32 = 8.0;
+/// Time over which innovations are added up to see a bias \[s\].
+const BIAS_S: f32 = 20.0;
 /// Housings faster than this are none \[s\].
 const LEAST_HOUSING_S: f32 = 1.0e-3;
 
@@ -87,8 +87,8 @@ pub struct Coefficients {
     pub swing_window: f32,
     /// Share of an innovation in each of two averages in series: half a second.
     pub smoothing: f32,
-    /// Share of the sum of corrections that an interval keeps.
-    pub led_kept: f32,
+    /// Share of the innovations' sum that an interval keeps.
+    pub bias_kept: f32,
     /// Share of what has been learnt that an interval forgets, and what is kept of each error.
     pub forget: f32,
     pub keep: Errors<f32>,
@@ -156,7 +156,7 @@ impl Coefficients {
             forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
-            led_kept: 1.0 - limit(interval_s * (1.0 / LED_S), 0.0, 1.0),
+            bias_kept: 1.0 - limit(interval_s * (1.0 / BIAS_S), 0.0, 1.0),
             forget: interval_s / config.estimator.memory_s,
             keep: kept(&config.estimator, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),

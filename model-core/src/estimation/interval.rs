@@ -578,14 +578,8 @@ impl Estimator {
         (self.pending.gains, self.pending.left) = self.covariance.gains(reading_k2);
         self.correct(innovation_k);
         if self.length_source == LengthSource::Sensor {
-            let above_k = self.zones.mean_wall_k() - self.coefficients.ambient.temperature_k;
-            let foil_k2 = self.foil_k2();
-            self.element.watch(
-                &self.coefficients,
-                &self.pending.gains,
-                (innovation_k, variance_k2),
-                (above_k, foil_k2),
-            );
+            let innovation = (innovation_k, variance_k2);
+            self.element.watch(&self.coefficients, innovation, self.pending.gains.housing);
         }
         true
     }
