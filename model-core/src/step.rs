@@ -46,6 +46,8 @@ struct Verdict {
     state: State,
     /// Measured length, or the one that the load implies without its sensor \[m\].
     length_m: f32,
+    /// Half the width of the wide code that a measured one lies in \[m\].
+    length_wide_m: f32,
     length_source: LengthSource,
 }
 
@@ -368,6 +370,7 @@ impl Core {
         Feedback {
             pressure_pa: self.pressure_pa,
             length_m: verdict.length_m,
+            length_wide_m: verdict.length_wide_m,
             length_lost: verdict.length_source != LengthSource::Sensor,
             estimate: self.estimator.estimate(),
         }
@@ -406,7 +409,9 @@ impl Core {
                 self.set_armed(None);
             }
         }
-        Verdict { faults, state, length_m, length_source }
+        let measured = length_source == LengthSource::Sensor;
+        let length_wide_m = if measured { readings.length.wide } else { 0.0 };
+        Verdict { faults, state, length_m, length_wide_m, length_source }
     }
 
     /// The openings of this step.

@@ -4,7 +4,9 @@
 use thermyo_evaluate::control::{
     USUAL_GAINS, full, pressure_step, pressure_step_between, rest, sine,
 };
-use thermyo_evaluate::control_observed::{late_pulses, load_steps, rms_mm, unexpected};
+use thermyo_evaluate::control_observed::{
+    hold_across_a_wide_code, late_pulses, load_steps, rms_mm, unexpected,
+};
 use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
 use thermyo_evaluate::pid::PidBoard;
 use thermyo_record::trace::Row;
@@ -34,6 +36,19 @@ fn ambient(loaded: Loaded, temperature_k: f64) -> Loaded {
 
 fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
     assert!((low..=high).contains(&value), "{what} {value}, allowed {low} to {high}");
+}
+
+/// Where the converter swallows a millimetre, no valve cures what it reads: the middle of the code drove them for 0.34 of
+/// the rest.
+#[test]
+fn a_wide_code_of_the_length_does_not_drive_the_valves() {
+    let slippery = unexpected(nominal(), |s| {
+        s.friction.force_n = 0.0;
+        s.friction.stribeck_force_n = 0.0;
+    });
+    let held = hold_across_a_wide_code(&slippery, &mut CoreBoard::default()).unwrap();
+    assert_within("error %", held.error_percent, (0.2, 1.6));
+    assert_within("driven", held.driven, (0.0, 0.12));
 }
 
 #[test]
@@ -82,7 +97,8 @@ fn what_is_not_as_believed_is_observed() {
     for (loaded, most_s) in [(nominal(), 0.5), (twice, 1.2), (heavy, 1.2)] {
         let steps = load_steps(&loaded, &mut CoreBoard::default()).unwrap();
         assert_within("back after a load step, s", steps.back_s, (0.1, most_s));
-        assert_within("error after a load step, %", steps.error_percent, (0.05, 0.4));
+        // 0.1 mm beside a wide code of the converter.
+        assert_within("error after a load step, %", steps.error_percent, (0.05, 0.5));
     }
 }
 
@@ -158,9 +174,9 @@ fn proportional_valves_do_not_hunt() {
         assert_within("overshoot %", step.overshoot_percent, (0.2, 2.0));
         let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
         assert_within("error %", held.error_percent, (0.1, 0.4));
-        assert_within("ripple %", held.ripple_percent, (0.05, 0.5));
-        // Creep needs a command now and then.
-        assert_within("driven", held.driven, (0.0, 0.121));
+        assert_within("ripple %", held.ripple_percent, (0.02, 0.5));
+        // Creep needs a command now and then, and one takes 0.2 s of the half second.
+        assert_within("driven", held.driven, (0.0, 0.42));
         let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
         assert_within("error at 0.5 Hz, % of stroke", slow.rms_percent, (0.1, 0.5));
     }

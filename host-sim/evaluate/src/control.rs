@@ -166,6 +166,16 @@ pub mod rest {
         hold_within(loaded, strokes, [STROKE; 2], board)
     }
 
+    /// Holds these contractions one after the other.
+    pub fn hold_at(
+        loaded: &Loaded,
+        values: &[f64],
+        board: &mut dyn Board,
+    ) -> Result<Held, RunError> {
+        let holds = Holds { values, start_s: 0.0, full_scale: STROKE };
+        Ok(holds.worst(&trace(loaded, DriveKind::Contraction, holds.profile(), board)?))
+    }
+
     /// [`hold`] on a muscle with another stroke, of which `reach` is left under load; contractions
     /// \[-\].
     pub fn hold_within(

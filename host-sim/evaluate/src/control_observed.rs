@@ -1,7 +1,8 @@
 //! Loads, friction and masses that are not as configured, steps of the load, gas that relaxes: what the loops have
 //! to observe.
 
-use super::control::{Job, Point, STROKE, Sine, configured, creepless, rest, sine, stepped_trace};
+use super::control::rest::{self, Held};
+use super::control::{Job, Point, STROKE, Sine, configured, creepless, load, sine, stepped_trace};
 use super::{CaseFigures, Figure};
 use thermyo_compute::parallel::{self, Watch};
 use thermyo_scenario::{DriveKind, HeatModel, LoadKind, Scenario};
@@ -150,6 +151,45 @@ fn resting(full: &Loaded) -> Vec<Job<'_>> {
     jobs.collect()
 }
 
+/// Lengths in and beside a code that the converter makes too wide, 255.1 to 256.1 mm, from 253.5 mm on, and those from
+/// which they are come to by turns \[m\].
+const WIDE_M: (f64, f64) = (0.2535, 0.0003);
+const AWAY_M: [f64; 2] = [0.245, 0.268];
+
+/// Holds in and beside a wide code: nothing there shows where the muscle is, and no valve cures that.
+pub fn hold_across_a_wide_code(loaded: &Loaded, board: &mut dyn Board) -> Result<Held, RunError> {
+    let (from_m, apart_m) = WIDE_M;
+    let goals = (0..14).flat_map(|i| [AWAY_M[i % 2], from_m + apart_m * i as f64]);
+    let rest_m = loaded.plant.muscle.rest_length_m;
+    let values: Vec<f64> = goals.map(|length_m| 1.0 - length_m / rest_m).collect();
+    rest::hold_at(loaded, &values, board)
+}
+
+fn across_a_wide_code(full: &Loaded) -> Vec<Job<'_>> {
+    let light: fn(&Loaded) -> Loaded = |full| load(creepless(full.clone()), 20.0);
+    let cases: [(&str, fn(&Loaded) -> Loaded); 3] = [
+        ("20 N, no creep", light),
+        ("creep", Loaded::clone),
+        ("no friction", |full| unexpected(full.clone(), NO_FRICTION)),
+    ];
+    let jobs = cases.into_iter().map(|(name, muscle)| -> Job {
+        Box::new(move || {
+            let loaded = muscle(full);
+            let held = hold_across_a_wide_code(&loaded, &mut CoreBoard::default())?;
+            let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
+            Ok(CaseFigures {
+                case: format!("across a wide code, {name}"),
+                figures: vec![
+                    // Half of the code, and the dead zone to either side.
+                    Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.75),
+                    Figure::at_most("valves_driven", held.driven, 0.12),
+                ],
+            })
+        })
+    });
+    jobs.collect()
+}
+
 /// Pulses later than half a second after a step of the pressure from 2 to 4 bar, and after the one back, in 10 s.
 pub fn late_pulses(loaded: &Loaded, board: &mut dyn Board) -> Result<[usize; 2], RunError> {
     const STEPS_S: [f64; 3] = [2.0, 12.5, 23.0];
@@ -201,7 +241,8 @@ fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
 }
 
 fn jobs(full: &Loaded) -> Vec<Job<'_>> {
-    let observed = [sines(full), loads(full), resting(full), relaxing(full)];
+    let observed =
+        [sines(full), loads(full), resting(full), across_a_wide_code(full), relaxing(full)];
     let proportional = super::control_proportional::jobs(full);
     let others = observed.into_iter().flatten().chain(proportional);
     super::control::jobs(full).into_iter().chain(others).collect()

@@ -2,6 +2,7 @@
 
 use super::valve_drive::FlowDrive;
 use crate::config::Config;
+use crate::math::limit;
 use crate::physics::chamber::Chamber;
 use crate::physics::gas::Reservoir;
 use crate::sample::Estimate;
@@ -13,6 +14,8 @@ pub struct Feedback {
     pub pressure_pa: f32,
     /// Measured length \[m\]; without its sensor, the one that pressure and load stand for.
     pub length_m: f32,
+    /// Half the width of the wide code that it lies in, of which it is the middle \[m\]; 0: in none.
+    pub length_wide_m: f32,
     /// The length is not measured.
     pub length_lost: bool,
     /// The estimate of the step before.
@@ -20,6 +23,15 @@ pub struct Feedback {
 }
 
 impl Feedback {
+    /// Within a wide code the length may be anywhere: the one nearest to the reference's is taken, for its middle would
+    /// be an error that no valve can cure. A reference outside of the code is further off than the dead zone: the valves
+    /// act until the length has left the code.
+    pub(super) fn nearest_to(self, reference_m: f32, zone_m: f32) -> Self {
+        let Self { length_m, length_wide_m, .. } = self;
+        let within_m = limit(length_wide_m - zone_m, 0.0, f32::MAX);
+        Self { length_m: limit(reference_m, length_m - within_m, length_m + within_m), ..self }
+    }
+
     /// The gas in the muscle, as a valve sees it.
     pub fn muscle(&self) -> Reservoir {
         Reservoir { pressure_pa: self.pressure_pa, temperature_k: self.estimate.gas_k }
@@ -97,5 +109,35 @@ impl ChamberPort {
         let energy_j = self.volume_m3 * change_pa * self.per_k + self.pressure_pa * change_m3;
         let port_k = if energy_j > 0.0 { self.inflow_k } else { self.gas_k };
         energy_j / (self.gas_constant_j_kg_k * port_k)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A code from 254.5 to 255.5 mm, and a dead zone of 0.2 mm.
+    #[test]
+    fn a_reference_in_a_wide_code_is_met_and_one_beside_it_is_not() {
+        let feedback = Feedback {
+            pressure_pa: 2.0e5,
+            length_m: 0.255,
+            length_wide_m: 5.0e-4,
+            length_lost: false,
+            estimate: Estimate::default(),
+        };
+        let error_m = |reference_m: f32, zone_m: f32| {
+            feedback.nearest_to(reference_m, zone_m).length_m - reference_m
+        };
+        for within_m in [0.2547, 0.255, 0.2553] {
+            assert!(error_m(within_m, 2.0e-4).abs() < 1e-6, "{within_m}");
+        }
+        for (beside_m, side) in [(0.2544, 1.0), (0.2556, -1.0)] {
+            assert!((0.2e-3..0.4e-3).contains(&(side * error_m(beside_m, 2.0e-4))), "{beside_m}");
+        }
+        // A dead zone wider than the code leaves its middle, and so does no wide code.
+        assert_eq!(feedback.nearest_to(0.2552, 1.0e-3).length_m, 0.255);
+        let exact = Feedback { length_wide_m: 0.0, ..feedback };
+        assert_eq!(exact.nearest_to(0.2552, 0.0).length_m, 0.255);
     }
 }

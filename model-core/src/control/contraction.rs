@@ -534,7 +534,13 @@ mod tests {
     }
 
     fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
-        Feedback { pressure_pa, length_m, length_lost: false, estimate: Estimate::default() }
+        Feedback {
+            pressure_pa,
+            length_m,
+            length_wide_m: 0.0,
+            length_lost: false,
+            estimate: Estimate::default(),
+        }
     }
 
     fn port(feedback: &Feedback) -> ChamberPort {

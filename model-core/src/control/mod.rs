@@ -92,7 +92,7 @@ impl Controller {
     /// let mut controller = Controller::new(&config);
     /// controller.set(Target::new(&SetPoint::Pressure { pressure_pa: 3.0e5 }, &config, &muscle)?);
     /// let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
-    /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, length_lost: false, estimate };
+    /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, length_wide_m: 0.0, length_lost: false, estimate };
     /// assert!(controller.step(&config, &muscle, &feedback, 0).inlet > Duty::ZERO);
     /// # Ok::<(), model_core::SetPointError>(())
     /// ```
@@ -206,6 +206,15 @@ impl Controller {
 
     fn period(&mut self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Command {
         let muscle = feedback.muscle();
+        let near;
+        let feedback = match self.reference_m() {
+            Some(reference_m) if feedback.length_wide_m > 0.0 => {
+                let zone_m = config.controller.contraction_dead_zone * chamber.rest_length_m();
+                near = feedback.nearest_to(reference_m, zone_m);
+                &near
+            }
+            _ => feedback,
+        };
         self.limited = false;
         let port = self.port(config, chamber, feedback);
         let mass_kg = match self.target.set_point() {
@@ -353,7 +362,7 @@ mod tests {
 
     fn feedback(pressure_pa: f32, length_m: f32) -> Feedback {
         let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
-        Feedback { pressure_pa, length_m, length_lost: false, estimate }
+        Feedback { pressure_pa, length_m, length_wide_m: 0.0, length_lost: false, estimate }
     }
 
     fn chamber(config: &Config) -> AnyChamber {

@@ -149,7 +149,7 @@ mod tests {
 
     fn feedback(pressure_pa: f32) -> Feedback {
         let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
-        Feedback { pressure_pa, length_m: 0.27, length_lost: false, estimate }
+        Feedback { pressure_pa, length_m: 0.27, length_wide_m: 0.0, length_lost: false, estimate }
     }
 
     fn port(pressure_pa: f32) -> ChamberPort {
