@@ -53,13 +53,13 @@ fn a_drift_that_the_filter_follows_is_found_in_time() {
 }
 
 /// Without the sensor neither loop takes the length that pressure stands for as measured: both hunted, and the estimate
-/// was 60, 30 and 17 K off.
+/// was 60, 30 and 17 K off. Nor does the filter: as sure as with a length it was 8.9, 8.1 and 12.7 K off.
 #[test]
 fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
     for (name, number, most_k) in [
-        ("length sensor frozen", 31, 6.0),
+        ("length sensor frozen", 92, 8.0),
         ("length sensor noisy", 60, 6.0),
-        ("length sensor shorted", 99, 13.5),
+        ("length sensor shorted", 99, 5.0),
     ] {
         let faults = cases::all();
         let fault = faults.iter().find(|fault| fault.name == name).unwrap();

@@ -19,6 +19,10 @@ const LATE_STEPS: u16 = 2;
 const SPARE_STEPS: u16 = 4;
 /// Variance that a leak adds per second, in squares of its rate: configured a tenth wrong, for five seconds \[s\].
 const LEAK_UNCERTAINTY_S: f32 = 0.1;
+/// Drift of the gas temperature's error without a length \[K\], in a second: the length that pressure and load stand for
+/// errs by what friction holds, 18 mm at 800 N/m, a sixteenth of the volume, and (k-1) T/16 is 7 K. An assumption, of one
+/// turn a second.
+const LENGTHLESS_DRIFT_K: f32 = 7.0;
 /// Innovations beyond so many of their deviations correct nothing.
 const UNLIKELY: f32 = 5.0;
 /// Range of the factors on heat transfer and stirring.
@@ -522,7 +526,11 @@ impl Estimator {
         self.covariance.mirror();
         let per_gas = 1.0 / self.gas_k;
         let alone = (square(tuning.zone_drift) * self.swing_k2) * per_gas * per_gas;
-        let mut common = square(tuning.gas_drift_k * per_gas) * duration_s;
+        let drift_k = match self.length_source {
+            LengthSource::Sensor => tuning.gas_drift_k,
+            LengthSource::Reference | LengthSource::Balance => LENGTHLESS_DRIFT_K,
+        };
+        let mut common = square(drift_k * per_gas) * duration_s;
         if c.leaks {
             common += LEAK_UNCERTAINTY_S * square(self.pending.leaked) / duration_s;
         }

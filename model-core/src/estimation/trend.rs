@@ -28,6 +28,9 @@ const FOLLOWED: [(f32, f32); 16] = [
     (29.0 / 120.0, 1.0 / 40.0),
     (31.0 / 136.0, 3.0 / 136.0),
 ];
+/// Share of its rate that a step takes from what no flow moves any more, and no reading shows: half a swing of a load on
+/// its gas spring, at 10 to 30 Hz.
+const STOPS: f32 = 1.0 / 32.0;
 /// Most steps of a line along which gas may flow.
 const OPEN_STEPS: usize = FOLLOWED.len() - 1;
 
@@ -94,6 +97,9 @@ impl Trend {
         let noise = match uncertainty {
             Uncertainty::WideCode(half) => {
                 self.steady_steps = 0;
+                if flow_state == FlowState::Shut {
+                    self.rate -= STOPS * self.rate;
+                }
                 return on_within(self.rate, change, half);
             }
             Uncertainty::Noise(noise) => noise,
@@ -206,5 +212,11 @@ mod tests {
             "to its edge"
         );
         assert_eq!(trend.step(-9.0, Uncertainty::WideCode(4.0), FlowState::Open), -5.0);
+        // Without flow it comes to rest: 2/32 of its way a step less, 64 in all.
+        let mut way = 0.0;
+        for _ in 0..2000 {
+            way += trend.step(-way, Uncertainty::WideCode(1000.0), FlowState::Shut);
+        }
+        assert!((60.0..65.0).contains(&way), "{way}");
     }
 }
