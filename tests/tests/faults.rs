@@ -52,6 +52,17 @@ fn a_drift_that_the_filter_follows_is_found_in_time() {
     }
 }
 
+/// The wall that a frozen reading led away stayed there, and the estimate was 10 K off.
+#[test]
+fn a_frozen_reading_does_not_lead_the_wall_away() {
+    let faults = cases::all();
+    let fault = faults.iter().find(|fault| fault.name == "gas sensor frozen").unwrap();
+    for number in [11, 44] {
+        let error_k = Trial::random(fault, number, COMES_S).run().unwrap().error_k;
+        assert!((0.5..4.0).contains(&error_k), "{number}: {error_k} K");
+    }
+}
+
 /// Without the sensor neither loop takes the length that pressure stands for as measured: both hunted, and the estimate
 /// was 60, 30 and 17 K off. Nor does the filter: as sure as with a length it was 8.9, 8.1 and 12.7 K off.
 #[test]

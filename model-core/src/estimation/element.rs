@@ -301,7 +301,8 @@ impl Element {
         self.distrusted
     }
 
-    /// Whether the reading may be a frozen one: a lag learnt from that would mean that nothing had to move.
+    /// Whether the reading may be a frozen one: a lag learnt from that would mean that nothing had to move, and the wall
+    /// would follow it and stay there.
     pub fn stands_still(&self) -> bool {
         self.unmoved_k > 0.0
     }

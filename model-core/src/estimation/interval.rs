@@ -595,6 +595,8 @@ impl Estimator {
     /// Kalman update of the state.
     fn correct(&mut self, innovation_k: f32) {
         let gains = self.pending.gains;
+        let learns = !self.element.stands_still();
+        let wall_k = if learns { gains.wall * innovation_k } else { 0.0 };
         let factors = gains.zones.map(|gain| 1.0 + limit(gain * innovation_k, -0.05, 0.05));
         // Since the zones moved last, gas may have come or gone: they give a factor on what there is now.
         let before_kg = total(&self.zones.mass_kg);
@@ -604,10 +606,10 @@ impl Estimator {
         self.zones.set_mass(before_kg * factor);
         let wrong_k = self.gas_k;
         self.update_temperature();
-        let excess_k = self.gas_k - wrong_k - gains.wall * innovation_k;
+        let excess_k = self.gas_k - wrong_k - wall_k;
         self.zones.profile_k = super::profile::corrected(&self.zones.profile_k, excess_k);
         self.element.profile.correct(excess_k);
-        let wall_k = [gains.wall * innovation_k; ZONES];
+        let wall_k = [wall_k; ZONES];
         let Zones { wall_k: inner_k, outer_k, .. } = &self.zones;
         let (inner_k, outer_k) = (plus(inner_k, &wall_k), plus(outer_k, &wall_k));
         self.zones.set_walls(&inner_k, &outer_k);
@@ -618,7 +620,7 @@ impl Estimator {
         // The interval that has begun is to be compared with its reading as if it had begun corrected.
         let moved = &mut self.interval.moved;
         moved.response.mean_k += gains.element * innovation_k * f32::from(moved.steps);
-        if !element.stands_still() {
+        if learns {
             let by = |factor: f32, gain: f32| {
                 let [least, most] = FACTORS;
                 limit(factor * small_exp(gain * innovation_k), least, most)
