@@ -166,15 +166,13 @@ pub fn hold_across_a_wide_code(loaded: &Loaded, board: &mut dyn Board) -> Result
 }
 
 fn across_a_wide_code(full: &Loaded) -> Vec<Job<'_>> {
-    let light: fn(&Loaded) -> Loaded = |full| load(creepless(full.clone()), 20.0);
-    let cases: [(&str, fn(&Loaded) -> Loaded); 3] = [
-        ("20 N, no creep", light),
-        ("creep", Loaded::clone),
-        ("no friction", |full| unexpected(full.clone(), NO_FRICTION)),
+    let cases = [
+        ("20 N, no creep", load(creepless(full.clone()), 20.0)),
+        ("creep", full.clone()),
+        ("no friction", unexpected(full.clone(), NO_FRICTION)),
     ];
-    let jobs = cases.into_iter().map(|(name, muscle)| -> Job {
+    let jobs = cases.into_iter().map(|(name, loaded)| -> Job {
         Box::new(move || {
-            let loaded = muscle(full);
             let held = hold_across_a_wide_code(&loaded, &mut CoreBoard::default())?;
             let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
             Ok(CaseFigures {
