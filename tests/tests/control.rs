@@ -79,7 +79,8 @@ fn what_does_not_creep_is_driven_less_at_rest() {
         s.muscle.creep_slow_n_m = 0.0;
     });
     let held = rest::hold(&still, 0, &mut CoreBoard::default()).unwrap();
-    assert_within("error %", held.error_percent, (0.1, 0.3));
+    // Half the stroke lies 0.1 mm beside a wide code of the converter.
+    assert_within("error %", held.error_percent, (0.1, 0.4));
     // Air that a pulse has warmed or cooled relaxes for seconds: up to 0.18, and 0.40 with creep.
     assert_within("driven", held.driven, (0.0, 0.3));
 }
