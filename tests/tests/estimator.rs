@@ -93,7 +93,7 @@ fn a_lost_gas_sensor_costs_little() {
     for (fault, shown, bounds_k) in [
         ("open", Faults::GAS_SENSOR, (0.04, 0.2)),
         ("shorted", Faults::GAS_SENSOR, (0.04, 0.2)),
-        ("frozen", Faults::GAS_SENSOR, (0.2, 0.7)),
+        ("frozen", Faults::GAS_SENSOR, (0.04, 0.2)),
         ("noisy", Faults::GAS_SENSOR, (0.3, 1.2)),
     ] {
         let run = broken("gas", fault);
