@@ -7,7 +7,7 @@ use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_compute::parallel;
 use thermyo_evaluate::faults::cases;
 use thermyo_evaluate::faults::muscle::Task;
-use thermyo_evaluate::faults::trial::{COMES_S, Trial};
+use thermyo_evaluate::faults::trial::{COMES_S, Outcome, Trial};
 use thermyo_evaluate::faults::{alarms, table, vent};
 use thermyo_evaluate::{missed, nominal};
 use thermyo_scenario::{Faults as Injected, PlantModel};
@@ -37,13 +37,18 @@ fn every_fault_is_found_in_time_with_the_right_reaction() {
     assert_eq!(missed(&lines).0, 0);
 }
 
+/// One muscle's run with a fault.
+fn outcome(name: &str, number: u64) -> Outcome {
+    let faults = cases::all();
+    let fault = faults.iter().find(|fault| fault.name == name).unwrap();
+    Trial::random(fault, number, COMES_S).run().unwrap()
+}
+
 /// Muscles in which gas, wall and what the foil sees follow a drifting reading most willingly.
 #[test]
 fn a_drift_that_the_filter_follows_is_found_in_time() {
-    let faults = cases::all();
-    let fault = faults.iter().find(|fault| fault.name == "gas sensor drifting").unwrap();
     for number in [19, 34, 99] {
-        let found_s = Trial::random(fault, number, COMES_S).run().unwrap().found_s;
+        let found_s = outcome("gas sensor drifting", number).found_s;
         println!("muscle {number}: {found_s:?} s");
         assert!(
             found_s.is_some_and(|found_s| (8.0..20.0).contains(&found_s)),
@@ -55,10 +60,8 @@ fn a_drift_that_the_filter_follows_is_found_in_time() {
 /// The wall that a frozen reading led away stayed there, and the estimate was 10 K off.
 #[test]
 fn a_frozen_reading_does_not_lead_the_wall_away() {
-    let faults = cases::all();
-    let fault = faults.iter().find(|fault| fault.name == "gas sensor frozen").unwrap();
     for number in [11, 44] {
-        let error_k = Trial::random(fault, number, COMES_S).run().unwrap().error_k;
+        let error_k = outcome("gas sensor frozen", number).error_k;
         assert!((0.5..4.0).contains(&error_k), "{number}: {error_k} K");
     }
 }
@@ -72,9 +75,7 @@ fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
         ("length sensor noisy", 60, 6.0),
         ("length sensor shorted", 99, 5.0),
     ] {
-        let faults = cases::all();
-        let fault = faults.iter().find(|fault| fault.name == name).unwrap();
-        let error_k = Trial::random(fault, number, COMES_S).run().unwrap().error_k;
+        let error_k = outcome(name, number).error_k;
         println!("{name} {number}: {error_k} K");
         assert!((0.5..most_k).contains(&error_k), "{name} {number}: {error_k} K");
     }

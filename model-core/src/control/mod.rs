@@ -92,7 +92,8 @@ impl Controller {
     /// let mut controller = Controller::new(&config);
     /// controller.set(Target::new(&SetPoint::Pressure { pressure_pa: 3.0e5 }, &config, &muscle)?);
     /// let estimate = Estimate { gas_k: 298.0, wall_k: 298.0, ..Estimate::default() };
-    /// let feedback = Feedback { pressure_pa: 1.5e5, length_m: 0.28, length_wide_m: 0.0, length_lost: false, estimate };
+    /// let (pressure_pa, length_m, length_wide_m) = (1.5e5, 0.28, 0.0);
+    /// let feedback = Feedback { pressure_pa, length_m, length_wide_m, length_lost: false, estimate };
     /// assert!(controller.step(&config, &muscle, &feedback, 0).inlet > Duty::ZERO);
     /// # Ok::<(), model_core::SetPointError>(())
     /// ```

@@ -33,6 +33,7 @@
 //! | ln tau, ln tau_h | lags of element and housing | `lag_sd`, `housing_sd` | `memory_s` |
 //! | z | place of the foil, share of the length | `place_sd` | `memory_s` |
 //!
+//! Without a length the masses drift alike by what friction hides of the volume, instead of by `gas_drift_k`.
 //! b and the parameters are first-order Gauss-Markov processes about what is configured: a model's error stays the
 //! same cycle after cycle, and a filter that counted every cycle as new evidence would be sure of a wrong value in
 //! the end.
