@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use thermyo_boards::image::{self, Variant};
 
@@ -57,6 +58,19 @@ impl Bench {
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
         assert!(output.status.success(), "{line}: {}", text(&output.stderr));
         text(&output.stdout)
+    }
+
+    /// What the board says of itself once it vents: its startup check, which vents as well, comes
+    /// first, and a command may have ended during it.
+    pub fn vented(&self) -> String {
+        let began = Instant::now();
+        loop {
+            let info = self.ok("thermyo board emulated info");
+            if info.contains(" vent\n") {
+                return info;
+            }
+            assert!(began.elapsed() < Duration::from_secs(60), "it does not vent: {info}");
+        }
     }
 
     /// Message of a command that has to be refused.
