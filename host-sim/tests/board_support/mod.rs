@@ -60,7 +60,7 @@ impl Bench {
         text(&output.stdout)
     }
 
-    /// What the board says of itself once it vents: its startup check, which vents as well, comes
+    /// Info of the board once its mode is vent: its startup check, which vents as well, comes
     /// first, and a command may have ended during it.
     pub fn vented(&self) -> String {
         let began = Instant::now();
