@@ -266,7 +266,10 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert_a_lock_ends(&bench);
     let info = bench.ok("thermyo board emulated info");
     assert!(info.contains(", a joint\n") && info.contains("; 0 missed of "), "{info}");
-    assert!(bench.refused("thermyo board emulated history").contains("takes info"));
+    assert!(bench.refused("thermyo board emulated calibrate gas").contains("takes info"));
+    let history = bench.ok("thermyo board emulated history");
+    assert!(history.contains("neither vented by itself nor"), "{history}");
+    assert_a_configuration_comes_back(&bench);
     bench.ok(&format!("thermyo board emulated config write {scenario}"));
     assert_a_joint_is_driven(&bench);
     assert_eq!(bench.ok("thermyo board emulated stop"), "both muscles vent\n");
@@ -278,6 +281,21 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     let joint = bench.refused(&format!("thermyo board emulated config write {scenario}"));
     assert!(joint.contains("has a [joint]") && joint.contains("emulated plug"), "{joint}");
     assert!(bench.refused(set).contains("thermyo flash --joint"));
+}
+
+/// What is read is written back as the same configuration.
+fn assert_a_configuration_comes_back(bench: &Bench) {
+    let read = bench.path("read.toml").display().to_string();
+    let checksum = |line: &str| {
+        let printed = bench.ok(&format!("thermyo board emulated config {line} {read} --json"));
+        json(printed)["config_checksum"].clone()
+    };
+    let was = checksum("read");
+    assert!(was.is_number(), "{was}");
+    assert!(fs::read_to_string(&read).unwrap().contains("[joint]"));
+    let refused = bench.refused(&format!("thermyo board emulated config read {read}"));
+    assert!(refused.contains("exists"), "{refused}");
+    assert_eq!(checksum("write"), was);
 }
 
 fn assert_pressures_and_duties_are_taken(bench: &Bench) {

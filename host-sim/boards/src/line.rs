@@ -6,7 +6,7 @@ use super::serial_port;
 use model_core::Telemetry;
 use model_core::joint::JointTelemetry;
 use std::time::{Duration, Instant};
-use thermyo_protocol::{Answer, HostCommand, LastReset, PROTOCOL, Status, Timing, Version};
+use thermyo_protocol::{Answer, Event, HostCommand, LastReset, PROTOCOL, Status, Timing, Version};
 use thermyo_simulation::board::BoardError;
 
 /// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
@@ -109,6 +109,19 @@ impl Line {
             Answer::LastReset(last_reset) => Ok(last_reset),
             _ => Err(BoardError::Silent { asked: ASKED }),
         }
+    }
+
+    /// Restarts and venting faults, the latest first.
+    pub fn history(&mut self) -> Result<Vec<Event>, BoardError> {
+        let mut events = Vec::new();
+        for number in 0..=u8::MAX {
+            match self.ask(HostCommand::History(number), "history")? {
+                Answer::Event(Some(event)) => events.push(event),
+                Answer::Event(None) => break,
+                _ => return Err(BoardError::Silent { asked: "history" }),
+            }
+        }
+        Ok(events)
     }
 
     /// Waits until `arrived` returns something.

@@ -138,15 +138,7 @@ impl LiveBoard {
 
     /// Restarts and venting faults, the latest first.
     pub fn history(&mut self) -> Result<Vec<Event>, BoardError> {
-        let mut events = Vec::new();
-        for number in 0..=u8::MAX {
-            match self.line.ask(HostCommand::History(number), "history")? {
-                Answer::Event(Some(event)) => events.push(event),
-                Answer::Event(None) => break,
-                _ => return Err(BoardError::Silent { asked: "history" }),
-            }
-        }
-        Ok(events)
+        self.line.history()
     }
 
     /// Arms the board up to this absolute pressure \[Pa\].

@@ -5,8 +5,8 @@ use model_core::Config;
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use std::time::Instant;
 use thermyo_protocol::{
-    Answer, Chip, HostCommand, Image, LastReset, Name, Refusal, Side, Status, Timing, Version,
-    joint_checksum,
+    Answer, Chip, Event, HostCommand, Image, LastReset, Name, Refusal, Side, Status, Timing,
+    Version, joint_checksum,
 };
 use thermyo_simulation::board::BoardError;
 
@@ -66,6 +66,11 @@ impl LiveJoint {
 
     pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
         self.line.last_reset()
+    }
+
+    /// Restarts and venting faults of either muscle and of the joint, the latest first.
+    pub fn history(&mut self) -> Result<Vec<Event>, BoardError> {
+        self.line.history()
     }
 
     /// Sends a configuration and its name; the board accepts or refuses it as a whole.

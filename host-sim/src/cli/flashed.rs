@@ -17,7 +17,7 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
 use thermyo_files::input::write_new;
 use thermyo_files::units::UnitSystem;
-use thermyo_protocol::{Event, Refusal};
+use thermyo_protocol::{Event, Refusal, Status};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -106,10 +106,12 @@ impl BoardTask {
             Self::Stop => JointTask::Stop,
             Self::Clear => JointTask::Clear,
             Self::Drive(args) => JointTask::Drive(args),
+            Self::History => JointTask::History,
+            Self::Config(ConfigTask::Read { file }) => JointTask::Read { file },
             Self::Config(ConfigTask::Write { file }) => JointTask::Write { file },
             Self::Config(ConfigTask::Save) => JointTask::Save,
             Self::Config(ConfigTask::Forget) => JointTask::Forget,
-            _ => return None,
+            Self::Calibrate(_) | Self::Plug { .. } | Self::Unplug => return None,
         })
     }
 }
@@ -153,7 +155,7 @@ pub(super) fn run(
             format.done(out, &json!({ "faults": left.to_string() }), &words)
         }
         BoardTask::Config(task) => configure(&mut board, task, format, out, err),
-        BoardTask::History => history(&mut board, (format, units), out),
+        BoardTask::History => history(&board.history()?, (format, units), out),
         BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, format, out, err),
         BoardTask::Drive(args) => drive_profile(&mut board, &args, (format, units), out, err),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
@@ -285,19 +287,8 @@ fn configure(
             let config = board.config()?;
             let status = board.status()?;
             let scenario = from_config::to_scenario(&config)?;
-            let head = format!("# {}\n\n", configuration(&status));
-            write_new(&file, &(head + &thermyo_setup::render(&scenario.scenario)))?;
-            if !scenario.exact {
-                let _ = writeln!(
-                    err,
-                    "thermyo: a scenario cannot hold all of this configuration: written back it has another \
-                     checksum"
-                );
-            }
-            let words = format!("{} in {}\n", configuration(&status), file.display());
-            let mut json = configuration_json(&status);
-            json["file"] = json!(file.display().to_string());
-            format.done(out, &json, &words)
+            let text = thermyo_setup::render(&scenario.scenario);
+            config_file((&file, &text, scenario.exact), &status, format, (out, err))
         }
         ConfigTask::Save => {
             board.save()?;
@@ -312,13 +303,34 @@ fn configure(
     }
 }
 
-fn history(
-    board: &mut LiveBoard,
+/// Writes the scenario of a board's configuration; `exact`: whether it gives the same one again.
+pub(super) fn config_file(
+    (file, scenario, exact): (&Path, &str, bool),
+    status: &Status,
+    format: FormatArgs,
+    (out, err): (&mut dyn Write, &mut dyn Write),
+) -> Result<(), Failure> {
+    let named = configuration(status);
+    write_new(file, &format!("# {named}\n\n{scenario}"))?;
+    if !exact {
+        let _ = writeln!(
+            err,
+            "thermyo: a scenario cannot hold all of this configuration: written back it has another \
+             checksum"
+        );
+    }
+    let words = format!("{named} in {}\n", file.display());
+    let mut json = configuration_json(status);
+    json["file"] = json!(file.display().to_string());
+    format.done(out, &json, &words)
+}
+
+pub(super) fn history(
+    events: &[Event],
     (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let events = board.history()?;
-    let json = serde_json::to_value(&events).expect("plain data");
+    let json = serde_json::to_value(events).expect("plain data");
     if events.is_empty() {
         let words = "no events: it has neither vented by itself nor restarted\n";
         return format.answer(out, &json, words);
@@ -326,7 +338,7 @@ fn history(
     let mut words = String::new();
     for event in events {
         words += &match event {
-            Event::Started(last_reset) => format!("started by {}\n", started_by(last_reset)),
+            Event::Started(last_reset) => format!("started by {}\n", started_by(*last_reset)),
             Event::Vented(first) => format!(
                 "vented by {} at {}, step {}\n",
                 first.faults,

@@ -2,6 +2,7 @@
 
 use super::board_status::{Overview, configuration, configuration_json};
 use super::drive::{DriveArgs, Summed, drove, ended, say_record};
+use super::flashed::{config_file, history};
 use super::joint::{angle, faulty};
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
@@ -33,7 +34,9 @@ pub(super) enum JointTask {
     Set(SetArgs),
     Stop,
     Clear,
+    History,
     Drive(DriveArgs),
+    Read { file: PathBuf },
     Write { file: PathBuf },
     Save,
     Forget,
@@ -62,7 +65,8 @@ pub(super) fn run(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     let Some(task) = task else {
-        let usage = "a joint's board takes info, arm, set, stop, clear, drive and config write, save, forget";
+        let usage = "a joint's board takes info, arm, set, stop, clear, history, drive and config; its sensors are \
+                     calibrated by keys of the scenario";
         return Err(Failure::Usage(usage.to_owned()));
     };
     let mut board = LiveJoint::open(port)?;
@@ -88,6 +92,8 @@ pub(super) fn run(
             say_record(&driven, record, err);
             driven
         }
+        JointTask::History => history(&board.history()?, (format, units), out),
+        JointTask::Read { file } => read(&mut board, &file, format, (out, err)),
         JointTask::Write { file } => write(&mut board, &file, format, out),
         JointTask::Save => {
             board.save()?;
@@ -126,6 +132,18 @@ fn write(
     let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     board.configure(&loaded.config(), &name)?;
     show_configuration(board, format, out)
+}
+
+fn read(
+    board: &mut LiveJoint,
+    file: &Path,
+    format: FormatArgs,
+    output: (&mut dyn Write, &mut dyn Write),
+) -> Result<(), Failure> {
+    let (config, status) = (board.config()?, board.status()?);
+    let scenario = thermyo_joint::to_scenario(&config)?;
+    let exact = scenario.config() == config;
+    config_file((file, &thermyo_joint::render(&scenario), exact), &status, format, output)
 }
 
 fn show_configuration(
