@@ -116,8 +116,10 @@ pub async fn receive<R: Read>(
                 line.open();
                 shared.arbitrate(|arbiter| {
                     arbiter.hear(index);
-                    if command == HostCommand::Stop {
-                        arbiter.stop(index);
+                    match command {
+                        HostCommand::Stop => arbiter.stop(index),
+                        HostCommand::Version => arbiter.greet(index),
+                        _ => (),
                     }
                 });
                 // Samples need no limit: each comes after the answer to the one before.

@@ -231,6 +231,22 @@ fn a_joint_whose_set_point_is_interrupted_vents() {
     bench.vented();
 }
 
+/// A program that was killed cannot vent, and those after it only ask.
+#[test]
+fn a_program_that_asks_keeps_no_set_point_alive() {
+    if skip_emulator() {
+        return;
+    }
+    let bench = configured();
+    let mut command = bench.command("thermyo board emulated set pressure 130000 --arm --hold 60");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
+    signal(&child, "-KILL");
+    child.wait().unwrap();
+    let info = bench.vented();
+    assert!(info.contains("link lost"), "{info}");
+}
+
 /// Sends Ctrl-C once this file has more than so many bytes; returns the output.
 fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes: u64) -> Output {
     let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();

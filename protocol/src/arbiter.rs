@@ -2,6 +2,8 @@
 //!
 //! - The host whose order was carried out last is obeyed: its set point holds as long as this host is heard. An order
 //!   that is refused changes nothing, and neither does any other request.
+//! - A line has one host at a time. One that connects asks for the version first: the host before it is gone, and is
+//!   not heard any more, whatever the new one asks.
 //! - A stop overtakes every order that was sent before it, on any line. Bytes wait in the receiver and in the host
 //!   before the board reads them, so that what another line brings counts as older until that line has been silent
 //!   for a whole step, [`SETTLING_STEPS`] after the stop or later. What the stop's own line brings next is
@@ -88,6 +90,13 @@ impl<const LINES: usize> Arbiter<LINES> {
     pub fn hear(&mut self, line: usize) {
         if let Some(line) = self.lines.get_mut(line) {
             line.heard = true;
+        }
+    }
+
+    /// A host has connected on a line: it asks for the version.
+    pub fn greet(&mut self, line: usize) {
+        if self.obeyed == Some(line) {
+            self.obeyed = None;
         }
     }
 
@@ -180,6 +189,20 @@ mod tests {
         assert!(arbiter.step().heard, "although a step was between its request and its order");
         arbiter.hear(0);
         assert!(!arbiter.step().heard);
+    }
+
+    #[test]
+    fn a_host_that_connects_does_not_stand_for_the_one_before() {
+        let mut arbiter = Arbiter::<2>::new();
+        arbiter.obey(arbiter.begin(0));
+        arbiter.greet(1);
+        arbiter.hear(0);
+        assert!(arbiter.step().heard, "the other line has a host of its own");
+        arbiter.greet(0);
+        arbiter.hear(0);
+        assert!(!arbiter.step().heard);
+        arbiter.obey(arbiter.begin(0));
+        assert!(arbiter.step().heard, "it orders on its own");
     }
 
     #[test]

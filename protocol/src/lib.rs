@@ -150,7 +150,8 @@ pub struct RequestWith<C, J, P> {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // One at a time, in a static buffer.
 pub enum HostCommandWith<C, J, P> {
-    /// Who is there: [`Answer::Version`]. Kept first, so that every protocol version can ask.
+    /// Who is there: [`Answer::Version`]. Kept first, so that every protocol version can ask. A host asks once, when it
+    /// connects: the set point of the host before it on the line is not kept alive any more.
     Version,
     /// Restart into the boot loader, which takes another image; only while the board vents. Kept second,
     /// so that every protocol version can ask for a newer firmware.
@@ -414,7 +415,7 @@ impl core::fmt::Display for Refusal {
             Self::JointSensors => write!(
                 f,
                 "a joint's board reads gas temperatures with MAX31865 chips and pressures with its converter: \
-                 sensor.gas.kind = \"max31865\", sensor.pressure.kind = \"analog\""
+                 sensor.gas.kind = \"max31865\", sensor.pressure.kind = \"ratiometric\""
             ),
             Self::NoMuscles => {
                 write!(f, "the configurations of both muscles come before that of their joint")

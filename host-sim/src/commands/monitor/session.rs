@@ -197,6 +197,7 @@ impl<S: Subject> Session<S> {
             self.port = Some(port);
             // Half a frame may be lost, and the board may have restarted.
             self.link = Link::default();
+            self.version = None;
             self.questions.clear();
             self.answers.clear();
             self.asked = None;
@@ -217,12 +218,11 @@ impl<S: Subject> Session<S> {
                 self.send_as(*question, Some(index));
             }
         }
-        for command in [
-            HostCommand::Version,
-            HostCommand::LastReset,
-            HostCommand::FirstFailure,
-            HostCommand::Timing,
-        ] {
+        // A board takes who asks for it to have just connected, and then does not hear what drives it.
+        if self.version.is_none() {
+            self.send(HostCommand::Version);
+        }
+        for command in [HostCommand::LastReset, HostCommand::FirstFailure, HostCommand::Timing] {
             self.send(command);
         }
     }
