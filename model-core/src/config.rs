@@ -150,9 +150,9 @@ parameters! {
         heat_scale_sd: 0.4, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";
         stirring_sd: 0.4, "", 0.0 to 100.0, "logarithm of the scale of what flows stir";
         lag_sd: 0.8, "", 0.0 to 100.0, "logarithm of the sensor's lag";
-        housing_sd: 1.0, "", 0.0 to 100.0, "logarithm of the housing's lag";
+        housing_sd: 0.7, "", 0.0 to 100.0, "logarithm of the housing's lag";
         place_sd: 0.05, "", 0.0 to 1.0, "place of the foil, share of the length";
-        memory_s: 100.0, "s", 1.0 to 1.0e6, "in which scales, lags and place, left alone, return";
+        memory_s: 300.0, "s", 1.0 to 1.0e6, "in which scales, lags and place, left alone, return";
         foil_sd_k: 0.5, "K", 0.0 to 100.0, "gas around the foil against its zone";
         foil_swing: 0.2, "", 0.0 to 10.0, "the same, share of the gas's swing about the wall";
         foil_memory_s: 0.4, "s", 0.001 to 1.0e6, "how long that lasts";
