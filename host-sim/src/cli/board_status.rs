@@ -1,6 +1,9 @@
 //! Status of a board in words.
 
+use super::{Failure, FormatArgs};
+use model_core::Config;
 use serde_json::{Value, json};
+use std::io::Write;
 use thermyo_files::units::UnitSystem;
 use thermyo_protocol::{ConfigSource, Image, LastReset, Status, Timing, Version};
 
@@ -10,6 +13,24 @@ pub(super) struct Overview {
     pub status: Status,
     pub timing: Timing,
     pub last_reset: LastReset,
+}
+
+/// Where a board is armed to, and where it vents.
+pub(super) fn armed(
+    (armed_pa, config, of): (f32, &Config, &str),
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let vents_pa = armed_pa + config.pressure_margin_pa();
+    let [most, vents] = [armed_pa, vents_pa].map(|pa| units.text(pa.into(), "Pa", 1));
+    let words = format!("armed up to {most}, {of}; above {vents} it vents\n");
+    format.done(out, &json!({ "armed_pa": armed_pa, "vents_pa": vents_pa }), &words)
+}
+
+/// A board without a fault, after `clear`.
+pub(super) fn cleared(armed_pa: Option<f32>) -> String {
+    let until = if armed_pa.is_some() { "a set point comes: it is armed" } else { "it is armed" };
+    format!("no fault is left; it vents until {until}\n")
 }
 
 impl Overview {

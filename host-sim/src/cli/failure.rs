@@ -123,7 +123,10 @@ impl From<OpenError> for Failure {
 
 impl From<BoardError> for Failure {
     fn from(error: BoardError) -> Self {
-        Self::Board(error)
+        match error {
+            BoardError::Vented(_) => Self::Check(format!("{error}{}", remedy(&error))),
+            error => Self::Board(error),
+        }
     }
 }
 

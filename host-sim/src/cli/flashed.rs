@@ -1,6 +1,8 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
-use super::board_status::{Overview, configuration, configuration_json, started_by};
+use super::board_status::{
+    Overview, armed, cleared, configuration, configuration_json, started_by,
+};
 use super::drive::{DriveArgs, drive_profile};
 use super::joint_board::JointTask;
 use super::muscle::{line, vents};
@@ -130,6 +132,13 @@ pub(super) fn run(
         Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
             return joint_board::run(&port, task.of_joint(), (format, units), out, err);
         }
+        Err(BoardError::Taken { port }) if matches!(task, BoardTask::Stop) => {
+            let usage = format!(
+                "{port}: not stopped: another program has it open, and goes on. Ctrl-C in that one vents; so does \
+                 the emergency stop"
+            );
+            return Err(Failure::Usage(usage));
+        }
         opened => opened?,
     };
     match task {
@@ -145,7 +154,7 @@ pub(super) fn run(
         BoardTask::Clear => {
             let left = board.clear()?;
             let words = match left {
-                Faults::NONE => "no fault is left; it vents until it is armed\n".to_owned(),
+                Faults::NONE => cleared(board.status()?.armed_pa),
                 Faults::NOT_CONFIGURED => {
                     "no fault is left; it waits for its configuration\n".to_owned()
                 }
@@ -251,8 +260,7 @@ fn arm(
 ) -> Result<(), Failure> {
     board.arm(most_pa.map(|pa| pa as f32))?;
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
-    let words = format!("armed up to {}, absolute\n", units.text(armed_pa.into(), "Pa", 1));
-    format.done(out, &json!({ "armed_pa": armed_pa }), &words)
+    armed((armed_pa, &board.config()?, "absolute"), (format, units), out)
 }
 
 /// A joint's scenario is nothing for a board that drives one muscle.

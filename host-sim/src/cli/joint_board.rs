@@ -1,6 +1,6 @@
 //! `thermyo board PORT` where the board drives a joint.
 
-use super::board_status::{Overview, configuration, configuration_json};
+use super::board_status::{Overview, armed, cleared, configuration, configuration_json};
 use super::drive::{DriveArgs, Summed, drove, ended, say_record};
 use super::flashed::{config_file, history};
 use super::joint::{angle, faulty};
@@ -9,7 +9,7 @@ use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Failure, FormatArgs, interrupt, print};
 use crate::commands::joint::line;
 use model_core::Faults;
-use model_core::joint::{JointError, JointMode, JointSetPoint, JointTelemetry, Motion};
+use model_core::joint::{JointError, JointField, JointMode, JointSetPoint, JointTelemetry, Motion};
 use serde_json::{Value, json};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -73,11 +73,11 @@ pub(super) fn run(
     match task {
         JointTask::Info => info(&mut board, (format, units), out),
         JointTask::Arm { max_pressure } => {
-            board.arm(max_pressure.map(|pa| pa as f32)).map_err(refused)?;
+            board.arm(max_pressure.map(|pa| pa as f32)).map_err(|error| refused(error, units))?;
             let armed_pa = board.status()?.armed_pa.unwrap_or_default();
-            let most = units.text(armed_pa.into(), "Pa", 1);
-            let words = format!("armed up to {most} in either muscle, absolute\n");
-            format.done(out, &json!({ "armed_pa": armed_pa }), &words)
+            let [config, _] = board.config()?.muscles;
+            let of = "absolute, in either muscle";
+            armed((armed_pa, &config, of), (format, units), out)
         }
         JointTask::Set(args) => set(&mut board, &args, (format, units), out),
         JointTask::Stop => {
@@ -111,8 +111,8 @@ fn clear(board: &mut LiveJoint, format: FormatArgs, out: &mut dyn Write) -> Resu
     if let Some(left) = venting(&left) {
         return Err(Failure::Check(format!("still there: {left}")));
     }
-    let words = "no fault is left; it vents until it is armed\n";
-    format.done(out, &json!({ "faults": shown(&left) }), words)
+    let words = cleared(board.status()?.armed_pa);
+    format.done(out, &json!({ "faults": shown(&left) }), &words)
 }
 
 fn write(
@@ -163,7 +163,20 @@ fn shown(telemetry: &JointTelemetry) -> Value {
 }
 
 /// A refusal that names only what holds, and the command that helps.
-fn refused(error: BoardError) -> Failure {
+fn refused(error: BoardError, units: UnitSystem) -> Failure {
+    if let BoardError::Refused(Refusal::JointSetPoint(JointError::Range {
+        field: JointField::Angle,
+        value,
+        minimum,
+        maximum,
+    })) = error
+    {
+        let [value, minimum, maximum] =
+            [value, minimum, maximum].map(|rad| units.text(rad.into(), "rad", 2));
+        return Failure::Usage(format!(
+            "an angle of {value}: must be from {minimum} to {maximum}, the stops"
+        ));
+    }
     let BoardError::Refused(Refusal::JointSetPoint(JointError::Faults(muscles, joint))) = error
     else {
         return error.into();
@@ -234,9 +247,9 @@ fn set(
     let set_point = set_point(args)?;
     interrupt::watch();
     if args.arm {
-        board.arm(None).map_err(refused)?;
+        board.arm(None).map_err(|error| refused(error, units))?;
     }
-    let first = board.set(set_point).map_err(refused)?;
+    let first = board.set(set_point).map_err(|error| refused(error, units))?;
     if set_point == JointSetPoint::Vent {
         return format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n");
     }
@@ -315,7 +328,7 @@ fn drive_and_record(
     let mut gathered = joint::Gathered::new(&driven);
     interrupt::watch();
     if args.arm {
-        board.arm(None).map_err(refused)?;
+        board.arm(None).map_err(|error| refused(error, units))?;
     }
     let bar = Bar::new((duration_s * 1e3) as u64, format.quiet);
     let outcome =
