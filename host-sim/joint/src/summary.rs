@@ -64,6 +64,8 @@ pub struct Accumulator {
     squared_rad2: f64,
     tracked: f64,
     squared_stiffness: f64,
+    /// Steps with a wanted stiffness above 0.
+    stiff: f64,
     highest_pa: [f64; 2],
     estimate_k2: [f64; 2],
     sensor_k2: [f64; 2],
@@ -85,6 +87,7 @@ impl Accumulator {
             squared_rad2: 0.0,
             tracked: 0.0,
             squared_stiffness: 0.0,
+            stiff: 0.0,
             highest_pa: [0.0; 2],
             estimate_k2: [0.0; 2],
             sensor_k2: [0.0; 2],
@@ -107,8 +110,11 @@ impl Accumulator {
         if let Some([angle_rad, stiffness]) = row.wanted() {
             let error = truth.angle_rad - angle_rad;
             self.squared_rad2 += error * error;
-            let off = row.stiffness_n_m_rad / stiffness.max(1e-9) - 1.0;
-            self.squared_stiffness += off * off;
+            if stiffness > 0.0 {
+                let off = row.stiffness_n_m_rad / stiffness - 1.0;
+                self.squared_stiffness += off * off;
+                self.stiff += 1.0;
+            }
             self.tracked += 1.0;
             self.last.push(error);
         }
@@ -149,7 +155,7 @@ impl Accumulator {
             angle_rad: self.angle_rad,
             rms_error_rad: root(self.squared_rad2, self.tracked),
             end_error_rad: last.iter().sum::<f64>() / (last.len() as f64).max(1.0),
-            rms_stiffness_error: root(self.squared_stiffness, self.tracked),
+            rms_stiffness_error: root(self.squared_stiffness, self.stiff),
             highest_pressure_pa: self.highest_pa,
             pulses_per_s: self.pulses / self.duration_s().max(self.step_s),
             limited: self.limited / self.rows.max(1.0),

@@ -1,6 +1,7 @@
 //! How closely a set point is followed: figures of `control` in every summary, gathered step by step.
 
 use crate::trace::Row;
+use model_core::{Command, Mode};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 use thermyo_compute::math;
@@ -185,6 +186,7 @@ pub(crate) struct Tracking {
     duties: [f64; 2],
     open: [u64; 2],
     limited: u64,
+    vented: u64,
 }
 
 impl Tracking {
@@ -207,6 +209,7 @@ impl Tracking {
             duties: [0.0; 2],
             open: [0; 2],
             limited: 0,
+            vented: 0,
         }
     }
 
@@ -234,6 +237,8 @@ impl Tracking {
         let command = row.telemetry.command;
         let shares = [command.inlet, command.outlet].map(|duty| f64::from(duty.share()));
         self.add_valves(shares);
+        // A fault, or a board that waits: the open outlet is not the loop's.
+        self.vented += u64::from(row.telemetry.mode == Mode::Vent && command == Command::VENT);
         self.last_s = time_s;
     }
 
@@ -328,7 +333,12 @@ impl Tracking {
             limited: self.limited as f64 / steps,
             diagnosis: String::new(),
         };
-        control.diagnosis = diagnosis(&control);
+        let vented = self.vented as f64 / steps;
+        control.diagnosis = if vented >= OFTEN {
+            format!("it vents {}: see its faults", of_the_time(vented))
+        } else {
+            diagnosis(&control)
+        };
         Some(control)
     }
 }
@@ -338,13 +348,16 @@ fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
 }
 
+fn of_the_time(share: f64) -> String {
+    format!("{:.0} % of the time", 100.0 * share)
+}
+
 fn diagnosis(control: &Control) -> String {
     let Control { inlet_open, outlet_open, limited, .. } = *control;
-    let percent = |share: f64| format!("{:.0} % of the time", 100.0 * share);
     if limited >= OFTEN {
         return format!(
             "the set point asks for more than the allowed pressure {}: that limit stops it",
-            percent(limited)
+            of_the_time(limited)
         );
     }
     match (inlet_open >= OFTEN, outlet_open >= OFTEN) {
@@ -353,8 +366,8 @@ fn diagnosis(control: &Control) -> String {
         }
         (true, _) if inlet_open >= outlet_open => format!(
             "the inlet is fully open {}: the valve or the supply limits you",
-            percent(inlet_open)
+            of_the_time(inlet_open)
         ),
-        _ => format!("the outlet is fully open {}: the valve limits you", percent(outlet_open)),
+        _ => format!("the outlet is fully open {}: the valve limits you", of_the_time(outlet_open)),
     }
 }

@@ -293,7 +293,7 @@ fn restless(s: &Scenario) -> Option<Unrest> {
         DriveKind::Pressure => coarse_pressure(s, &config, moving.as_ref()),
         DriveKind::Contraction => {
             let spring = Spring::at_the_goal(s, &config, moving.as_ref());
-            coarse_contraction(&config, &spring)
+            coarse_contraction(s, &spring)
         }
         _ => None,
     }
@@ -326,8 +326,8 @@ fn with_tube_m3(s: &Scenario, volume_m3: f64) -> f64 {
     if s.moves_in_full() { volume_m3 + s.tube.volume_m3 } else { volume_m3 }
 }
 
-fn too_large_a_valve(config: &Config, why: String) -> Unrest {
-    ("valve.conductance_m3_s_pa", format!("{:e}", config.valve.conductance_m3_s_pa), why)
+fn too_large_a_valve(s: &Scenario, why: String) -> Unrest {
+    ("valve.conductance_m3_s_pa", format!("{:e}", s.valve.conductance_m3_s_pa), why)
 }
 
 fn coarse_pressure(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
@@ -339,7 +339,7 @@ fn coarse_pressure(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Optio
             "the shortest pulse, controller.minimum_pulse_s, moves the pressure by {step_pa:.0} Pa, beyond both ends of \
              controller.pressure_dead_zone_pa = {zone_pa:.0}: the loop may never come to rest"
         );
-        too_large_a_valve(config, why)
+        too_large_a_valve(s, why)
     })
 }
 
@@ -373,7 +373,7 @@ impl Spring {
     }
 }
 
-fn coarse_contraction(config: &Config, spring: &Spring) -> Option<Unrest> {
+fn coarse_contraction(s: &Scenario, spring: &Spring) -> Option<Unrest> {
     let Spring { step_m, zone_m, .. } = *spring;
     (step_m > 2.0 * WAKES_AT_ZONES * zone_m).then(|| {
         let why = format!(
@@ -382,7 +382,7 @@ fn coarse_contraction(config: &Config, spring: &Spring) -> Option<Unrest> {
             1e3 * step_m,
             1e3 * zone_m
         );
-        too_large_a_valve(config, why)
+        too_large_a_valve(s, why)
     })
 }
 

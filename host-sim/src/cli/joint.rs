@@ -136,7 +136,7 @@ pub(super) fn faulty(figures: &Figures) -> String {
         }
     }
     if let Some(vented_s) = figures.vented_s {
-        text += &format!("both muscles vented at {vented_s} s\n");
+        text += &format!("both muscles vented at {vented_s:.3} s\n");
     }
     text
 }

@@ -2,7 +2,7 @@ use super::progress::Bar;
 use super::{BoardArgs, Failure, OutputArgs, interrupt, print, publish, read_record, trace_in};
 use clap::Args;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thermyo_compute::parallel::Watch;
 use thermyo_files::number::COUNT;
 use thermyo_files::output::OutputDir;
@@ -37,6 +37,11 @@ pub(super) fn run(
     let (part, drawn) = (record.part(), record.drawn());
     let rows = part.rows as u64;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
+    if is_the_same(trace.parent().unwrap_or(Path::new("")), &folder) {
+        let usage =
+            format!("--out {}: is the record itself: give another folder", folder.display());
+        return Err(Failure::Usage(usage));
+    }
     let mut board = args.board.open()?;
     let mut out = OutputDir::create(&folder)?;
     let bar = Bar::new(rows, args.output.format.quiet);
@@ -76,6 +81,13 @@ pub(super) fn run(
     }
     // Without the state of the core at the first row, no equal bits are claimed.
     if part.first_step > 0 { Ok(()) } else { verdict(&outcome, rows) }
+}
+
+/// Whether both paths are of one folder that exists.
+fn is_the_same(record: &Path, folder: &Path) -> bool {
+    let record = if record.as_os_str().is_empty() { Path::new(".") } else { record };
+    let [record, folder] = [record, folder].map(|path| path.canonicalize().ok());
+    record.is_some() && record == folder
 }
 
 fn sentence(outcome: &Replay, rows: u64) -> String {
