@@ -96,7 +96,7 @@ impl JointLoaded {
 
     /// External torque at a time \[N m\].
     pub fn load_n_m(&self, time_s: f64) -> f64 {
-        self.load.as_ref().map_or(0.0, |load| load.value(time_s))
+        self.drive.load_n_m + self.load.as_ref().map_or(0.0, |load| load.value(time_s))
     }
 }
 

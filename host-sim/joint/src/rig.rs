@@ -99,10 +99,7 @@ impl Rig {
     /// # Errors
     /// [`RunError`] for a scenario that cannot be run.
     pub fn new(loaded: &JointLoaded, inputs: Inputs) -> Result<Self, RunError> {
-        let [a, b] = &loaded.muscles;
-        let mut scenarios = [a.plant.clone(), b.plant.clone()];
-        // Another seed for the noise of the other muscle.
-        scenarios[1].run.seed = scenarios[1].run.seed.wrapping_add(1 << 32);
+        let scenarios = scenarios(loaded);
         let start_rad = match inputs.set_point {
             JointSetPoint::Angle(motion) => f64::from(motion.angle_rad),
             _ => 0.0,
@@ -124,6 +121,17 @@ impl Rig {
         };
         rig.set(inputs.set_point)?;
         Ok(rig)
+    }
+
+    /// Takes over the numbers of another scenario: see [`Joint::retune`]. The core keeps its configuration.
+    ///
+    /// # Errors
+    /// [`RunError::Build`], and nothing has changed.
+    pub fn retune(&mut self, loaded: &JointLoaded) -> Result<(), RunError> {
+        let scenarios = scenarios(loaded);
+        self.plant.retune(loaded.arm(), scenarios.each_ref()).map_err(RunError::Build)?;
+        self.scenarios = scenarios;
+        Ok(())
     }
 
     /// The core, to arm it, vent it, or clear its faults.
@@ -235,6 +243,15 @@ impl Rig {
     pub fn ledgers(&self) -> (ArmLedger, [Ledger; 2]) {
         (self.plant.arm_ledger(), self.plant.ledgers())
     }
+}
+
+/// The plants of muscles a and b.
+fn scenarios(loaded: &JointLoaded) -> [Scenario; 2] {
+    let [a, b] = &loaded.muscles;
+    let mut scenarios = [a.plant.clone(), b.plant.clone()];
+    // Another seed for the noise of the other muscle.
+    scenarios[1].run.seed = scenarios[1].run.seed.wrapping_add(1 << 32);
+    scenarios
 }
 
 impl Row {

@@ -89,7 +89,8 @@ table! {
         amplitude_rad: real 0.0, "rad", -6.3 to 6.3, "amplitude of the shape";
         period_s: real 1.0, "s", 0.01 to 86_400.0, "period of the shape";
         profile_csv: csv ["time_s", "angle_rad", "stiffness_n_m_rad"], "angle and stiffness over time";
-        load_csv: csv ["time_s", "torque_n_m"], "external torque over time, positive towards growing angles";
+        load_n_m: real 0.0, "N m", -1.0e6 to 1.0e6, "external torque, positive towards growing angles";
+        load_csv: csv ["time_s", "torque_n_m"], "external torque over time, added to load_n_m";
     }
 }
 
