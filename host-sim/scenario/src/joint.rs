@@ -278,6 +278,16 @@ impl JointDocument {
         Ok(())
     }
 
+    /// A key that names a file, with its line, if there is one.
+    pub fn file(&self) -> Option<(String, Option<u64>)> {
+        let is_file = |key: &Key| matches!(key.allowed, Allowed::Csv { .. });
+        let own = self.given.iter().find(|(path, _)| key(path).is_some_and(is_file));
+        let muscles = self.muscles.iter().flat_map(|muscle| muscle.plant.iter());
+        let shared = muscles.into_iter().find(|entry| is_file(entry.key));
+        own.map(|(path, line)| (path.clone(), Some(*line)))
+            .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
+    }
+
     /// The error for a key of the joint, at its line if the file has it.
     pub fn blame(&self, key: &str, problem: Problem) -> InputError {
         let line = self.given.iter().find(|(given, _)| given == key).map(|(_, line)| *line);
