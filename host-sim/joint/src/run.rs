@@ -25,6 +25,25 @@ pub fn run(
     Ok(run.finish(wall_clock_s))
 }
 
+impl JointLoaded {
+    /// Inputs by the drive at a time \[s\].
+    pub fn inputs(&self, time_s: f64) -> Inputs {
+        let load_n_m = self.load_n_m(time_s);
+        Inputs { load_n_m, ..Inputs::of(self.motion(time_s)) }
+    }
+
+    /// Changes inputs to those of a step: the load in each, the set point at intervals.
+    pub fn follow(&self, inputs: &mut Inputs, step: u64) {
+        let step_s = self.muscles[0].plant.run.step_s;
+        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
+        let next = self.inputs(step as f64 * step_s);
+        inputs.load_n_m = next.load_n_m;
+        if step.is_multiple_of(every) {
+            inputs.set_point = next.set_point;
+        }
+    }
+}
+
 /// A run in progress, step by step.
 pub struct Run {
     loaded: JointLoaded,
@@ -42,8 +61,7 @@ impl Run {
     /// [`RunError`] for a scenario that cannot be run.
     pub fn start(loaded: &JointLoaded) -> Result<Self, RunError> {
         let run = &loaded.muscles[0].plant.run;
-        let mut inputs = Inputs::of(loaded.motion(0.0));
-        inputs.load_n_m = loaded.load_n_m(0.0);
+        let inputs = loaded.inputs(0.0);
         Ok(Self {
             rig: Rig::new(loaded, inputs)?,
             inputs,
@@ -67,12 +85,7 @@ impl Run {
         }
         let Self { loaded, inputs, step, .. } = self;
         let run = &loaded.muscles[0].plant.run;
-        let every = (SET_POINT_INTERVAL_S / run.step_s).round().max(1.0) as u64;
-        let next_s = (*step + 1) as f64 * run.step_s;
-        inputs.load_n_m = loaded.load_n_m(next_s);
-        if (*step + 1).is_multiple_of(every) {
-            inputs.set_point = Inputs::of(loaded.motion(next_s)).set_point;
-        }
+        loaded.follow(inputs, *step + 1);
         let row = self.rig.step(*inputs)?;
         self.accumulator.add(&row);
         if step.is_multiple_of(run.log_every) || *step == self.steps {
