@@ -160,8 +160,8 @@ impl Joint {
         })
     }
 
-    /// Takes over inertia, gravity and friction of the arm, and the muscles' numbers as [`Plant::retune`] does, from the
-    /// next step on; states are kept. All other keys must equal those that the joint was built from.
+    /// Takes over inertia, gravity and friction of the arm, and the muscles' numbers as [`super::Plant::retune`] does,
+    /// from the next step on; states are kept. All other keys must equal those that the joint was built from.
     ///
     /// # Errors
     /// As [`Self::new`], and nothing has changed.
