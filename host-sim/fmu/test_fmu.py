@@ -30,7 +30,8 @@ def unit(folder, scenario, *options):
 def trace(folder, scenario):
     done = thermyo("run", scenario, "--quiet", "--out", folder / "run")
     assert done.returncode == 0, done.stderr
-    with open(folder / "run" / "trace.csv") as file:
+    [name] = (folder / "run").glob("*trace.csv")
+    with open(name) as file:
         rows = list(csv.DictReader(file))
     return {name: numpy.array([float(row[name] or "nan") for row in rows]) for name in rows[0]}
 
@@ -47,13 +48,12 @@ def differences(result, expected, every=1):
 
 
 @pytest.mark.parametrize("options", [(), ("--with-core",)])
-# A joint is no unit: a unit has one muscle.
-@pytest.mark.parametrize("name", sorted(path.stem for path in SCENARIOS.glob("*.toml") if not path.stem.startswith("joint")))
+@pytest.mark.parametrize("name", sorted(path.stem for path in SCENARIOS.glob("*.toml")))
 def test_every_scenario_makes_a_valid_unit(name, options, tmp_path):
     assert validate_fmu(unit(tmp_path, SCENARIOS / f"{name}.toml", *options)) == []
 
 
-@pytest.mark.parametrize("name", ["nominal", "reproduce", "contraction", "bellows"])
+@pytest.mark.parametrize("name", ["nominal", "reproduce", "contraction", "bellows", "joint", "joint_board"])
 def test_plant_and_core_are_the_run(name, tmp_path):
     scenario = SCENARIOS / f"{name}.toml"
     expected = trace(tmp_path, scenario)
@@ -81,6 +81,16 @@ def test_a_plant_driven_as_it_was_is_the_run(tmp_path):
     assert max(found.values()) < 1e-9, found
 
 
+def test_variables_of_a_joint_have_units_and_descriptions(tmp_path):
+    for options in ((), ("--with-core",)):
+        (tmp_path / "unit.fmu").unlink(missing_ok=True)
+        description = fmpy.read_model_description(unit(tmp_path, SCENARIOS / "joint.toml", *options))
+        units = {variable.name: variable.unit for variable in description.modelVariables}
+        assert all(variable.description for variable in description.modelVariables)
+        assert (units["angle_rad"], units["stiffness_n_m_rad"], units["load_n_m"]) == ("rad", "N m/rad", "N m")
+        assert (units["speed_rad_s"], units["a_tension_n"], units["b_pressure_pa"]) == ("rad/s", "N", "Pa")
+
+
 def test_variables_have_units_and_descriptions(tmp_path):
     for options in ((), ("--with-core",)):
         (tmp_path / "unit.fmu").unlink(missing_ok=True)
@@ -95,6 +105,22 @@ def test_it_brings_the_tables_that_its_scenario_names(tmp_path):
     with zipfile.ZipFile(unit(tmp_path, SCENARIOS / "bellows.toml")) as archive:
         assert archive.read("resources/table.csv") == (SCENARIOS / "bellows.csv").read_bytes()
         assert b'csv = "table.csv"' in archive.read("resources/plant.toml")
+
+
+def test_a_joint_brings_its_tables(tmp_path):
+    (tmp_path / "course.csv").write_text("time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n0.5,0.1,16\n1,0,14\n")
+    (tmp_path / "load.csv").write_text("time_s,torque_n_m\n0,0\n1,1\n")
+    scenario = tmp_path / "driven.toml"
+    scenario.write_text(
+        "[run]\nduration_s = 1\nlog_every = 1\n[joint]\n[drive]\nprofile_csv = \"course.csv\"\nload_csv = \"load.csv\"\n"
+    )
+    file = unit(tmp_path, scenario, "--with-core")
+    with zipfile.ZipFile(file) as archive:
+        assert archive.read("resources/load.csv") == (tmp_path / "load.csv").read_bytes()
+        assert b'profile_csv = "profile.csv"' in archive.read("resources/plant_and_core.toml")
+    expected = trace(tmp_path, scenario)
+    found = differences(fmpy.simulate_fmu(file, stop_time=1.0, output_interval=0.001), expected)
+    assert max(found.values()) == 0.0, found
 
 
 def test_two_of_one_scenario_are_the_same_bytes(tmp_path):
@@ -162,6 +188,24 @@ def test_a_plant_stepped_for_100_s_is_the_run(instance, tmp_path):
         slave.doStep(row * 0.001, 0.001)
         rows.append(slave.getFloat64(references))
     assert len(rows) == 100_001
+    for name, column in zip(names, numpy.array(rows).T):
+        assert numpy.abs(column - expected[name]).max() <= 1e-9 * numpy.abs(expected[name]).max(), name
+
+
+def test_the_plant_of_a_joint_stepped_is_the_run(instance, tmp_path):
+    scenario = tmp_path / "every_step.toml"
+    scenario.write_text((SCENARIOS / "joint.toml").read_text().replace("log_every = 5", "log_every = 1"))
+    expected = trace(tmp_path, scenario)
+    slave = started(instance(scenario=scenario))
+    inputs = ["a_duty_in", "a_duty_out", "b_duty_in", "b_duty_out", "load_n_m"]
+    names = [name for name in slave.references if name in expected and name not in inputs]
+    references = [slave.references[name] for name in names]
+    rows = [slave.getFloat64(references)]
+    for row in range(len(expected["time_s"]) - 1):
+        slave.setFloat64([slave.references[name] for name in inputs], [expected[name][row] for name in inputs])
+        slave.doStep(row * 0.001, 0.001)
+        rows.append(slave.getFloat64(references))
+    assert len(rows) == 6001
     for name, column in zip(names, numpy.array(rows).T):
         assert numpy.abs(column - expected[name]).max() <= 1e-9 * numpy.abs(expected[name]).max(), name
 

@@ -34,14 +34,16 @@ fn playground() -> &'static Path {
     })
 }
 
-/// The trace of `thermyo run`.
+/// The trace of `thermyo run`, of one muscle or of a joint.
 fn command(scenario: &Path) -> Vec<u8> {
     let out = tempfile::tempdir().unwrap();
     let output =
         thermyo().args(["run", "--quiet"]).arg(scenario).arg("--out").arg(out.path()).output();
     let output = output.unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    fs::read(out.path().join("trace.csv")).unwrap()
+    let trace = out.path().join("trace.csv");
+    fs::read(&trace)
+        .unwrap_or_else(|_| fs::read(trace.with_file_name(thermyo_joint::trace::FILE)).unwrap())
 }
 
 /// Trace and messages of the module.
@@ -63,7 +65,7 @@ fn assert_same(what: &str, a: &[u8], b: &[u8]) {
 #[test]
 fn its_trace_is_that_of_the_command_to_the_bit() {
     let folder = tempfile::tempdir().unwrap();
-    let mut cases: Vec<PathBuf> = ["nominal", "contraction", "reproduce"]
+    let mut cases: Vec<PathBuf> = ["nominal", "contraction", "reproduce", "joint", "joint_board"]
         .map(|name| repository().join("scenarios").join(name).with_extension("toml"))
         .into();
     // All functions of f64 whose rounding depends on the platform.
@@ -81,6 +83,10 @@ fn its_trace_is_that_of_the_command_to_the_bit() {
             "faults",
             "[run]\nduration_s = 10\nlog_every = 1\n[drive]\nkind = \"pressure\"\npressure_pa = 250000\n[muscle]\nbladder_saturation_n = 20\nbladder_strain = 0.05\n[faults]\nfrom_s = 5\nleak_conductance_m3_s_pa = 1e-11\n",
         ),
+        (
+            "joint_faults",
+            "[run]\nduration_s = 4\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n[heat]\nmodel = \"correlation\"\n[joint]\ngravity_n_m = 2\n[joint.b.muscle]\nbladder_stiffness_n_m = 700\n[joint.a.faults]\nfrom_s = 3\nlength = \"open\"\n[drive]\nshape = \"step\"\namplitude_rad = \"20 deg\"\nload_n_m = 0.5\n",
+        ),
     ] {
         let file = folder.path().join(name).with_extension("toml");
         fs::write(&file, text).unwrap();
@@ -96,11 +102,24 @@ fn its_trace_is_that_of_the_command_to_the_bit() {
 fn an_invalid_scenario_gives_one_line() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("wrong.toml");
-    fs::write(&file, "[supply]\npressure_pa = 7\npressure = 7e5\n").unwrap();
-    let said = module(&file).unwrap_err();
-    let expected =
-        "Error: scenario.toml:3: unknown key supply.pressure; did you mean supply.pressure_pa?\n";
-    assert!(said.contains(expected), "{said}");
+    for (text, expected) in [
+        (
+            "[supply]\npressure_pa = 7\npressure = 7e5\n",
+            "Error: scenario.toml:3: unknown key supply.pressure; did you mean supply.pressure_pa?\n",
+        ),
+        (
+            "[joint]\nradius = 0.02\n",
+            "Error: scenario.toml:2: unknown key joint.radius; did you mean joint.radius_m?\n",
+        ),
+        (
+            "[joint]\n[drive]\nload_csv = \"load.csv\"\n",
+            "Error: scenario.toml:3: drive.load_csv: this page takes no CSV file: leave the key out",
+        ),
+    ] {
+        fs::write(&file, text).unwrap();
+        let said = module(&file).unwrap_err();
+        assert!(said.contains(expected), "{said}");
+    }
 }
 
 #[test]
@@ -153,6 +172,28 @@ fn it_warns_of_implausible_values_and_refuses_files() {
     );
 }
 
+/// The arm follows, also with gravity that the core is not configured with; what is saved is as `thermyo run` has it.
+fn assert_the_joint_moves(seen: &serde_json::Value) {
+    let joint = &seen["joint"];
+    let number = |name: &str| joint[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));
+    assert!((0.05..0.8).contains(&number("error_deg")), "{seen:#}");
+    assert!((number("stiffness") - 20.0).abs() < 0.5, "{seen:#}");
+    assert!((number("held_deg") - 10.0).abs() < 1.0, "{seen:#}");
+    assert_eq!(joint["narrow_px"], 390, "{seen:#}");
+    assert_eq!(joint["nameless"], 0, "{seen:#}");
+    assert_eq!(joint["views"], serde_json::json!(["joint"]), "{seen:#}");
+    let saved = |name: &str| PathBuf::from(joint[name].as_str().unwrap());
+    let expected = command(&repository().join("scenarios/joint.toml"));
+    assert_same("the saved scenario", &command(&saved("scenario")), &expected);
+    assert_same("the saved trace", &fs::read(saved("trace")).unwrap(), &expected);
+    let turned = fs::read_to_string(saved("turned")).unwrap();
+    let believed = turned.split("[believed.joint]").nth(1).expect("it has its own gravity");
+    assert!(believed.contains("\ngravity_n_m = 4.9"), "{turned}");
+    assert!(turned.contains("\ngravity_n_m = 3.0"), "{turned}");
+    command(&saved("turned"));
+    fs::remove_dir_all(saved("trace").parent().unwrap()).unwrap();
+}
+
 fn assert_the_tour_shows_what_it_says(seen: &serde_json::Value) {
     let error_k = |step: usize| seen["tour"][step]["error_k"].as_f64().unwrap();
     assert!(error_k(1) > 2.0 * error_k(0) && error_k(1) > 2.0 * error_k(2), "{seen:#}");
@@ -188,6 +229,7 @@ fn the_page_runs_and_is_turned() {
     assert_eq!(seen["nameless"], 0, "{seen:#}");
     assert_eq!(seen["serious"], serde_json::json!([]), "{seen:#}");
     assert_the_tour_shows_what_it_says(&seen);
+    assert_the_joint_moves(&seen);
     let refused = seen["refused"].as_str().unwrap();
     assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
     // `thermyo run` accepts a saved scenario and gives the same trace.

@@ -2,12 +2,10 @@
 
 use super::Kind;
 use super::model::{Model, ModelError};
-use super::variables::{Role, SET_POINT, Variable, variables};
+use super::variables::{Role, SET_POINT, Variable};
 use std::fmt::Write;
 use std::hash::{DefaultHasher, Hash, Hasher};
-use thermyo_record::units::{UNITS, Unit, unit_of};
-use thermyo_scenario::DriveKind;
-use thermyo_setup::render;
+use thermyo_record::units::Unit;
 
 /// Name of the shared library with the interface.
 pub const LIBRARY: &str = "thermyo_fmu";
@@ -17,12 +15,10 @@ pub fn token(model: &Model) -> String {
     let mut hasher = DefaultHasher::new();
     let mut scenario = model.scenario().clone();
     // The tables' paths change when they are unpacked.
-    for scenario in [&mut scenario.plant, &mut scenario.believed] {
-        scenario.vessel.volume_csv = None;
-        scenario.drive.profile_csv = None;
-        scenario.table.csv = None;
+    for path in scenario.files().into_iter().flat_map(|(_, paths)| paths) {
+        *path = None;
     }
-    (model.kind().scenario_file(), render(&scenario)).hash(&mut hasher);
+    (model.kind().scenario_file(), scenario.render()).hash(&mut hasher);
     format!("thermyo-{}-{:016x}", env!("CARGO_PKG_VERSION"), hasher.finish())
 }
 
@@ -31,7 +27,7 @@ pub fn token(model: &Model) -> String {
 /// # Errors
 /// None for a model that has been made.
 pub fn describe(model: &Model, name: &str) -> Result<String, ModelError> {
-    let run = &model.scenario().plant.run;
+    let run = model.scenario().run();
     let what = match model.kind() {
         Kind::Plant => "The plant of a scenario, its valves driven by the importer",
         Kind::WithCore => "The plant of a scenario and the core that drives it",
@@ -46,7 +42,7 @@ pub fn describe(model: &Model, name: &str) -> Result<String, ModelError> {
          <UnitDefinitions>\n",
         run.step_s
     );
-    for unit in UNITS {
+    for unit in model.scenario().units() {
         let exponents = unit.exponents.iter().filter(|(_, exponent)| *exponent != 0);
         let exponents: String =
             exponents.map(|(name, exponent)| format!(" {name}=\"{exponent}\"")).collect();
@@ -61,8 +57,8 @@ pub fn describe(model: &Model, name: &str) -> Result<String, ModelError> {
         run.end_s(),
         run.step_s
     );
-    let variables = variables(model.kind());
-    for (reference, variable) in (0..).zip(&variables) {
+    let variables = model.variables();
+    for (reference, variable) in (0..).zip(variables) {
         xml += &element(model, reference, variable)?;
     }
     xml += "</ModelVariables>\n<ModelStructure>\n";
@@ -90,7 +86,7 @@ fn element(model: &Model, reference: u32, variable: &Variable) -> Result<String,
                 model.switch(reference)?
             ),
         ),
-        Role::Input => (
+        Role::Input | Role::Opening => (
             "Float64",
             " causality=\"input\" variability=\"discrete\"".to_owned()
                 + &start(model.number(reference)?),
@@ -108,14 +104,10 @@ fn element(model: &Model, reference: u32, variable: &Variable) -> Result<String,
 
 /// A variable's unit; the set point has the unit of the scenario's drive.
 fn unit(model: &Model, variable: &Variable) -> Option<&'static Unit> {
-    if variable.name != SET_POINT {
-        return variable.unit();
+    if variable.name == SET_POINT {
+        return model.scenario().set_point_unit();
     }
-    match model.scenario().plant.drive.kind {
-        DriveKind::MassFlow => unit_of("flow_kg_s"),
-        DriveKind::Pressure => unit_of("pressure_pa"),
-        _ => None,
-    }
+    variable.unit()
 }
 
 fn escaped(text: &str) -> String {
@@ -125,12 +117,21 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scenario::Scenario;
     use thermyo_setup::parse;
 
     #[test]
     fn it_is_xml_with_every_variable() {
-        for kind in Kind::ALL {
-            let model = Model::new(parse("", "test".as_ref()).unwrap(), kind).unwrap();
+        let scenario = |joint: bool| -> Scenario {
+            let origin = "test".as_ref();
+            if joint {
+                thermyo_joint::parse("[joint]\n", origin).unwrap().into()
+            } else {
+                parse("", origin).unwrap().into()
+            }
+        };
+        for (kind, joint) in Kind::ALL.into_iter().flat_map(|kind| [(kind, false), (kind, true)]) {
+            let model = Model::new(scenario(joint), kind).unwrap();
             let xml = describe(&model, "a <\"&\"> b").unwrap();
             let mut reader = quick_xml::Reader::from_str(&xml);
             let mut names = Vec::new();
@@ -144,7 +145,7 @@ mod tests {
                 }
             }
             let count = |name: &str| names.iter().filter(|n| *n == name).count();
-            assert_eq!(count("Float64") + count("Boolean"), variables(kind).len());
+            assert_eq!(count("Float64") + count("Boolean"), model.variables().len());
             assert_eq!(count("Output"), count("InitialUnknown"));
         }
     }

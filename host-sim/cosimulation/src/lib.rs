@@ -6,11 +6,16 @@
 //! binaries/PLATFORM/     the C interface around the model, host-sim/fmu library
 //! ```
 //!
-//! Outputs are columns of `trace.csv`, the same to the bit. A unit is the [plant](Kind::Plant),
-//! whose valves the importer drives, or [plant and core](Kind::WithCore), as in `thermyo run`.
+//! Outputs are columns of `trace.csv`, or `joint_trace.csv`, the same to the bit. A unit is the
+//! [plant](Kind::Plant), whose valves the importer drives, or [plant and core](Kind::WithCore), as
+//! in `thermyo run`.
 
 pub mod description;
+mod joint;
 pub mod model;
+mod muscle;
+mod running;
+pub mod scenario;
 pub mod variables;
 
 /// Content of a unit.

@@ -1,116 +1,28 @@
 //! The model behind a unit's interface: a scenario that is run on request.
 
 use super::Kind;
-use super::variables::{FIRST_INPUT, Role, SECOND, TIME, Variable, variables};
-use model_core::control::Mode;
-use model_core::{Command, Estimate, Faults, Sample, SetPoint, SetPointError, Telemetry};
+pub use super::running::ModelError;
+use super::running::{Inputs, Running};
+use super::scenario::Scenario;
+use super::variables::{FIRST_INPUT, Role, Variable};
 use std::path::Path;
-use thermyo_files::input::InputError;
-use thermyo_plant::{Actuation, BuildError, Diverged};
-use thermyo_record::trace::Row;
-use thermyo_setup::Loaded;
-use thermyo_setup::core_config::core_config;
-use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
-use thermyo_simulation::rig::{MeanFlows, Reader, Rig};
-use thermyo_simulation::run::SetPoints;
 
 /// Tolerance of times as a fraction of a step, for rounding errors of sums.
 const TOLERANCE: f64 = 1e-3;
 
-/// Why a request of the importer fails.
-#[derive(Debug, thiserror::Error)]
-pub enum ModelError {
-    #[error(transparent)]
-    Input(#[from] InputError),
-    /// The plant cannot be built.
-    #[error(transparent)]
-    Build(#[from] BuildError),
-    /// The core refuses its configuration or a set point.
-    #[error(transparent)]
-    Core(#[from] BoardError),
-    /// The plant left the range of its equations.
-    #[error(transparent)]
-    Diverged(#[from] Diverged),
-    /// A step of a wrong length.
-    #[error(
-        "a communication step of {asked_s} s: must be a whole number of steps of {step_s} s, at least one"
-    )]
-    StepSize { asked_s: f64, step_s: f64 },
-    /// A step from a wrong time.
-    #[error(
-        "a step from {asked_s} s, and the time is {time_s} s: a unit cannot go back, or leave out time"
-    )]
-    NotNow {
-        /// The time that the step should begin at \[s\].
-        asked_s: f64,
-        time_s: f64,
-    },
-    /// A call at the wrong time.
-    #[error("{call}: must come {must}")]
-    OutOfTurn {
-        call: &'static str,
-        /// When it is allowed.
-        must: &'static str,
-    },
-    /// A value out of range.
-    #[error("{name} = {value}: must be {allowed}")]
-    Value { name: &'static str, value: f64, allowed: String },
-    /// There is no such variable of that type, or it cannot be set now.
-    #[error("value reference {reference}: no {what}")]
-    Reference {
-        reference: u32,
-        /// The expected type.
-        what: &'static str,
-    },
-}
-
-impl ModelError {
-    /// Whether nothing has changed, so that another request is possible.
-    pub fn leaves_all(&self) -> bool {
-        matches!(self, Self::StepSize { .. } | Self::Value { .. })
-    }
-}
-
 /// A scenario as a unit.
 pub struct Model {
     kind: Kind,
-    loaded: Loaded,
+    scenario: Scenario,
     variables: Vec<Variable>,
     inputs: Inputs,
     start_s: f64,
-    running: Running,
+    running: Box<dyn Running>,
+    /// Cells of the trace, current for the importer.
+    cells: Vec<f64>,
+    steps: u64,
     /// The importer has begun to step.
     started: bool,
-}
-
-/// Inputs from the importer.
-#[derive(Debug, Clone, Copy)]
-struct Inputs {
-    duties: [f64; 2],
-    set_point: f64,
-    follow_scenario: bool,
-}
-
-/// Plant and board in operation.
-struct Running {
-    rig: Rig,
-    flows: MeanFlows,
-    driver: Driver,
-    steps: u64,
-    /// The importer's last set point.
-    given: f64,
-    row: Row,
-}
-
-/// Where the valves' openings come from.
-enum Driver {
-    /// The importer. The sensors are read as the core would.
-    Importer(Box<Reader>),
-    Core {
-        board: Box<CoreBoard>,
-        drive: Box<SetPoints>,
-        step: BoardStep,
-    },
 }
 
 impl Model {
@@ -122,28 +34,26 @@ impl Model {
         let kind =
             Kind::ALL.into_iter().find(|kind| resources.join(kind.scenario_file()).is_file());
         let kind = kind.unwrap_or(Kind::Plant);
-        Self::new(thermyo_setup::load(&resources.join(kind.scenario_file()))?, kind)
+        Self::new(Scenario::load(&resources.join(kind.scenario_file()))?, kind)
     }
 
     /// A scenario as a unit, at rest at time zero.
     ///
     /// # Errors
     /// [`ModelError`], for a scenario that cannot be run.
-    pub fn new(loaded: Loaded, kind: Kind) -> Result<Self, ModelError> {
-        let inputs = Inputs {
-            // A muscle without power vents.
-            duties: [0.0, 1.0],
-            set_point: SetPoints::new(&loaded).value(0.0),
-            follow_scenario: true,
-        };
-        let running = Running::new(&loaded, kind, &inputs)?;
+    pub fn new(scenario: impl Into<Scenario>, kind: Kind) -> Result<Self, ModelError> {
+        let scenario = scenario.into();
+        let inputs = scenario.inputs(kind);
+        let mut running = scenario.start(kind, &inputs)?;
         Ok(Self {
             kind,
-            loaded,
-            variables: variables(kind),
+            variables: scenario.variables(kind),
+            cells: running.look(),
+            scenario,
             inputs,
             start_s: 0.0,
             running,
+            steps: 0,
             started: false,
         })
     }
@@ -152,12 +62,16 @@ impl Model {
         self.kind
     }
 
-    pub fn scenario(&self) -> &Loaded {
-        &self.loaded
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    pub fn variables(&self) -> &[Variable] {
+        &self.variables
     }
 
     pub fn reset(&mut self) -> Result<(), ModelError> {
-        *self = Self::new(self.loaded.clone(), self.kind)?;
+        *self = Self::new(self.scenario.clone(), self.kind)?;
         Ok(())
     }
 
@@ -182,71 +96,68 @@ impl Model {
     /// # Errors
     /// As [`Model::new`], for the values set since.
     pub fn start(&mut self) -> Result<(), ModelError> {
-        self.running = Running::new(&self.loaded, self.kind, &self.inputs)?;
-        self.started = true;
+        self.running = self.scenario.start(self.kind, &self.inputs)?;
+        self.cells = self.running.look();
+        (self.steps, self.started) = (0, true);
         Ok(())
     }
 
     pub fn time_s(&self) -> f64 {
-        self.start_s + self.running.steps as f64 * self.loaded.plant.run.step_s
+        self.start_s + self.steps as f64 * self.scenario.run().step_s
     }
 
     pub fn number(&self, reference: u32) -> Result<f64, ModelError> {
-        match (reference, self.kind) {
-            (TIME, _) => return Ok(self.time_s()),
-            (FIRST_INPUT, Kind::Plant) => return Ok(self.inputs.duties[0]),
-            (SECOND, Kind::Plant) => return Ok(self.inputs.duties[1]),
-            (FIRST_INPUT, Kind::WithCore) => return Ok(self.inputs.set_point),
-            _ => (),
-        }
-        self.variables
-            .get(reference as usize)
-            .filter(|variable| matches!(variable.role, Role::Plant | Role::Sampled))
-            .and_then(Variable::column)
-            .map(|column| self.running.row.cells()[column])
-            .ok_or(ModelError::Reference { reference, what: "number" })
+        let variable = self.variables.get(reference as usize);
+        let found = variable.and_then(|variable| match variable.role {
+            Role::Time => Some(self.time_s()),
+            Role::Input | Role::Opening => self.inputs.numbers.get(input(reference)).copied(),
+            Role::Plant | Role::Sampled => {
+                let columns = self.scenario.columns();
+                let column = columns.iter().position(|name| *name == variable.name);
+                column.and_then(|column| self.cells.get(column)).copied()
+            }
+            Role::Parameter => None,
+        });
+        found.ok_or(ModelError::Reference { reference, what: "number" })
     }
 
     pub fn set_number(&mut self, reference: u32, value: f64) -> Result<(), ModelError> {
-        let allowed = |name, allowed: &str| {
-            Err(ModelError::Value { name, value, allowed: allowed.to_owned() })
+        let unknown = ModelError::Reference { reference, what: "number that can be set" };
+        let Some(variable) = self.variables.get(reference as usize) else { return Err(unknown) };
+        let (allowed, is_allowed) = match variable.role {
+            Role::Opening => ("from 0 to 1", (0.0..=1.0).contains(&value)),
+            Role::Input => ("a finite number", value.is_finite()),
+            _ => return Err(unknown),
         };
-        match (reference, self.kind) {
-            (FIRST_INPUT | SECOND, Kind::Plant) => {
-                let opening = (reference - FIRST_INPUT) as usize;
-                if !(0.0..=1.0).contains(&value) {
-                    return allowed(self.variables[reference as usize].name, "from 0 to 1");
-                }
-                self.inputs.duties[opening] = value;
-            }
-            (FIRST_INPUT, Kind::WithCore) => {
-                if !value.is_finite() {
-                    return allowed(self.variables[reference as usize].name, "a finite number");
-                }
-                self.inputs.set_point = value;
-            }
-            _ => return Err(ModelError::Reference { reference, what: "number that can be set" }),
+        if !is_allowed {
+            let (name, allowed) = (variable.name, allowed.to_owned());
+            return Err(ModelError::Value { name, value, allowed });
         }
+        self.inputs.numbers[input(reference)] = value;
         Ok(())
+    }
+
+    /// Whether a reference is that of a Boolean.
+    fn is_switch(&self, reference: u32) -> bool {
+        let variable = self.variables.get(reference as usize);
+        variable.is_some_and(|variable| variable.role == Role::Parameter)
     }
 
     /// Reads a Boolean.
     pub fn switch(&self, reference: u32) -> Result<bool, ModelError> {
-        match (reference, self.kind) {
-            (SECOND, Kind::WithCore) => Ok(self.inputs.follow_scenario),
-            _ => Err(ModelError::Reference { reference, what: "truth value" }),
+        if !self.is_switch(reference) {
+            return Err(ModelError::Reference { reference, what: "truth value" });
         }
+        Ok(self.inputs.follow_scenario)
     }
 
     /// Sets a Boolean, before the first step.
     pub fn set_switch(&mut self, reference: u32, value: bool) -> Result<(), ModelError> {
-        match (reference, self.kind, self.started) {
-            (SECOND, Kind::WithCore, false) => self.inputs.follow_scenario = value,
-            _ => {
-                let what = "truth value that can be set now";
-                return Err(ModelError::Reference { reference, what });
-            }
+        if self.started || !self.is_switch(reference) {
+            let what = "truth value that can be set now";
+            return Err(ModelError::Reference { reference, what });
         }
+        self.inputs.follow_scenario = value;
         Ok(())
     }
 
@@ -259,7 +170,7 @@ impl Model {
             let must = "after fmi3ExitInitializationMode";
             return Err(ModelError::OutOfTurn { call: "fmi3DoStep", must });
         }
-        let step_s = self.loaded.plant.run.step_s;
+        let step_s = self.scenario.run().step_s;
         let (time_s, tolerance_s) = (self.time_s(), TOLERANCE * step_s);
         let is_now = (from_s - time_s).abs() <= tolerance_s;
         if !is_now {
@@ -271,139 +182,121 @@ impl Model {
         }
         self.running.take(&self.inputs)?;
         for _ in 0..steps as u64 {
-            self.running.step(&self.loaded, &self.inputs)?;
+            self.steps += 1;
+            self.running.step(self.steps, &self.inputs)?;
         }
-        self.running.look();
+        self.cells = self.running.look();
         Ok(())
     }
 }
 
-impl Running {
-    fn new(loaded: &Loaded, kind: Kind, inputs: &Inputs) -> Result<Self, ModelError> {
-        let mut rig = Rig::new(loaded)?;
-        let config = core_config(&loaded.believed);
-        let flows = MeanFlows::new(&rig);
-        let sample = rig.sample();
-        let driver = match kind {
-            Kind::Plant => Driver::Importer(Box::new(Reader::new(&config))),
-            Kind::WithCore => {
-                let mut board = Box::<CoreBoard>::default();
-                let drive = Box::new(SetPoints::new(loaded));
-                let set_point =
-                    if inputs.follow_scenario { drive.at(0.0) } else { drive.of(inputs.set_point) };
-                board.start(&config, set_point).map_err(|error| refused(error, inputs))?;
-                let step = board.step(&sample)?;
-                Driver::Core { board, drive, step }
-            }
-        };
-        let row = Row {
-            truth: rig.truth(),
-            sensor_gas_k: 0.0,
-            sensor_wall_k: 0.0,
-            model_k: f64::NAN,
-            model_sensor_k: f64::NAN,
-            set_point: f64::NAN,
-            telemetry: unread(sample),
-        };
-        let given = inputs.set_point;
-        let mut running = Self { rig, flows, driver, steps: 0, given, row };
-        running.read(sample);
-        running.look();
-        Ok(running)
+/// Place of an input among the inputs.
+fn input(reference: u32) -> usize {
+    reference.saturating_sub(FIRST_INPUT) as usize
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use thermyo_joint::JointLoaded;
+
+    const STEP_S: f64 = 0.001;
+
+    fn joint(model: &str) -> JointLoaded {
+        let text = format!(
+            "[run]\nduration_s = 1.5\nlog_every = 1\n[plant]\nmodel = \"{model}\"\n\
+             initial_pressure_pa = 290000\n[joint]\ngravity_n_m = 4.9\n\
+             [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[drive]\nshape = \"sine\"\n\
+             angle_rad = 0.1\namplitude_rad = 0.3\nload_n_m = 0.5\n"
+        );
+        thermyo_joint::parse(&text, "joint.toml".as_ref()).unwrap()
     }
 
-    /// Takes the importer's set point, if it has changed.
-    fn take(&mut self, inputs: &Inputs) -> Result<(), ModelError> {
-        let Driver::Core { board, drive, .. } = &mut self.driver else { return Ok(()) };
-        if inputs.follow_scenario || inputs.set_point == self.given {
-            return Ok(());
-        }
-        match board.core()?.set(drive.of(inputs.set_point)) {
-            // Venting faults vent; the outputs have the reason.
-            Ok(()) | Err(SetPointError::Faults(_)) => self.given = inputs.set_point,
-            Err(error) => return Err(refused(BoardError::SetPoint(error), inputs)),
-        }
-        Ok(())
+    /// Rows of `thermyo run`.
+    fn rows(loaded: &JointLoaded) -> Vec<Vec<f64>> {
+        let mut rows = Vec::new();
+        let observer = &mut |row: &thermyo_joint::Row| {
+            rows.push(row.cells());
+            Ok(())
+        };
+        thermyo_joint::run(loaded, observer).unwrap();
+        assert_eq!(rows.len(), 1501);
+        rows
     }
 
-    fn step(&mut self, loaded: &Loaded, inputs: &Inputs) -> Result<(), ModelError> {
-        self.steps += 1;
-        let actuation = match &mut self.driver {
-            Driver::Importer(_) => {
-                let [inlet, outlet] = inputs.duties;
-                Actuation { inlet, outlet }
+    fn column(name: &str) -> usize {
+        thermyo_joint::COLUMNS.iter().position(|column| *column == name).unwrap()
+    }
+
+    /// Checks every output against a row, to the bit.
+    fn assert_is(model: &Model, row: &[f64]) {
+        for (reference, variable) in (0..).zip(model.variables()) {
+            if matches!(variable.role, Role::Plant | Role::Sampled) {
+                let (is, wanted) = (model.number(reference).unwrap(), row[column(variable.name)]);
+                let (name, time_s) = (variable.name, row[0]);
+                assert_eq!(is.to_bits(), wanted.to_bits(), "{name} at {time_s} s: {is} {wanted}");
             }
-            Driver::Core { board, drive, step } => {
-                let update = drive.acting_from(self.steps, loaded);
-                if let Some(set_point) = update.filter(|_| inputs.follow_scenario) {
-                    match board.core()?.set(set_point) {
-                        Ok(()) | Err(SetPointError::Faults(_)) => (),
-                        Err(error) => return Err(BoardError::SetPoint(error).into()),
-                    }
+        }
+    }
+
+    fn reference(model: &Model, name: &str) -> u32 {
+        model.variables().iter().position(|variable| variable.name == name).unwrap() as u32
+    }
+
+    #[test]
+    fn a_joint_with_its_core_is_the_run_to_the_bit() {
+        for plant in ["lumped", "full"] {
+            let loaded = joint(plant);
+            let mut model = Model::new(loaded.clone(), Kind::WithCore).unwrap();
+            model.start().unwrap();
+            for (row, step) in rows(&loaded).iter().zip(0..) {
+                assert_is(&model, row);
+                model.step(f64::from(step) * STEP_S, STEP_S).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn the_plant_of_a_joint_driven_as_it_was_is_the_run_to_the_bit() {
+        for plant in ["lumped", "full"] {
+            let loaded = joint(plant);
+            let mut model = Model::new(loaded.clone(), Kind::Plant).unwrap();
+            model.start().unwrap();
+            for (row, step) in rows(&loaded).iter().zip(0..) {
+                assert_is(&model, row);
+                for name in ["a_duty_in", "a_duty_out", "b_duty_in", "b_duty_out", "load_n_m"] {
+                    model.set_number(reference(&model, name), row[column(name)]).unwrap();
                 }
-                step.actuation
+                model.step(f64::from(step) * STEP_S, STEP_S).unwrap();
             }
-        };
-        self.rig.advance(actuation)?;
-        let restarts = self.rig.board_restarts();
-        let sample = self.rig.sample();
-        if let Driver::Core { board, step, .. } = &mut self.driver {
-            if restarts {
-                board.restart()?;
-            }
-            *step = board.step(&sample)?;
         }
-        self.read(sample);
-        Ok(())
     }
 
-    /// The board's output for a sample.
-    fn read(&mut self, sample: Sample) {
-        self.row.telemetry = match &mut self.driver {
-            Driver::Importer(reader) => {
-                let (pressure_pa, length_m) = reader.read(&sample);
-                Telemetry { pressure_pa, length_m, ..unread(sample) }
-            }
-            Driver::Core { step, .. } => step.telemetry.unwrap_or_else(|| unread(sample)),
-        };
-    }
-
-    /// The importer's current outputs.
-    fn look(&mut self) {
-        let elapsed_s = self.flows.elapsed_s(&self.rig);
-        self.row.truth = self.rig.truth();
-        (self.row.truth.flow_in_kg_s, self.row.truth.flow_out_kg_s) =
-            self.flows.since(&self.rig, elapsed_s);
-        self.row.sensor_gas_k = self.rig.gas_reading_k();
-        self.row.sensor_wall_k = self.rig.wall_reading_k();
-    }
-}
-
-/// A refused set point is the importer's fault if the importer sets it.
-fn refused(error: BoardError, inputs: &Inputs) -> ModelError {
-    match error {
-        BoardError::SetPoint(SetPointError::Range { minimum, maximum, .. })
-            if !inputs.follow_scenario =>
-        {
-            let allowed = format!("from {minimum} to {maximum}");
-            ModelError::Value { name: "set_point", value: inputs.set_point, allowed }
-        }
-        error => error.into(),
-    }
-}
-
-/// Telemetry of a board without a core.
-fn unread(sample: Sample) -> Telemetry {
-    Telemetry {
-        step: 0,
-        sample,
-        pressure_pa: 0.0,
-        length_m: 0.0,
-        estimate: Estimate::default(),
-        command: Command::CLOSED,
-        mode: Mode::Vent,
-        limited: false,
-        set_point: SetPoint::Vent,
-        faults: Faults::NONE,
+    #[test]
+    fn a_joint_follows_the_importer() {
+        let mut model = Model::new(joint("lumped"), Kind::WithCore).unwrap();
+        let [follow, angle, stiffness, load] =
+            ["follow_scenario", "angle_reference_rad", "stiffness_reference_n_m_rad", "load_n_m"]
+                .map(|name| reference(&model, name));
+        assert_eq!(model.number(angle).unwrap(), f64::from(0.1_f32));
+        model.set_switch(follow, false).unwrap();
+        model.start().unwrap();
+        model.set_number(angle, 0.3).unwrap();
+        model.set_number(stiffness, 18.0).unwrap();
+        model.set_number(load, 1.0).unwrap();
+        model.step(0.0, 3.0).unwrap();
+        let value = |model: &Model, name| model.number(reference(model, name)).unwrap();
+        assert!((value(&model, "angle_rad") - 0.3).abs() < 0.01);
+        assert!((value(&model, "stiffness_n_m_rad") - 18.0).abs() < 0.5);
+        // Refused before anything moves.
+        model.set_number(angle, 2.0).unwrap();
+        let refused = model.step(3.0, STEP_S).unwrap_err();
+        assert!(refused.leaves_all());
+        let said = "angle_reference_rad = 2: must be from -0.8 to 0.8";
+        assert_eq!(refused.to_string(), said);
+        model.set_number(angle, 0.2).unwrap();
+        model.step(3.0, STEP_S).unwrap();
+        assert!(model.set_switch(follow, true).is_err());
+        assert!(model.set_number(load, f64::NAN).is_err());
     }
 }

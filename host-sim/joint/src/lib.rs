@@ -18,6 +18,6 @@ pub use from_config::to_scenario;
 pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse};
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
-pub use run::{SET_POINT_INTERVAL_S, run};
+pub use run::{Run, SET_POINT_INTERVAL_S, run};
 pub use summary::{Accumulator, Figures, Summary, pulses};
 pub use trace::COLUMNS;

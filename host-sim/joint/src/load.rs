@@ -3,7 +3,7 @@
 use model_core::ConfigError;
 use model_core::joint::{JointConfig, Motion};
 use std::f64::consts::TAU;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_files::table::{Table, read_table};
@@ -96,7 +96,7 @@ impl JointLoaded {
 
     /// External torque at a time \[N m\].
     pub fn load_n_m(&self, time_s: f64) -> f64 {
-        self.load.as_ref().map_or(0.0, |load| load.value(time_s))
+        self.drive.load_n_m + self.load.as_ref().map_or(0.0, |load| load.value(time_s))
     }
 }
 
@@ -187,12 +187,28 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
         joint: document.joint.clone(),
         believed: document.believed.clone(),
         controller: document.controller.clone(),
-        drive: document.drive.clone(),
+        drive: absolute(document),
         profile,
         load,
     };
     check(document, &loaded)?;
     Ok(loaded)
+}
+
+/// The path of a file that the scenario names, relative to the scenario's folder.
+fn beside(document: &JointDocument, path: &Path) -> PathBuf {
+    let folder = document.muscles[0].origin.parent();
+    folder.unwrap_or(Path::new("")).join(path)
+}
+
+/// The drive with absolute paths, so that the scenario that `check` prints works in any folder.
+fn absolute(document: &JointDocument) -> JointDrive {
+    let mut drive = document.drive.clone();
+    for path in [&mut drive.profile_csv, &mut drive.load_csv].into_iter().flatten() {
+        let file = beside(document, path);
+        *path = std::path::absolute(&file).unwrap_or(file);
+    }
+    drive
 }
 
 /// A muscle held at that length, without a drive of its own.
@@ -267,12 +283,8 @@ pub fn angle_and_stiffness(table: &Table, joint: &Joint) -> Result<[Profile; 2],
 type Profiles = (Option<[Profile; 2]>, Option<Profile>);
 
 fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
-    let beside = |path: &Path| {
-        let folder = document.muscles[0].origin.parent();
-        folder.unwrap_or(Path::new("")).join(path)
-    };
     let read = |key: &str, path: &Path| {
-        read_table(&beside(path))
+        read_table(&beside(document, path))
             .map_err(|file| document.blame(key, Problem::Reference { key: key.to_owned(), file }))
     };
     let profile = match &document.drive.profile_csv {

@@ -99,10 +99,7 @@ impl Rig {
     /// # Errors
     /// [`RunError`] for a scenario that cannot be run.
     pub fn new(loaded: &JointLoaded, inputs: Inputs) -> Result<Self, RunError> {
-        let [a, b] = &loaded.muscles;
-        let mut scenarios = [a.plant.clone(), b.plant.clone()];
-        // Another seed for the noise of the other muscle.
-        scenarios[1].run.seed = scenarios[1].run.seed.wrapping_add(1 << 32);
+        let scenarios = scenarios(loaded);
         let start_rad = match inputs.set_point {
             JointSetPoint::Angle(motion) => f64::from(motion.angle_rad),
             _ => 0.0,
@@ -126,17 +123,39 @@ impl Rig {
         Ok(rig)
     }
 
+    /// Takes over the numbers of another scenario: see [`Joint::retune`]. The core keeps its configuration.
+    ///
+    /// # Errors
+    /// [`RunError::Build`], and nothing has changed.
+    pub fn retune(&mut self, loaded: &JointLoaded) -> Result<(), RunError> {
+        let scenarios = scenarios(loaded);
+        self.plant.retune(loaded.arm(), scenarios.each_ref()).map_err(RunError::Build)?;
+        self.scenarios = scenarios;
+        Ok(())
+    }
+
     /// The core, to arm it, vent it, or clear its faults.
     pub fn core(&mut self) -> &mut Core {
         &mut self.core
     }
 
-    /// Takes a set point; faults that vent are in the telemetry.
-    fn set(&mut self, set_point: JointSetPoint) -> Result<(), RunError> {
+    /// Takes a set point, for the next sample on; faults that vent are in the telemetry.
+    ///
+    /// # Errors
+    /// [`RunError::SetPoint`] for one that is refused; what held before goes on.
+    pub fn set(&mut self, set_point: JointSetPoint) -> Result<(), RunError> {
         match self.core.set(set_point) {
-            Ok(()) | Err(JointError::Faults(..) | JointError::NotArmed) => Ok(()),
+            Ok(()) | Err(JointError::Faults(..) | JointError::NotArmed) => {
+                self.inputs.set_point = set_point;
+                Ok(())
+            }
             Err(error) => Err(RunError::SetPoint(error)),
         }
+    }
+
+    /// Takes an external torque, which acts from now on \[N m\].
+    pub fn load(&mut self, load_n_m: f64) {
+        self.inputs.load_n_m = load_n_m;
     }
 
     /// Codes of all sensors: what a board reads in a step, which ends with [`Self::advance`]. The angle goes through
@@ -168,6 +187,13 @@ impl Rig {
     /// # Errors
     /// [`RunError`] for a set point that is refused, or a plant that diverges.
     pub fn step(&mut self, next: Inputs) -> Result<Row, RunError> {
+        let row = self.observe();
+        self.proceed(row.telemetry.commands().map(Actuation::from), next)?;
+        Ok(row)
+    }
+
+    /// The core's step for a sample of now, once between two calls of [`Self::proceed`].
+    pub fn observe(&mut self) -> Row {
         let truth = self.plant.truth();
         let sample = self.sample();
         let mut telemetry = self.core.step(&sample);
@@ -177,20 +203,27 @@ impl Rig {
         {
             telemetry = self.core.step(&sample);
         }
-        let row = Row {
+        Row {
             time_s: self.step as f64 * self.scenarios[0].run.step_s,
             stiffness_n_m_rad: self.stiffness_n_m_rad(&truth),
             sensor_gas_k: [self.adc[0].gas_reading_k(), self.adc[1].gas_reading_k()],
             inputs: self.inputs,
             truth,
             telemetry,
-        };
-        self.advance(telemetry.commands().map(Actuation::from))?;
+        }
+    }
+
+    /// Moves the plant by one step with these openings; `next` acts from then on.
+    ///
+    /// # Errors
+    /// As [`Self::step`].
+    pub fn proceed(&mut self, openings: [Actuation; 2], next: Inputs) -> Result<(), RunError> {
+        self.advance(openings)?;
         if next.set_point != self.inputs.set_point {
             self.set(next.set_point)?;
         }
         self.inputs = next;
-        Ok(row)
+        Ok(())
     }
 
     /// Moves the plant by one step with these openings.
@@ -235,6 +268,15 @@ impl Rig {
     pub fn ledgers(&self) -> (ArmLedger, [Ledger; 2]) {
         (self.plant.arm_ledger(), self.plant.ledgers())
     }
+}
+
+/// The plants of muscles a and b.
+fn scenarios(loaded: &JointLoaded) -> [Scenario; 2] {
+    let [a, b] = &loaded.muscles;
+    let mut scenarios = [a.plant.clone(), b.plant.clone()];
+    // Another seed for the noise of the other muscle.
+    scenarios[1].run.seed = scenarios[1].run.seed.wrapping_add(1 << 32);
+    scenarios
 }
 
 impl Row {

@@ -17,25 +17,179 @@ pub fn run(
     loaded: &JointLoaded,
     observer: &mut dyn FnMut(&Row) -> io::Result<()>,
 ) -> Result<Summary, RunError> {
-    let started = Instant::now();
-    let run = &loaded.muscles[0].plant.run;
-    let (steps, step_s) = (run.steps(), run.step_s);
-    let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
-    let mut inputs = Inputs::of(loaded.motion(0.0));
-    inputs.load_n_m = loaded.load_n_m(0.0);
-    let mut rig = Rig::new(loaded, inputs)?;
-    let mut accumulator = Accumulator::new(step_s);
-    for step in 0..=steps {
-        let next_s = (step + 1) as f64 * step_s;
-        inputs.load_n_m = loaded.load_n_m(next_s);
-        if (step + 1).is_multiple_of(every) {
-            inputs.set_point = Inputs::of(loaded.motion(next_s)).set_point;
-        }
-        let row = rig.step(inputs)?;
-        accumulator.add(&row);
-        if step.is_multiple_of(run.log_every) || step == steps {
-            observer(&row).map_err(RunError::Output)?;
+    // WebAssembly has no clock of its own.
+    let started = (!cfg!(target_family = "wasm")).then(Instant::now);
+    let mut run = Run::start(loaded)?;
+    while run.step(observer)? {}
+    let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
+    Ok(run.finish(wall_clock_s))
+}
+
+impl JointLoaded {
+    /// Inputs by the drive at a time \[s\].
+    pub fn inputs(&self, time_s: f64) -> Inputs {
+        let load_n_m = self.load_n_m(time_s);
+        Inputs { load_n_m, ..Inputs::of(self.motion(time_s)) }
+    }
+
+    /// Changes inputs to those of a step: the load in each, the set point at intervals.
+    pub fn follow(&self, inputs: &mut Inputs, step: u64) {
+        let step_s = self.muscles[0].plant.run.step_s;
+        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
+        let next = self.inputs(step as f64 * step_s);
+        inputs.load_n_m = next.load_n_m;
+        if step.is_multiple_of(every) {
+            inputs.set_point = next.set_point;
         }
     }
-    Ok(accumulator.finish(started.elapsed().as_secs_f64(), rig.ledgers()))
+}
+
+/// A run in progress, step by step.
+pub struct Run {
+    loaded: JointLoaded,
+    rig: Rig,
+    inputs: Inputs,
+    accumulator: Accumulator,
+    step: u64,
+    steps: u64,
+}
+
+impl Run {
+    /// Joint and core at time zero.
+    ///
+    /// # Errors
+    /// [`RunError`] for a scenario that cannot be run.
+    pub fn start(loaded: &JointLoaded) -> Result<Self, RunError> {
+        let run = &loaded.muscles[0].plant.run;
+        let inputs = loaded.inputs(0.0);
+        Ok(Self {
+            rig: Rig::new(loaded, inputs)?,
+            inputs,
+            accumulator: Accumulator::new(run.step_s),
+            step: 0,
+            steps: run.steps(),
+            loaded: loaded.clone(),
+        })
+    }
+
+    /// Runs one step. Returns whether there is another one.
+    ///
+    /// # Errors
+    /// [`RunError`]; that of the observer as [`RunError::Output`].
+    pub fn step(
+        &mut self,
+        observer: &mut dyn FnMut(&Row) -> io::Result<()>,
+    ) -> Result<bool, RunError> {
+        if self.step > self.steps {
+            return Ok(false);
+        }
+        let Self { loaded, inputs, step, .. } = self;
+        let run = &loaded.muscles[0].plant.run;
+        loaded.follow(inputs, *step + 1);
+        let row = self.rig.step(*inputs)?;
+        self.accumulator.add(&row);
+        if step.is_multiple_of(run.log_every) || *step == self.steps {
+            observer(&row).map_err(RunError::Output)?;
+        }
+        *step += 1;
+        Ok(true)
+    }
+
+    /// Takes over set point, load, supply, heat transfer, sensor lags and arm of another scenario from the next step
+    /// on: see [`Rig::retune`]. The core receives only the set point.
+    ///
+    /// # Errors
+    /// [`RunError`] for an impossible plant; nothing has changed.
+    pub fn retune(&mut self, loaded: &JointLoaded) -> Result<(), RunError> {
+        self.rig.retune(loaded)?;
+        self.loaded = loaded.clone();
+        Ok(())
+    }
+
+    /// Ends the run and returns its summary; `wall_clock_s` is the time that it took \[s\].
+    pub fn finish(self, wall_clock_s: f64) -> Summary {
+        self.accumulator.finish(wall_clock_s, self.rig.ledgers())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::parse;
+    use crate::trace::COLUMNS;
+
+    /// Rows of 1 s, with other lines in the scenario from half of it on.
+    fn rows(model: &str, text: &str, later: Option<&str>) -> Vec<Vec<f64>> {
+        let loaded = |text: &str| {
+            let text = format!(
+                "[run]\nduration_s = 1.0\nlog_every = 1\n[plant]\nmodel = \"{model}\"\ninitial_pressure_pa = 290000\n{text}"
+            );
+            parse(&text, "joint.toml".as_ref()).unwrap()
+        };
+        let mut run = Run::start(&loaded(text)).unwrap();
+        let mut rows = Vec::new();
+        for step in 0_u32.. {
+            if let Some(later) = later.filter(|_| step == 500) {
+                run.retune(&loaded(later)).unwrap();
+            }
+            let observer = &mut |row: &Row| {
+                rows.push(row.cells());
+                Ok(())
+            };
+            if !run.step(observer).unwrap() {
+                break;
+            }
+        }
+        rows
+    }
+
+    const ARM: &str = "[joint]\ngravity_n_m = 4.9\nfriction_n_m = 0.2\n[drive]\n\
+                       shape = \"sine\"\namplitude_rad = 0.2\n";
+
+    #[test]
+    fn what_is_turned_to_what_it_is_changes_no_bit() {
+        for model in ["lumped", "full"] {
+            let bits = |rows: Vec<Vec<f64>>| {
+                rows.into_iter().flatten().map(f64::to_bits).collect::<Vec<_>>()
+            };
+            let [plain, turned] = [None, Some(ARM)].map(|later| bits(rows(model, ARM, later)));
+            assert_eq!(plain.len(), 1001 * COLUMNS.len());
+            assert!(plain == turned, "{model}");
+        }
+    }
+
+    #[test]
+    fn what_is_turned_acts_from_then_on_and_nothing_jumps() {
+        let column = |name: &str| COLUMNS.iter().position(|column| *column == name).unwrap();
+        let angle = column("angle_rad");
+        for model in ["lumped", "full"] {
+            let plain = rows(model, ARM, None);
+            for (was, is) in [
+                ("[drive]\n", "inertia_kg_m2 = 0.005\n[drive]\n"),
+                ("friction_n_m = 0.2", "friction_n_m = 2.0"),
+                ("gravity_n_m = 4.9", "gravity_n_m = 1.0"),
+                ("[drive]\n", "[supply]\npressure_pa = 350000\n[drive]\n"),
+                ("[drive]\n", "[drive]\nload_n_m = 2\n"),
+                ("amplitude_rad = 0.2", "amplitude_rad = 0.1"),
+                ("[drive]\n", "[drive]\nstiffness_n_m_rad = 10\n"),
+            ] {
+                let turned = rows(model, ARM, Some(&ARM.replace(was, is)));
+                let same = |a: &[f64], b: &[f64]| a[..COLUMNS.len()] == b[..COLUMNS.len()];
+                assert!(plain[..500].iter().zip(&turned).all(|(a, b)| same(a, b)), "{is}");
+                let moved = plain.iter().zip(&turned).map(|(a, b)| (a[angle] - b[angle]).abs());
+                let moved = moved.fold(0.0, f64::max);
+                assert!(moved > 1e-5, "{model}, {is}: {moved} rad");
+                for (name, most) in [
+                    ("angle_rad", 0.01),
+                    ("a_pressure_pa", 3e3),
+                    ("b_gas_temperature_k", 0.5),
+                    ("a_sensor_gas_k", 1.0),
+                ] {
+                    let place = column(name);
+                    let by = (turned[501][place] - turned[500][place]).abs();
+                    assert!(by < most, "{model}, {is}: {name} jumps by {by}");
+                }
+            }
+        }
+    }
 }

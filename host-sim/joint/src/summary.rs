@@ -4,6 +4,7 @@ use crate::rig::Row;
 use model_core::Command;
 use model_core::Duty;
 use serde::Serialize;
+use std::collections::VecDeque;
 use thermyo_plant::Ledger;
 use thermyo_plant::joint::ArmLedger;
 
@@ -74,7 +75,9 @@ pub struct Accumulator {
     found: [u32; 3],
     vented_s: Option<f64>,
     before: [Command; 2],
-    last: Vec<f64>,
+    /// Errors of the angle at the end \[rad\], as many as rest lasts.
+    last: VecDeque<f64>,
+    at_rest: usize,
 }
 
 impl Accumulator {
@@ -96,7 +99,8 @@ impl Accumulator {
             found: [0; 3],
             vented_s: None,
             before: [Command::VENT; 2],
-            last: Vec::new(),
+            last: VecDeque::new(),
+            at_rest: ((REST_S / step_s) as usize).max(1),
         }
     }
 
@@ -116,7 +120,10 @@ impl Accumulator {
                 self.stiff += 1.0;
             }
             self.tracked += 1.0;
-            self.last.push(error);
+            if self.last.len() == self.at_rest {
+                self.last.pop_front();
+            }
+            self.last.push_back(error);
         }
         for (i, muscle) in telemetry.muscles.iter().enumerate() {
             let plant = &truth.muscles[i];
@@ -147,14 +154,12 @@ impl Accumulator {
 
     /// How the joint has moved so far.
     pub fn figures(&self) -> Figures {
-        let at_rest = ((REST_S / self.step_s) as usize).clamp(1, self.last.len().max(1));
-        let last = &self.last[self.last.len().saturating_sub(at_rest)..];
         let names = |faults: u32| model_core::Faults(faults).names().collect();
         let joint = model_core::joint::JointFaults(self.found[2] as u8).names().collect();
         Figures {
             angle_rad: self.angle_rad,
             rms_error_rad: root(self.squared_rad2, self.tracked),
-            end_error_rad: last.iter().sum::<f64>() / (last.len() as f64).max(1.0),
+            end_error_rad: self.last.iter().sum::<f64>() / (self.last.len() as f64).max(1.0),
             rms_stiffness_error: root(self.squared_stiffness, self.stiff),
             highest_pressure_pa: self.highest_pa,
             pulses_per_s: self.pulses / self.duration_s().max(self.step_s),

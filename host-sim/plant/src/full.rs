@@ -1004,6 +1004,7 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
 
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
+        self.steps = (self.truth.time_s / constants.step_s).round() as u64;
         self.constants = constants;
         self.sensors.retune(&sensors);
         Ok(())

@@ -112,6 +112,7 @@ pub struct JointTruth {
 pub struct Joint {
     arm: Arm,
     muscles: [Box<dyn DrivenEnd>; 2],
+    start_rad: f64,
     exchanges: u32,
     exchange_s: f64,
     angle_rad: f64,
@@ -133,37 +134,21 @@ impl Joint {
     /// # Errors
     /// [`BuildError`] of either muscle.
     pub fn new(arm: Arm, scenarios: [&Scenario; 2], angle_rad: f64) -> Result<Self, BuildError> {
-        let [a, b] = scenarios;
-        let step_s = a.run.step_s;
-        let swing = scenarios.map(spring_n_m).iter().sum::<f64>() * arm.radius_m * arm.radius_m;
-        let bearing = arm.friction_n_m / PRESLIDING_RAD;
-        let gravity = arm.gravity_n_m;
-        let fastest = ((swing + bearing + gravity) / arm.inertia_kg_m2).sqrt();
-        let exchanges = (step_s * fastest / STEP_TIMES_SWING).ceil().max(1.0);
-        if exchanges > MOST_EXCHANGES {
-            let asked_s = STEP_TIMES_SWING / fastest;
-            let because =
-                "joint.inertia_kg_m2 is too small for the muscles' stiffness and friction";
-            return Err(BuildError::TooFast { asked_s, because });
-        }
-        let exchange_s = step_s / exchanges;
-        let [length_a, length_b] = arm.lengths_m(angle_rad);
-        let build = |scenario: &Scenario, length_m: f64| {
-            let mut own = scenario.clone();
-            own.load.kind = thermyo_scenario::LoadKind::Isometric;
-            own.load.length_m = length_m;
-            own.run.step_s = exchange_s;
-            let mut muscle = build_driven_end(&own)?;
+        let (exchanges, exchange_s) = exchange(&arm, scenarios)?;
+        let [a, b] = own(&arm, scenarios, angle_rad, exchange_s);
+        let build = |own: &Scenario| {
+            let mut muscle = build_driven_end(own)?;
             muscle.drive_end(0.0);
             Ok(muscle)
         };
-        let muscles = [build(a, length_a)?, build(b, length_b)?];
+        let muscles = [build(&a)?, build(&b)?];
         let pull_n = [muscles[0].tension_n(), muscles[1].tension_n()];
         let initial_j = arm.potential_j(angle_rad);
         Ok(Self {
             arm,
             muscles,
-            exchanges: exchanges as u32,
+            start_rad: angle_rad,
+            exchanges,
             exchange_s,
             angle_rad,
             speed_rad_s: 0.0,
@@ -173,6 +158,29 @@ impl Joint {
             pull_n,
             ledger: ArmLedger { initial_j, energy_j: initial_j, ..ArmLedger::default() },
         })
+    }
+
+    /// Takes over inertia, gravity and friction of the arm, and the muscles' numbers as [`super::Plant::retune`] does,
+    /// from the next step on; states are kept. All other keys must equal those that the joint was built from.
+    ///
+    /// # Errors
+    /// As [`Self::new`], and nothing has changed.
+    pub fn retune(&mut self, arm: Arm, scenarios: [&Scenario; 2]) -> Result<(), BuildError> {
+        let (exchanges, exchange_s) = exchange(&arm, scenarios)?;
+        let own = own(&arm, scenarios, self.start_rad, exchange_s);
+        // A muscle that is refused leaves the other one as it was.
+        for scenario in &own {
+            build_driven_end(scenario)?;
+        }
+        for (muscle, scenario) in self.muscles.iter_mut().zip(&own) {
+            muscle.retune(scenario)?;
+        }
+        (self.arm, self.exchanges, self.exchange_s) = (arm, exchanges, exchange_s);
+        // The ledger is that of the arm as it is now.
+        let energy_j = self.energy_j();
+        self.ledger.initial_j += energy_j - self.ledger.energy_j;
+        self.ledger.energy_j = energy_j;
+        Ok(())
     }
 
     /// Sets the external torque from the next step on, positive towards growing angles \[N m\].
@@ -277,11 +285,22 @@ impl Joint {
         Ok(())
     }
 
+    /// Energy of the arm \[J\]: kinetic, of gravity, and what the bearing's presliding holds.
+    fn energy_j(&self) -> f64 {
+        let Arm { inertia_kg_m2, friction_n_m, .. } = self.arm;
+        let stiffness = friction_n_m / PRESLIDING_RAD;
+        let dry = self.dry_n_m;
+        let stored = if stiffness > 0.0 { 0.5 * dry * dry / stiffness } else { 0.0 };
+        let kinetic = 0.5 * inertia_kg_m2 * self.speed_rad_s * self.speed_rad_s;
+        kinetic + self.arm.potential_j(self.angle_rad) + stored
+    }
+
     /// Enters one exchange into the ledger.
     fn enter(&mut self, way: f64, speed: f64, before: [[f64; 2]; 2], dry_before: f64, hits: bool) {
         let after_n = self.tensions_n();
         let [before_n, pull_before_n] = before;
         let radius = self.arm.radius_m;
+        let energy = self.energy_j();
         let ledger = &mut self.ledger;
         let mut gained = self.external_n_m * way;
         ledger.external_work_j += gained;
@@ -296,20 +315,44 @@ impl Joint {
         }
         let viscous = self.arm.viscous_n_m_s * speed * way;
         let stiffness = self.arm.friction_n_m / PRESLIDING_RAD;
-        let stored =
-            |torque: f64| if stiffness > 0.0 { 0.5 * torque * torque / stiffness } else { 0.0 };
         // Over the part of the way that slides, the friction is at its limit.
         let slid =
             if stiffness > 0.0 { way - (self.dry_n_m - dry_before) / stiffness } else { 0.0 };
         let heat = viscous + self.dry_n_m * slid;
         ledger.friction_heat_j += heat;
-        let kinetic = 0.5 * self.arm.inertia_kg_m2 * self.speed_rad_s * self.speed_rad_s;
-        let energy = kinetic + self.arm.potential_j(self.angle_rad) + stored(self.dry_n_m);
         if hits {
             ledger.stop_heat_j += ledger.energy_j + gained - heat - energy;
         }
         ledger.energy_j = energy;
     }
+}
+
+/// Exchanges between arm and muscles in a step of the scenarios, and the time of each \[s\].
+fn exchange(arm: &Arm, scenarios: [&Scenario; 2]) -> Result<(u32, f64), BuildError> {
+    let step_s = scenarios[0].run.step_s;
+    let swing = scenarios.map(spring_n_m).iter().sum::<f64>() * arm.radius_m * arm.radius_m;
+    let bearing = arm.friction_n_m / PRESLIDING_RAD;
+    let gravity = arm.gravity_n_m;
+    let fastest = ((swing + bearing + gravity) / arm.inertia_kg_m2).sqrt();
+    let exchanges = (step_s * fastest / STEP_TIMES_SWING).ceil().max(1.0);
+    if exchanges > MOST_EXCHANGES {
+        let asked_s = STEP_TIMES_SWING / fastest;
+        let because = "joint.inertia_kg_m2 is too small for the muscles' stiffness and friction";
+        return Err(BuildError::TooFast { asked_s, because });
+    }
+    Ok((exchanges as u32, step_s / exchanges))
+}
+
+/// The scenarios as the muscles of a joint at that angle \[rad\], which are held, and exchange with its arm.
+fn own(arm: &Arm, scenarios: [&Scenario; 2], angle_rad: f64, exchange_s: f64) -> [Scenario; 2] {
+    let lengths_m = arm.lengths_m(angle_rad);
+    [0, 1].map(|i: usize| {
+        let mut own = scenarios[i].clone();
+        own.load.kind = thermyo_scenario::LoadKind::Isometric;
+        own.load.length_m = lengths_m[i];
+        own.run.step_s = exchange_s;
+        own
+    })
 }
 
 /// Stiffest that a muscle of a scenario can be \[N/m\]: friction before it slides, slip, creep, and the gas at the

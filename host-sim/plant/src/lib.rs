@@ -203,8 +203,8 @@ pub trait Plant: Send {
     /// [`Diverged`] when a state is not finite or leaves the range of the equations.
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
     /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the
-    /// next step on; states are kept. All other keys must equal those that the plant was built
-    /// from.
+    /// next step on; states are kept. A muscle may go on with another exchange step, of which the
+    /// time is a multiple. All other keys must equal those that the plant was built from.
     ///
     /// # Errors
     /// As [`build`], and nothing has changed.

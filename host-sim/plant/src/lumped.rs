@@ -549,6 +549,7 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
 
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError> {
         let Self { constants, sensors, .. } = Self::new(scenario, self.constants.pull.chamber)?;
+        self.steps = (self.truth.time_s / constants.step_s).round() as u64;
         self.constants = Constants { given_flows: self.constants.given_flows, ..constants };
         self.set_film();
         self.sensors.retune(&sensors);

@@ -76,6 +76,7 @@ impl Sensors {
         self.length.retune(&other.length);
         if let (Some(film), Some(other)) = (&mut self.film, &other.film) {
             film.time_constant_s = other.time_constant_s;
+            film.step_s = other.step_s;
         }
     }
 

@@ -1,46 +1,26 @@
 // The page: core and plant run, knobs change the plant, plots show the result.
-import { Live, band, dashed, line, wide } from "./live.js";
-import { Muscle } from "./muscle.js";
+import { Live } from "./live.js";
 import { Simulation } from "./simulation.js";
+import { VIEWS } from "./views.js";
 import scenarios from "./scenarios.js";
 
 const $ = (id) => document.getElementById(id);
 /** Seconds of data kept; steps between two points; computing time per frame, and least time between two drawings [ms]. */
 const KEPT_S = 620, EVERY = 20, MOST_MS = 14, DRAWN_MS = 30;
-
-/** Displayed quantities: column in the trace, factor from SI. */
-const SHOWN = {
-  time: ["time_s", 1], pressure: ["pressure_pa", 1e-3], length: ["length_m", 1e3], gas: ["gas_temperature_k", 1],
-  wall: ["wall_temperature_k", 1], sensor: ["sensor_gas_k", 1], estimate: ["estimate_k", 1], sd: ["estimate_sd_k", 1],
-  inlet: ["duty_in", 100], outlet: ["duty_out", 100], wanted: ["set_point", 1],
-};
+/** Elements that a view may hide. */
+const HIDEABLE = ["plot-length", "muscle", "r-length-row"];
 
 // Knobs
 
-/** Key, name, unit, factor from SI, least, most, digits; where it applies. */
-const loaded = (settings) => settings.plant.kind !== "vessel";
-const isotonic = (settings) => loaded(settings) && settings.load.kind === "isotonic";
-const lifted = (settings) => loaded(settings) && settings.load.kind === "mass";
-const driven = (kind) => (settings) => settings.drive.kind === kind && !settings.drive.profile_csv;
-const KNOBS = [
-  ["drive.pressure_pa", "Set point", "kPa", 1e-3, 110, 600, 0, driven("pressure")],
-  ["drive.contraction", "Set point", "%", 100, 0, 22, 1, driven("contraction")],
-  ["drive.flow_kg_s", "Set point: flow in and out", "g/s", 1e3, .02, .5, 2, driven("mass-flow")],
-  ["drive.period_s", "Period of a stroke", "s", 1, .5, 10, 1, driven("mass-flow")],
-  ["supply.pressure_pa", "Supply", "kPa", 1e-3, 150, 1000, 0, () => true],
-  ["load.force_n", "Load", "N", 1, 0, 400, 0, isotonic],
-  ["load.mass_kg", "Load", "kg", 1, 0, 40, 1, lifted],
-  ["heat.scale", "Heat transfer, gas to wall", "×", 1, .1, 4, 2, () => true],
-  ["sensor.gas.time_constant_s", "Sensor lag", "s", 1, 0, 15, 2, () => true],
-];
-
-let simulation = null, text = "", settings = null, muscleFacts = null;
+let simulation = null, text = "", settings = null;
+/** The view of the running scenario, and what its drawing has to know of it. */
+let view = VIEWS.muscle, facts = null;
 /** Changed keys and values; and whether one changed only the plant, not the core. */
 let turned = new Map(), unconfigured = false;
 const number = (key) => key.split(".").reduce((place, name) => place?.[name], settings);
 
 function makeKnobs() {
-  const made = KNOBS.filter((knob) => knob[7](settings)).map(([key, name, unit, factor, least, most, digits]) => {
+  const made = view.knobs.filter((knob) => knob[7](settings)).map(([key, name, unit, factor, least, most, digits]) => {
     const label = document.createElement("label");
     const value = document.createElement("output"), slide = document.createElement("input");
     // Otherwise the label would be that of its first control, the output.
@@ -116,7 +96,7 @@ function showAddress() {
 function fromAddress() {
   const fields = new URLSearchParams(location.hash.slice(1));
   const index = Math.max(0, scenarios.findIndex(({ name }) => name === fields.get("run")));
-  const known = new Set(KNOBS.map(([key]) => key));
+  const known = new Set(Object.values(VIEWS).flatMap(({ knobs }) => knobs.map(([key]) => key)));
   const values = [...fields].map(([key, text]) => [key, Number(text)]).filter(([key, value]) => known.has(key) && Number.isFinite(value));
   start(index, values, fields.get("core") === "updated");
 }
@@ -197,12 +177,7 @@ function fresh() {
   stopped = false;
   due_s = 0;
   live.clear();
-  const { kind } = settings.plant;
-  const { rest_length_m, thread_length_m, turns } = settings.muscle;
-  muscleFacts = kind === "muscle" ? { rest_length_m, braid: { thread_length_m, turns } } : null;
-  $("plot-length").hidden = !muscleFacts;
-  // A vessel has neither length nor braid.
-  $("muscle").hidden = $("r-length-row").hidden = kind === "vessel";
+  show();
   const warnings = simulation.warnings();
   $("warnings").textContent = warnings;
   $("warnings").hidden = !warnings;
@@ -210,9 +185,20 @@ function fresh() {
   showExport();
 }
 
+/** Shows the view of the scenario. */
+function show() {
+  view = settings.joint ? VIEWS.joint : VIEWS.muscle;
+  facts = view.facts(settings);
+  places = Object.entries(view.columns).map(([name, [column, factor]]) => [name, simulation.columns.indexOf(column), factor]);
+  for (const node of document.querySelectorAll("[data-view]")) node.hidden = VIEWS[node.dataset.view] !== view;
+  const hidden = view.hidden(settings);
+  for (const id of HIDEABLE) $(id).hidden = hidden.includes(id);
+  $("trace").textContent = `Save ${view.trace}`;
+}
+
 // Simulation loop
 
-let rate = 1, before = 0, drawn = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
+let places = [], rate = 1, before = 0, drawn = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
 
 function frame(now) {
   requestAnimationFrame(frame);
@@ -261,20 +247,10 @@ function measure(now, simulated_s) {
   $("time").textContent = `${live.end.toFixed(0)} s`;
 }
 
-let places = null;
 function take(cells) {
-  places ??= Object.entries(SHOWN).map(([name, [column, factor]]) => [name, simulation.columns.indexOf(column), factor]);
-  const { kind } = settings.drive, rest = muscleFacts?.rest_length_m;
   for (let first = 0; first < cells.length; first += simulation.columns.length) {
     const row = Object.fromEntries(places.map(([name, place, factor]) => [name, cells[first + place] * factor]));
-    row.low = row.estimate - 2 * row.sd;
-    row.high = row.estimate + 2 * row.sd;
-    row.error = row.estimate - row.gas;
-    row.least = -2 * row.sd;
-    row.most = 2 * row.sd;
-    if (rest) row.contraction = 100 * (1 - row.length / 1e3 / rest);
-    if (kind === "pressure") row.pressureSet = row.wanted / 1e3;
-    if (kind === "contraction") row.contractionSet = row.wanted * 100;
+    view.derive(row, settings, facts);
     live.push(row);
   }
   live.trim();
@@ -282,54 +258,39 @@ function take(cells) {
 
 // Display
 
-const live = new Live([...Object.keys(SHOWN).slice(1), "low", "high", "error", "least", "most", "contraction", "pressureSet", "contractionSet"], KEPT_S, 5000);
-live.chart("plot-temperature", { label: "Gas temperature", unit: "K", digits: 2, least: 2 }, [
-  wide("gas", "truth", "gas"), line("sensor", "sensor", "sensor"), line("estimate", "estimate", "estimate"),
-  band("± 2 sd", "estimate", "low", "high")]);
-live.chart("plot-error", { label: "Error of the estimate", unit: "K", digits: 2, least: .5 },
-  [line("estimate less truth", "estimate", "error"), band("± 2 sd", "estimate", "least", "most")]);
-live.chart("plot-pressure", { label: "Pressure, absolute", unit: "kPa", digits: 1, least: 10 },
-  [line("simulated", "measured", "pressure"), dashed("set point", "set-point", "pressureSet")]);
-live.chart("plot-length", { label: "Contraction", unit: "%", digits: 2, least: 2 },
-  [line("simulated", "measured", "contraction"), dashed("set point", "set-point", "contractionSet")]);
-live.chart("plot-duty", { label: "Valve openings", unit: "%", digits: 0, range: [-3, 103] },
-  [line("inlet", "inlet", "inlet"), line("outlet", "outlet", "outlet")]);
-const muscle = new Muscle($("muscle"));
+const names = Object.values(VIEWS).flatMap(({ columns, derived }) => [...Object.keys(columns), ...derived]);
+const live = new Live(names.filter((name) => name !== "time"), KEPT_S, 5000);
+for (const { charts } of Object.values(VIEWS)) for (const chart of charts) live.chart(...chart);
+for (const each of Object.values(VIEWS)) {
+  const [id, Drawing] = each.drawing;
+  each.drawn = new Drawing($(id));
+}
 
 function put(id, value, unit) {
   const small = document.createElement("span");
-  small.textContent = ` ${unit}`;
+  small.textContent = unit ? ` ${unit}` : "";
   $(id).replaceChildren(value, small);
 }
 
-/** Root-mean-square differences of two columns from the gas, over the time shown. */
-function errors() {
-  const { time, gas, estimate, sensor } = live.columns, from = live.shown - live.span;
-  const squares = [0, 0];
-  let count = 0;
+/** Root-mean-square difference of two columns, over the time shown. */
+function rms(one, other) {
+  const { time, [one]: a, [other]: b } = live.columns, from = live.shown - live.span;
+  let squares = 0, count = 0;
   for (let i = time.length - 1; i >= 0 && time[i] >= from; i--) {
-    if (time[i] > live.shown || !Number.isFinite(gas[i])) continue;
-    squares[0] += (estimate[i] - gas[i]) ** 2;
-    squares[1] += (sensor[i] - gas[i]) ** 2;
+    if (time[i] > live.shown || !Number.isFinite(b[i])) continue;
+    squares += (a[i] - b[i]) ** 2;
     count++;
   }
-  return squares.map((sum) => Math.sqrt(sum / count));
+  return Math.sqrt(squares / count);
 }
 
 function draw() {
   live.draw();
   const { now } = live;
   if (!now) return;
-  if (!$("muscle").hidden) muscle.draw(now, muscleFacts);
-  put("r-pressure", now.pressure.toFixed(1), "kPa");
-  put("r-gas", now.gas.toFixed(2), "K");
-  put("r-sensor", now.sensor.toFixed(2), "K");
-  const [estimated, sensed] = errors();
-  put("r-error", estimated.toFixed(2), `K, of the sensor ${sensed.toFixed(2)} K`);
-  put("r-estimate", now.estimate.toFixed(2), `± ${(2 * now.sd).toFixed(2)} K`);
-  const contracted = Number.isFinite(now.contraction);
-  $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
-  put("r-length", now.length.toFixed(1), contracted ? `mm, ${now.contraction.toFixed(1)} %` : "mm");
+  const [id] = view.drawing;
+  if (!$(id).hidden) view.drawn.draw(now, facts);
+  for (const reading of view.readings(now, view.errors.map(([one, other]) => rms(one, other)))) put(...reading);
 }
 
 // User input
@@ -343,7 +304,7 @@ function save(name, content, type) {
 }
 
 $("export").addEventListener("click", () => attempt(() => save("scenario.toml", simulation.scenario(), "application/toml")));
-$("trace").addEventListener("click", () => attempt(() => save("trace.csv", simulation.trace(simulation.scenario()), "text/csv")));
+$("trace").addEventListener("click", () => attempt(() => save(view.trace, simulation.trace(simulation.scenario()), "text/csv")));
 $("again").addEventListener("click", again);
 $("shipped").addEventListener("click", () => { if (begin(text)) showAddress(); });
 $("choice").addEventListener("change", () => run($("choice").selectedIndex));

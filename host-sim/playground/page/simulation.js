@@ -9,8 +9,8 @@ export class Simulation {
 
   constructor(module) {
     this.module = module;
-    module.columns();
-    this.columns = this.text().split(",");
+    /** Names of the columns of the started scenario's rows. */
+    this.columns = [];
   }
 
   /** The result of the last call. */
@@ -37,6 +37,8 @@ export class Simulation {
   start(scenario) {
     this.give(scenario);
     this.good(this.module.start());
+    this.good(this.module.columns());
+    this.columns = this.text().split(",");
   }
 
   /** Sets a number of the plant; `configured` starts again, with a core that is configured with it too. */

@@ -4,9 +4,12 @@
 //! room for one and returns its address, [`text_length`] returns the length of the result. If a
 //! function returns `false`, the result is the error, in one line.
 
+mod joint;
+mod kind;
 mod live;
+mod muscle;
 
-use live::Live;
+use live::Running;
 use std::cell::RefCell;
 
 /// State of the module.
@@ -14,7 +17,7 @@ use std::cell::RefCell;
 struct Playground {
     text: Vec<u8>,
     rows: Vec<f64>,
-    live: Option<Live>,
+    live: Option<Box<dyn Running>>,
 }
 
 thread_local! {
@@ -32,7 +35,7 @@ impl Playground {
             .map_err(|_| "the text is not UTF-8".into())
     }
 
-    fn live(&mut self) -> Result<&mut Live, String> {
+    fn live(&mut self) -> Result<&mut Box<dyn Running>, String> {
         self.live.as_mut().ok_or_else(|| "nothing has been started".into())
     }
 
@@ -68,7 +71,7 @@ pub extern "C" fn text_length() -> usize {
 #[unsafe(no_mangle)]
 pub extern "C" fn start() -> bool {
     with(|playground| {
-        let started = playground.taken().and_then(|scenario| Live::start(&scenario));
+        let started = playground.taken().and_then(|scenario| live::start(&scenario));
         let outcome = started.map(|live| {
             playground.live = Some(live);
             Vec::new()
@@ -121,10 +124,13 @@ pub extern "C" fn rows_length() -> usize {
     with(|playground| playground.rows.len())
 }
 
-/// Names of the columns of `trace.csv`, as its first line.
+/// Names of the columns of the trace, as its first line.
 #[unsafe(no_mangle)]
-pub extern "C" fn columns() {
-    with(|playground| playground.text = live::header().into_bytes());
+pub extern "C" fn columns() -> bool {
+    with(|playground| {
+        let outcome = playground.live().map(|live| live.header().into_bytes());
+        playground.say(outcome)
+    })
 }
 
 /// State of the core: a line with its mode, a line with its faults.
@@ -154,7 +160,7 @@ pub extern "C" fn scenario() -> bool {
     })
 }
 
-/// The `trace.csv` that `thermyo run` writes for the text's scenario.
+/// The `trace.csv` that `thermyo run` writes for the text's scenario, or the `joint_trace.csv`.
 #[unsafe(no_mangle)]
 pub extern "C" fn trace() -> bool {
     with(|playground| {

@@ -15,7 +15,7 @@ pub struct Unit {
 }
 
 /// Units that only a joint's trace has; they come first.
-const JOINT_UNITS: [Unit; 5] = [
+pub const JOINT_UNITS: [Unit; 5] = [
     unit("_n_m_rad", "N m/rad", [1, 2, -2, 0]),
     unit("_rad_s", "rad/s", [0, 0, -1, 0]),
     unit("_rad", "rad", [0, 0, 0, 0]),

@@ -89,7 +89,8 @@ table! {
         amplitude_rad: real 0.0, "rad", -6.3 to 6.3, "amplitude of the shape";
         period_s: real 1.0, "s", 0.01 to 86_400.0, "period of the shape";
         profile_csv: csv ["time_s", "angle_rad", "stiffness_n_m_rad"], "angle and stiffness over time";
-        load_csv: csv ["time_s", "torque_n_m"], "external torque over time, positive towards growing angles";
+        load_n_m: real 0.0, "N m", -1.0e6 to 1.0e6, "external torque, positive towards growing angles";
+        load_csv: csv ["time_s", "torque_n_m"], "external torque over time, added to load_n_m";
     }
 }
 
@@ -275,6 +276,16 @@ impl JointDocument {
             self.given.push((believed, 0));
         }
         Ok(())
+    }
+
+    /// A key that names a file, with its line, if there is one.
+    pub fn file(&self) -> Option<(String, Option<u64>)> {
+        let is_file = |key: &Key| matches!(key.allowed, Allowed::Csv { .. });
+        let own = self.given.iter().find(|(path, _)| key(path).is_some_and(is_file));
+        let muscles = self.muscles.iter().flat_map(|muscle| muscle.plant.iter());
+        let shared = muscles.into_iter().find(|entry| is_file(entry.key));
+        own.map(|(path, line)| (path.clone(), Some(*line)))
+            .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
     }
 
     /// The error for a key of the joint, at its line if the file has it.

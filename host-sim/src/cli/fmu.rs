@@ -1,11 +1,11 @@
-use super::{Failure, FormatArgs, load, title_of};
+use super::{Failure, FormatArgs, joint_in, load, title_of};
 use crate::fmu::archive::archive;
 use crate::fmu::library;
 use clap::Args;
 use std::io::Write;
 use std::path::PathBuf;
 use thermyo_cosimulation::Kind;
-use thermyo_cosimulation::variables::variables;
+use thermyo_cosimulation::scenario::Scenario;
 use thermyo_files::input::{is_new, write_new};
 
 #[derive(Debug, Args)]
@@ -24,23 +24,27 @@ pub(super) struct FmuArgs {
 }
 
 pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, args.format, err)?;
+    let scenario: Scenario = match joint_in(&args.scenario, args.format, err)? {
+        Some(joint) => joint.into(),
+        None => load(&args.scenario, args.format, err)?.into(),
+    };
     // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };
     let library = library::library().map_err(|error| Failure::Usage(error.to_string()))?;
     let name = title_of(&args.scenario);
-    let bytes = archive(&loaded, kind, &name, &library)
+    let bytes = archive(&scenario, kind, &name, &library)
         .map_err(|error| Failure::Usage(format!("{}: {error}", args.scenario.display())))?;
     write_new(&args.out, &bytes)?;
-    let (file, count, platform) = (args.out.display(), variables(kind).len(), library::platform());
+    let variables = scenario.variables(kind);
+    let (file, count, platform) = (args.out.display(), variables.len(), library::platform());
     let json = serde_json::json!({
             "file": file.to_string(),
             "fmi_version": "3.0",
             "platform": platform,
             "with_core": args.with_core,
-            "step_s": loaded.plant.run.step_s,
-            "variables": variables(kind).iter().map(|variable| variable.name).collect::<Vec<_>>(),
+            "step_s": scenario.run().step_s,
+            "variables": variables.iter().map(|variable| variable.name).collect::<Vec<_>>(),
     });
     let parts = if args.with_core { "plant and core" } else { "plant" };
     args.format.done(

@@ -16,7 +16,7 @@ const PROFILE: &str = "playground";
 const MODULE: &str = "thermyo.wasm";
 
 /// Scenarios that the page offers.
-fn scenarios() -> [(&'static str, &'static str); 4] {
+fn scenarios() -> [(&'static str, &'static str); 5] {
     let pressure =
         "[plant]\nmodel = \"lumped\"\n\n[drive]\nkind = \"pressure\"\npressure_pa = 250_000.0\n";
     [
@@ -27,6 +27,7 @@ fn scenarios() -> [(&'static str, &'static str); 4] {
             "a working cycle, the full muscle, heat transfer configured wrong",
             shipped::text("sensor.toml"),
         ),
+        ("a joint of two muscles", shipped::text("joint.toml")),
     ]
 }
 
@@ -59,6 +60,8 @@ pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     let texts = [
         ("index.html", include_str!("../../playground/page/index.html").to_owned()),
         ("playground.js", include_str!("../../playground/page/playground.js").to_owned()),
+        ("views.js", include_str!("../../playground/page/views.js").to_owned()),
+        ("joint.js", include_str!("../../playground/page/joint.js").to_owned()),
         ("simulation.js", include_str!("../../playground/page/simulation.js").to_owned()),
         ("playground.css", include_str!("../../playground/page/playground.css").to_owned()),
         ("scenarios.js", format!("export default {};\n", json!(scenarios))),

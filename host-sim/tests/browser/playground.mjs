@@ -2,7 +2,7 @@
 //
 //     node playground.mjs CHROMIUM FOLDER SCREENSHOTS
 import { createServer } from "node:http";
-import { mkdtemp, readFile, writeFile } from "node:fs/promises";
+import { mkdtemp, readFile, rename, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import puppeteer from "puppeteer-core";
@@ -58,11 +58,11 @@ await page.goto(address);
 const downloads = await mkdtemp(join(tmpdir(), "thermyo-playground-"));
 const session = await page.createCDPSession();
 await session.send("Page.setDownloadBehavior", { behavior: "allow", downloadPath: downloads });
-async function download(button, name) {
+async function download(button, name, folder = downloads) {
   await page.click(`#${button}`);
   for (let i = 0; i < 200; i++) {
-    const content = await readFile(join(downloads, name), "utf8").catch(() => "");
-    if (content) return join(downloads, name);
+    const content = await readFile(join(folder, name), "utf8").catch(() => "");
+    if (content) return join(folder, name);
     await pause(50);
   }
   throw new Error(`no ${name} was saved`);
@@ -105,6 +105,40 @@ await until((from) => parseFloat(document.getElementById("time").textContent) > 
 await choose("rate", 1);
 await page.click("#again");
 await until(() => document.getElementById("wrong").hidden && parseFloat(document.getElementById("time").textContent) < 4);
+
+// A joint: saved as shipped; then gravity that the core does not have, another stiffness, and an angle that is held.
+const bench = await mkdtemp(join(tmpdir(), "thermyo-playground-"));
+await session.send("Page.setDownloadBehavior", { behavior: "allow", downloadPath: bench });
+await page.select("#choice", await page.$eval("#choice", (list) => list.options[4].value));
+await until(() => parseFloat(document.getElementById("time").textContent) > 3);
+const joint = {
+  scenario: await download("export", "scenario.toml", bench), trace: await download("trace", "joint_trace.csv", bench),
+  error_deg: await number("r-angle-error"),
+};
+for (const [scheme, width] of [["light", 1280], ["dark", 1280], ["light", 390]]) {
+  await page.setViewport(width < 400 ? { width, height: 844, deviceScaleFactor: 2 } : { width, height: 900 });
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  await pause(1500);
+  joint.narrow_px = await page.evaluate(() => document.documentElement.scrollWidth);
+  await page.screenshot({ path: `${screenshots}-joint-${width}-${scheme}.png`, fullPage: true });
+}
+const seriously = await findings(page);
+await page.setViewport({ width: 1280, height: 900 });
+await slide("drive.stiffness_n_m_rad", 20);
+await slide("drive.amplitude_rad", 0);
+await slide("drive.angle_rad", 10);
+await slide("joint.gravity_n_m", 3);
+await slide("joint.inertia_kg_m2", .03);
+const slid_s = await number("time");
+await until((from) => parseFloat(document.getElementById("time").textContent) > from + 4, slid_s);
+joint.stiffness = await number("r-stiffness");
+joint.held_deg = await number("r-angle");
+joint.nameless = (await page.accessibility.snapshot()).children.filter(({ role, name }) => role === "slider" && !name).length;
+joint.views = await page.$$eval("[data-view]:not([hidden])", (all) => [...new Set(all.map(({ dataset }) => dataset.view))]);
+await rename(joint.scenario, join(bench, "shipped.toml"));
+joint.scenario = join(bench, "shipped.toml");
+joint.turned = await download("export", "scenario.toml", bench);
+joint.speed = await number("speed");
 
 // The tour: the estimate's error grows when only the muscle changes, and is small again when the core changes too.
 const tour = [];
@@ -161,7 +195,7 @@ await page.screenshot({ path: `${screenshots}-390-dark.png`, fullPage: true });
 await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
 await pause(300);
 await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
-const serious = await findings(page);
+const serious = [...seriously, ...await findings(page)];
 await page.setViewport({ width: 1280, height: 900 });
 await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "dark" }]);
 await pause(300);
@@ -170,5 +204,5 @@ const mode = await text("mode");
 await browser.close();
 server.close();
 console.log(JSON.stringify({
-  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode, nameless, serious, tour, elsewhere, saved_plot,
+  problems, shipped, held_kpa, followed_kpa, knobs, changed, unconfigured, refused, at_100, at_1000, hovered, not_hovered, narrow_px, mode, nameless, serious, tour, elsewhere, saved_plot, joint,
 }));

@@ -1,14 +1,14 @@
 // Side view of the muscle, coloured by temperature: the wall around the gas, and the sensor in it.
-// Length and diameter follow from the measured length.
+// Length and diameter follow from the measured length. A drawing of several muscles uses the same parts.
 import palette from "./palette.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const WIDTH = 860, HEIGHT = 190, AXIS = 92, LEFT = 150, LONGEST = 520, PLAIN_RADIUS = 36, FITTING = 15, TAPER = 46, WALL = 9;
 /** Ends of the colours [K], the same in every session: 5 and 45 °C. */
 const SCALE_K = [278, 318];
-const STEPS = 48, THREADS = 26;
+const STEPS = 48, THREADS = 26, PORT = [LEFT, AXIS];
 
-function make(name, attributes, parent, text) {
+export function make(name, attributes, parent, text) {
   const node = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   if (text !== undefined) node.textContent = text;
@@ -16,18 +16,54 @@ function make(name, attributes, parent, text) {
   return node;
 }
 
+/** Colour of a temperature. */
+export const colour = (kelvin) => palette[Math.round(Math.min(1, Math.max(0, (kelvin - SCALE_K[0]) / (SCALE_K[1] - SCALE_K[0]))) * (palette.length - 1))];
+
+/** Radius of a braid at a length, both in metres. */
+export const braidRadius = (braid, long_m) => Math.sqrt(Math.max(0, braid.thread_length_m ** 2 - long_m ** 2)) / (2 * Math.PI * braid.turns);
+
+/** Outline of a muscle that begins at `left` on `axis`, and tapers towards fittings. */
+export function outline([left, axis], long, radius, fitting = FITTING) {
+  const at = (s) => fitting + (radius - fitting) * Math.sin(Math.min(s, long - s, TAPER) / TAPER * Math.PI / 2);
+  const points = [];
+  for (let i = 0; i <= STEPS; i++) points.push([left + long * i / STEPS, at(long * i / STEPS)]);
+  const half = (list, side) => list.map(([x, r]) => `${x.toFixed(1)} ${(axis + side * Math.max(r, 1)).toFixed(1)}`);
+  return `M${half(points, -1).concat(half(points.reverse(), 1)).join("L")}Z`;
+}
+
+/** Gradients of round bodies, of metal and of the colours; `of` ends their names. */
+export function gradients(svg, of = "") {
+  const defs = make("defs", {}, svg);
+  const round = make("linearGradient", { id: `round${of}`, x1: 0, x2: 0, y1: 0, y2: 1 }, defs);
+  for (const [offset, colour, opacity] of [[0, "#000", .62], [.2, "#000", .16], [.36, "#fff", .2], [.52, "#fff", 0], [.78, "#000", .2], [1, "#000", .7]]) {
+    make("stop", { offset, "stop-color": colour, "stop-opacity": opacity }, round);
+  }
+  const metal = make("linearGradient", { id: `metal${of}`, x1: 0, x2: 0, y1: 0, y2: 1 }, defs);
+  for (const [offset, colour] of [[0, "#23222e"], [.3, "#8d8c9c"], [.45, "#5d5c6c"], [1, "#191822"]]) make("stop", { offset, "stop-color": colour }, metal);
+  const bar = make("linearGradient", { id: `bar${of}`, x1: 0, x2: 0, y1: 1, y2: 0 }, defs);
+  palette.forEach((colour, i) => make("stop", { offset: i / (palette.length - 1), "stop-color": colour }, bar));
+  return defs;
+}
+
+/** The scale of the colours, with its unit last. */
+export function scale(svg, of = "") {
+  make("rect", { x: 786, y: 24, width: 12, height: 132, fill: `url(#bar${of})`, rx: 2 }, svg);
+  [156, 24].forEach((y, i) => make("text", { x: 804, y: y + 4 }, svg, SCALE_K[i]));
+  make("text", { x: 786, y: 178, class: "fine" }, svg, "K");
+}
+
+/** Style of an arrow of air. */
+export function air(arrow, width = 4) {
+  for (const [key, value] of Object.entries({ fill: "none", stroke: "#84cbf5", "stroke-width": width, "stroke-linecap": "round", "stroke-linejoin": "round" })) arrow.setAttribute(key, value);
+}
+
+/** Opacity of an arrow at an opening in %. */
+export const flowing = (opening) => .12 + .88 * Math.min(1, opening * .015);
+
 export class Muscle {
   constructor(place) {
     const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": "The muscle in the colours of its temperatures" }, place);
-    const defs = make("defs", {}, svg);
-    const round = make("linearGradient", { id: "round", x1: 0, x2: 0, y1: 0, y2: 1 }, defs);
-    for (const [offset, colour, opacity] of [[0, "#000", .62], [.2, "#000", .16], [.36, "#fff", .2], [.52, "#fff", 0], [.78, "#000", .2], [1, "#000", .7]]) {
-      make("stop", { offset, "stop-color": colour, "stop-opacity": opacity }, round);
-    }
-    const metal = make("linearGradient", { id: "metal", x1: 0, x2: 0, y1: 0, y2: 1 }, defs);
-    for (const [offset, colour] of [[0, "#23222e"], [.3, "#8d8c9c"], [.45, "#5d5c6c"], [1, "#191822"]]) make("stop", { offset, "stop-color": colour }, metal);
-    const bar = make("linearGradient", { id: "bar", x1: 0, x2: 0, y1: 1, y2: 0 }, defs);
-    palette.forEach((colour, i) => make("stop", { offset: i / (palette.length - 1), "stop-color": colour }, bar));
+    const defs = gradients(svg);
     const blur = make("filter", { id: "glow", x: "-10%", width: "120%", y: "-60%", height: "220%" }, defs);
     make("feGaussianBlur", { stdDeviation: 12 }, blur);
 
@@ -44,17 +80,13 @@ export class Muscle {
     this.inlet = make("path", { d: `M36 ${AXIS - 30}h62m-11-9l11 9l-11 9` }, svg);
     this.outlet = make("path", { d: `M98 ${AXIS + 30}h-62m11-9l-11 9l11 9` }, svg);
     for (const [text, y] of [["in", AXIS - 46], ["out", AXIS + 56]]) make("text", { x: 67, y, "text-anchor": "middle", class: "fine" }, svg, text);
-    for (const arrow of [this.inlet, this.outlet]) {
-      for (const [key, value] of Object.entries({ fill: "none", stroke: "#84cbf5", "stroke-width": 4, "stroke-linecap": "round", "stroke-linejoin": "round" })) arrow.setAttribute(key, value);
-    }
+    for (const arrow of [this.inlet, this.outlet]) air(arrow);
     this.sensor = make("circle", { cy: AXIS, r: 8, stroke: "#fff", "stroke-width": 2 }, svg);
     this.labels = make("g", { class: "fine", "text-anchor": "middle" }, svg);
     this.length = make("text", { y: HEIGHT - 12, "text-anchor": "middle" }, this.labels);
     this.named = make("text", { y: AXIS - 15, fill: "#fff", "text-anchor": "middle" }, this.labels, "sensor");
     this.named.style.cssText = "fill:#fff;paint-order:stroke;stroke:#0008;stroke-width:3px";
-    make("rect", { x: 786, y: 24, width: 12, height: 132, fill: "url(#bar)", rx: 2 }, svg);
-    [156, 24].forEach((y, i) => make("text", { x: 804, y: y + 4 }, svg, SCALE_K[i]));
-    make("text", { x: 786, y: 178, class: "fine" }, svg, "K");
+    scale(svg);
   }
 
   /** Draws the present state: length in mm, temperatures in K, openings in %. */
@@ -65,21 +97,13 @@ export class Muscle {
     const metres = now.length / 1e3;
     const length = Math.min(Math.max(metres, longest * .3), longest) * px;
     const radiusAt = (long_m) => braid
-      ? Math.min(62, Math.sqrt(Math.max(0, braid.thread_length_m ** 2 - long_m ** 2)) / (2 * Math.PI * braid.turns) * px * 1.6)
+      ? Math.min(62, braidRadius(braid, long_m) * px * 1.6)
       : PLAIN_RADIUS;
-    const outline = (long, radius) => {
-      const at = (s) => FITTING + (radius - FITTING) * Math.sin(Math.min(s, long - s, TAPER) / TAPER * Math.PI / 2);
-      const points = [];
-      for (let i = 0; i <= STEPS; i++) points.push([LEFT + long * i / STEPS, at(long * i / STEPS)]);
-      const half = (list, side) => list.map(([x, r]) => `${x.toFixed(1)} ${(AXIS + side * Math.max(r, 1)).toFixed(1)}`);
-      return `M${half(points, -1).concat(half(points.reverse(), 1)).join("L")}Z`;
-    };
     const radius = radiusAt(metres);
-    const body = outline(length, radius);
-    const colour = (kelvin) => palette[Math.round(Math.min(1, Math.max(0, (kelvin - SCALE_K[0]) / (SCALE_K[1] - SCALE_K[0]))) * (palette.length - 1))];
-    this.rest.setAttribute("d", rest ? outline(rest * px, radiusAt(rest)) : "");
+    const body = outline(PORT, length, radius);
+    this.rest.setAttribute("d", rest ? outline(PORT, rest * px, radiusAt(rest)) : "");
     for (const path of [this.glow, this.wall, this.shade]) path.setAttribute("d", body);
-    this.gas.setAttribute("d", outline(length, Math.max(FITTING, radius - WALL)));
+    this.gas.setAttribute("d", outline(PORT, length, Math.max(FITTING, radius - WALL)));
     this.glow.setAttribute("fill", colour(now.gas));
     this.wall.setAttribute("fill", colour(now.wall));
     this.gas.setAttribute("fill", colour(now.gas));
@@ -100,7 +124,7 @@ export class Muscle {
     this.named.setAttribute("x", LEFT + length / 2);
     this.length.setAttribute("x", LEFT + length / 2);
     this.length.textContent = `${now.length.toFixed(1)} mm` + (braid && rest ? `, at rest ${(rest * 1e3).toFixed(0)} mm (dashed)` : "");
-    this.inlet.style.opacity = .12 + .88 * Math.min(1, now.inlet * .015);
-    this.outlet.style.opacity = .12 + .88 * Math.min(1, now.outlet * .015);
+    this.inlet.style.opacity = flowing(now.inlet);
+    this.outlet.style.opacity = flowing(now.outlet);
   }
 }

@@ -39,7 +39,7 @@ pub fn plan(file: &Path, config: &JointConfig) -> Result<JointLoaded, InputError
         duration_s = loaded.muscles[0].plant.run.duration_s;
         (driven.drive, driven.profile) = (loaded.drive, loaded.profile);
         // A board has the load that it has.
-        driven.drive.load_csv = None;
+        (driven.drive.load_n_m, driven.drive.load_csv) = (0.0, None);
     }
     driven.drive.profile_csv = driven.profile.as_ref().map(|_| PathBuf::from("profile.csv"));
     for muscle in &mut driven.muscles {

@@ -1,0 +1,86 @@
+//! A scenario in operation, and its errors.
+
+use thermyo_files::input::InputError;
+use thermyo_plant::{BuildError, Diverged};
+use thermyo_simulation::board::BoardError;
+
+/// Why a request of the importer fails.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    #[error(transparent)]
+    Input(#[from] InputError),
+    /// The plant cannot be built.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The core refuses its configuration or a set point.
+    #[error(transparent)]
+    Core(#[from] BoardError),
+    /// The plant left the range of its equations.
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
+    /// The joint cannot be built, its core refuses, or its plant left the range of its equations.
+    #[error(transparent)]
+    Joint(#[from] thermyo_joint::RunError),
+    /// A step of a wrong length.
+    #[error(
+        "a communication step of {asked_s} s: must be a whole number of steps of {step_s} s, at least one"
+    )]
+    StepSize { asked_s: f64, step_s: f64 },
+    /// A step from a wrong time.
+    #[error(
+        "a step from {asked_s} s, and the time is {time_s} s: a unit cannot go back, or leave out time"
+    )]
+    NotNow {
+        /// The time that the step should begin at \[s\].
+        asked_s: f64,
+        time_s: f64,
+    },
+    /// A call at the wrong time.
+    #[error("{call}: must come {must}")]
+    OutOfTurn {
+        call: &'static str,
+        /// When it is allowed.
+        must: &'static str,
+    },
+    /// A value out of range.
+    #[error("{name} = {value}: must be {allowed}")]
+    Value { name: &'static str, value: f64, allowed: String },
+    /// There is no such variable of that type, or it cannot be set now.
+    #[error("value reference {reference}: no {what}")]
+    Reference {
+        reference: u32,
+        /// The expected type.
+        what: &'static str,
+    },
+}
+
+impl ModelError {
+    /// Whether nothing has changed, so that another request is possible.
+    pub fn leaves_all(&self) -> bool {
+        matches!(self, Self::StepSize { .. } | Self::Value { .. })
+    }
+}
+
+/// Inputs from the importer.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Inputs {
+    /// In the order of the variables.
+    pub numbers: Vec<f64>,
+    pub follow_scenario: bool,
+}
+
+/// Plant and board in operation, from time zero on.
+pub trait Running {
+    /// Takes the importer's set point, if it has changed.
+    ///
+    /// # Errors
+    /// For a set point out of its range; nothing has changed.
+    fn take(&mut self, inputs: &Inputs) -> Result<(), ModelError>;
+    /// Advances by one step, after which there have been `steps`.
+    ///
+    /// # Errors
+    /// [`ModelError`] for a plant that diverges.
+    fn step(&mut self, steps: u64, inputs: &Inputs) -> Result<(), ModelError>;
+    /// Cells of the trace now. Flows are means since the last call.
+    fn look(&mut self) -> Vec<f64>;
+}

@@ -1,0 +1,52 @@
+//! A kind of scenario that the page runs.
+
+use serde_json::Value;
+use std::path::Path;
+
+/// File name in messages.
+const ORIGIN: &str = "scenario.toml";
+/// Longer than any use of the page \[s\].
+pub const ENDLESS_S: f64 = 1.0e9;
+
+/// A kind of scenario: one muscle, or a joint.
+pub trait Kind: Sized {
+    /// Names of the columns of its trace.
+    const COLUMNS: &'static [&'static str];
+    /// A run in progress.
+    type Run;
+
+    /// Reads a text; with the warnings of `thermyo run`, a line each.
+    fn parse(text: &str) -> Result<(Self, String), String>;
+    /// The text for `thermyo run`.
+    fn render(&self) -> String;
+    /// Parameters of the plant by table and key.
+    fn settings(&self) -> Value;
+    /// The same with another number: of the plant; if `configured`, of the core too.
+    fn turned(&self, key: &str, value: f64, configured: bool) -> Result<Self, String>;
+    /// The same without an end, every step logged.
+    fn endless(&self) -> Self;
+
+    /// A run at time zero.
+    fn start(&self) -> Result<Self::Run, String>;
+    /// Takes over the numbers of the plant in a run.
+    fn retune(&self, run: &mut Self::Run) -> Result<(), String>;
+    /// Runs one step; adds the cells of its row to `rows` if it is logged and there are any. Returns
+    /// whether there is another step.
+    fn step(run: &mut Self::Run, rows: Option<&mut Vec<f64>>) -> Result<bool, String>;
+    /// A line with the core's mode, a line with its faults; none before the first step.
+    fn state(run: &Self::Run) -> String;
+}
+
+/// The refusal of a key with a file's name.
+pub fn no_file(key: &str, line: Option<u64>) -> String {
+    let line = line.map_or(String::new(), |line| format!(":{line}"));
+    format!(
+        "{ORIGIN}{line}: {key}: this page takes no CSV file: leave the key out, or run the scenario with \
+         `thermyo run`"
+    )
+}
+
+/// The name in messages as a path.
+pub fn origin() -> &'static Path {
+    ORIGIN.as_ref()
+}

@@ -1,0 +1,95 @@
+//! The scenario of one muscle.
+
+use crate::kind::{ENDLESS_S, Kind, no_file, origin};
+use model_core::Faults;
+use model_core::control::Mode;
+use serde_json::{Value, json};
+use thermyo_record::trace::{COLUMNS, Row};
+use thermyo_scenario::Document;
+use thermyo_setup::Loaded;
+use thermyo_simulation::board::CoreBoard;
+use thermyo_simulation::run::Run;
+
+pub struct Muscle(Loaded);
+
+/// A run with its core.
+pub struct MuscleRun {
+    run: Run,
+    board: CoreBoard,
+    latest: Option<(Mode, Faults)>,
+}
+
+impl Kind for Muscle {
+    const COLUMNS: &'static [&'static str] = &COLUMNS;
+    type Run = MuscleRun;
+
+    fn parse(text: &str) -> Result<(Self, String), String> {
+        let document = Document::parse(text, origin()).map_err(|error| error.to_string())?;
+        let named = document.plant.iter().chain(document.believed.iter());
+        if let Some(entry) = named.into_iter().find(|entry| entry.path().ends_with("_csv")) {
+            return Err(no_file(&entry.path(), entry.line));
+        }
+        let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, origin())
+            .map_err(|error| error.to_string())?;
+        let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+        Ok((Self(loaded), lines.join("\n")))
+    }
+
+    fn render(&self) -> String {
+        thermyo_setup::render(&self.0)
+    }
+
+    fn settings(&self) -> Value {
+        json!(self.0.plant)
+    }
+
+    fn turned(&self, key: &str, value: f64, configured: bool) -> Result<Self, String> {
+        let mut turned = self.0.clone();
+        let known = thermyo_scenario::number(&turned.believed, key)
+            == thermyo_scenario::number(&turned.plant, key);
+        turned.plant = thermyo_scenario::with_numbers(&turned.plant, [(key, value)]);
+        if configured && known {
+            turned.believed = thermyo_scenario::with_numbers(&turned.believed, [(key, value)]);
+        }
+        // The core's drive is always that of the plant.
+        turned.believed.drive = turned.plant.drive.clone();
+        // Checked like a file, with the same messages.
+        Ok(Self::parse(&Self(turned).render())?.0)
+    }
+
+    fn endless(&self) -> Self {
+        let mut endless = self.0.clone();
+        endless.plant.run.duration_s = ENDLESS_S;
+        endless.plant.run.log_every = 1;
+        Self(endless)
+    }
+
+    fn start(&self) -> Result<MuscleRun, String> {
+        let mut board = CoreBoard::default();
+        let run = Run::start(&self.0, &mut board, None).map_err(|error| error.to_string())?;
+        Ok(MuscleRun { run, board, latest: None })
+    }
+
+    fn retune(&self, run: &mut MuscleRun) -> Result<(), String> {
+        run.run.retune(&self.0.plant, &mut run.board).map_err(|error| error.to_string())
+    }
+
+    fn step(run: &mut MuscleRun, mut rows: Option<&mut Vec<f64>>) -> Result<bool, String> {
+        let MuscleRun { run, board, latest } = run;
+        let mut observer = |row: &Row| {
+            *latest = Some((row.telemetry.mode, row.telemetry.faults));
+            if let Some(rows) = &mut rows {
+                rows.extend_from_slice(&row.cells());
+            }
+            Ok(())
+        };
+        run.step(board, &mut observer).map_err(|error| error.to_string())
+    }
+
+    fn state(run: &MuscleRun) -> String {
+        run.latest.map_or(String::new(), |(mode, faults)| {
+            let named = Mode::NAMES.iter().find(|(named, _)| *named == mode);
+            format!("{}\n{faults}", named.map_or("", |(_, name)| name))
+        })
+    }
+}
