@@ -283,7 +283,7 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert!(bench.refused(set).contains("thermyo flash --joint"));
 }
 
-/// What is read is written back as the same configuration.
+/// A configuration that is read is written back as the same one.
 fn assert_a_configuration_comes_back(bench: &Bench) {
     let read = bench.path("read.toml").display().to_string();
     let checksum = |line: &str| {

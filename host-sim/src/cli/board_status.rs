@@ -4,8 +4,10 @@ use super::{Failure, FormatArgs};
 use model_core::Config;
 use serde_json::{Value, json};
 use std::io::Write;
+use std::path::Path;
+use thermyo_files::input::write_new;
 use thermyo_files::units::UnitSystem;
-use thermyo_protocol::{ConfigSource, Image, LastReset, Status, Timing, Version};
+use thermyo_protocol::{ConfigSource, Event, Image, LastReset, Status, Timing, Version};
 
 /// A board's answers about itself, whatever it drives.
 pub(super) struct Overview {
@@ -71,7 +73,7 @@ impl Overview {
     }
 }
 
-pub(super) fn started_by(last_reset: LastReset) -> String {
+fn started_by(last_reset: LastReset) -> String {
     match last_reset {
         LastReset::Power => "power or its reset pin".to_owned(),
         other => format!("{other:?}"),
@@ -109,4 +111,51 @@ pub(super) fn timed(timing: &Timing) -> String {
         timing.missed_steps,
         timing.steps,
     )
+}
+
+/// Writes the scenario of a board's configuration; `exact`: whether it gives the same one again.
+pub(super) fn config_file(
+    (file, scenario, exact): (&Path, &str, bool),
+    status: &Status,
+    format: FormatArgs,
+    (out, err): (&mut dyn Write, &mut dyn Write),
+) -> Result<(), Failure> {
+    let named = configuration(status);
+    write_new(file, format!("# {named}\n\n{scenario}"))?;
+    if !exact {
+        let _ = writeln!(
+            err,
+            "thermyo: a scenario cannot hold all of this configuration: written back it has another \
+             checksum"
+        );
+    }
+    let words = format!("{named} in {}\n", file.display());
+    let mut json = configuration_json(status);
+    json["file"] = json!(file.display().to_string());
+    format.done(out, &json, &words)
+}
+
+pub(super) fn history(
+    events: &[Event],
+    (format, units): (FormatArgs, UnitSystem),
+    out: &mut dyn Write,
+) -> Result<(), Failure> {
+    let json = serde_json::to_value(events).expect("plain data");
+    if events.is_empty() {
+        let words = "no events: it has neither vented by itself nor restarted\n";
+        return format.answer(out, &json, words);
+    }
+    let mut words = String::new();
+    for event in events {
+        words += &match event {
+            Event::Started(last_reset) => format!("started by {}\n", started_by(*last_reset)),
+            Event::Vented(first) => format!(
+                "vented by {} at {}, step {}\n",
+                first.faults,
+                units.text(first.pressure_pa.into(), "Pa", 2),
+                first.step
+            ),
+        };
+    }
+    format.answer(out, &json, &words)
 }

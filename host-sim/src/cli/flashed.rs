@@ -1,7 +1,7 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
 use super::board_status::{
-    Overview, armed, cleared, configuration, configuration_json, started_by,
+    Overview, armed, cleared, config_file, configuration, configuration_json, history,
 };
 use super::drive::{DriveArgs, drive_profile};
 use super::joint_board::JointTask;
@@ -17,9 +17,8 @@ use thermyo_boards::emulated::Port;
 use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
-use thermyo_files::input::write_new;
 use thermyo_files::units::UnitSystem;
-use thermyo_protocol::{Event, Refusal, Status};
+use thermyo_protocol::Refusal;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -309,51 +308,4 @@ fn configure(
             format.done(out, &json!({ "saved": false }), "the saved configuration is deleted\n")
         }
     }
-}
-
-/// Writes the scenario of a board's configuration; `exact`: whether it gives the same one again.
-pub(super) fn config_file(
-    (file, scenario, exact): (&Path, &str, bool),
-    status: &Status,
-    format: FormatArgs,
-    (out, err): (&mut dyn Write, &mut dyn Write),
-) -> Result<(), Failure> {
-    let named = configuration(status);
-    write_new(file, &format!("# {named}\n\n{scenario}"))?;
-    if !exact {
-        let _ = writeln!(
-            err,
-            "thermyo: a scenario cannot hold all of this configuration: written back it has another \
-             checksum"
-        );
-    }
-    let words = format!("{named} in {}\n", file.display());
-    let mut json = configuration_json(status);
-    json["file"] = json!(file.display().to_string());
-    format.done(out, &json, &words)
-}
-
-pub(super) fn history(
-    events: &[Event],
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
-    let json = serde_json::to_value(events).expect("plain data");
-    if events.is_empty() {
-        let words = "no events: it has neither vented by itself nor restarted\n";
-        return format.answer(out, &json, words);
-    }
-    let mut words = String::new();
-    for event in events {
-        words += &match event {
-            Event::Started(last_reset) => format!("started by {}\n", started_by(*last_reset)),
-            Event::Vented(first) => format!(
-                "vented by {} at {}, step {}\n",
-                first.faults,
-                units.text(first.pressure_pa.into(), "Pa", 2),
-                first.step
-            ),
-        };
-    }
-    format.answer(out, &json, &words)
 }

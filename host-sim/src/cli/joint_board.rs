@@ -1,8 +1,9 @@
 //! `thermyo board PORT` where the board drives a joint.
 
-use super::board_status::{Overview, armed, cleared, configuration, configuration_json};
+use super::board_status::{
+    Overview, armed, cleared, config_file, configuration, configuration_json, history,
+};
 use super::drive::{DriveArgs, Summed, drove, ended, say_record};
-use super::flashed::{config_file, history};
 use super::joint::{angle, faulty};
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
