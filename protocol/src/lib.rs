@@ -978,7 +978,7 @@ mod tests {
         let joint = Request { sequence: 7, command: joint };
         let of_joint = Message::JointTelemetry(longest_of_joint());
         for (frame, expected) in [
-            (encode(&config), (450, 4_041_990_631)),
+            (encode(&config), (450, 3_986_227_589)),
             (encode(&telemetry), (77, 1_017_350_385)),
             (encode(&muscle), (451, 3_805_535_179)),
             (encode(&joint), (124, 1_522_414_787)),

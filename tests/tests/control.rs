@@ -177,7 +177,7 @@ fn proportional_valves_do_not_hunt() {
         assert_within("error %", held.error_percent, (0.1, 0.4));
         assert_within("ripple %", held.ripple_percent, (0.02, 0.5));
         // Creep needs a command now and then, and one takes 0.2 s of the half second.
-        assert_within("driven", held.driven, (0.0, 0.42));
+        assert_within("driven", held.driven, (0.0, 0.5));
         let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
         assert_within("error at 0.5 Hz, % of stroke", slow.rms_percent, (0.1, 0.5));
     }

@@ -180,7 +180,9 @@ fn a_flood_over_usb_changes_nothing() {
         assert!(jitter_us(&timing) <= 20.0, "{command:?}: {timing:?}");
         rig.board.send(HostCommand::Stop);
         let until_vented = (0..50).filter(|_| powered(&rig.exchange_with(silent))).count();
-        assert!((1..=5).contains(&until_vented), "{command:?}: {until_vented} ms");
+        // A host that asks for the version has just connected: nothing keeps its set point alive.
+        let least = usize::from(command != HostCommand::Version);
+        assert!((least..=5).contains(&until_vented), "{command:?}: {until_vented} ms");
     }
 }
 

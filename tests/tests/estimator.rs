@@ -132,7 +132,7 @@ fn the_load_tells_the_length_where_its_sensor_is_absent() {
         assert_within(fault, lost.error_k, (0.5, 1.6));
         assert!(lost.within > 0.85, "{fault}: {} within two deviations", lost.within);
         assert_ne!(lost.faults & Faults::LENGTH_SENSOR.0, 0, "{fault}");
-        assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.1, 0.5));
+        assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.05, 0.5));
     }
     // From the start on, against a constant load.
     let never = cycle("lumped", "[faults]\nlength = \"open\"\nfrom_s = 0.0\nuntil_s = 40.0\n");

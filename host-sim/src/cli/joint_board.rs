@@ -173,7 +173,7 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
     })) = error
     {
         let [value, minimum, maximum] =
-            [value, minimum, maximum].map(|rad| units.text(rad.into(), "rad", 2));
+            [value, minimum, maximum].map(|rad| angle(rad.into(), units));
         return Failure::Usage(format!(
             "an angle of {value}: must be from {minimum} to {maximum}, the stops"
         ));
