@@ -4,6 +4,7 @@ use crate::rig::Row;
 use model_core::Command;
 use model_core::Duty;
 use serde::Serialize;
+use std::collections::VecDeque;
 use thermyo_plant::Ledger;
 use thermyo_plant::joint::ArmLedger;
 
@@ -72,7 +73,8 @@ pub struct Accumulator {
     found: [u32; 3],
     vented_s: Option<f64>,
     before: [Command; 2],
-    last: Vec<f64>,
+    /// Errors of the angle in the last part of the run, as long as [`REST_S`] \[rad\].
+    last: VecDeque<f64>,
 }
 
 impl Accumulator {
@@ -93,7 +95,7 @@ impl Accumulator {
             found: [0; 3],
             vented_s: None,
             before: [Command::VENT; 2],
-            last: Vec::new(),
+            last: VecDeque::new(),
         }
     }
 
@@ -110,7 +112,10 @@ impl Accumulator {
             let off = row.stiffness_n_m_rad / stiffness.max(1e-9) - 1.0;
             self.squared_stiffness += off * off;
             self.tracked += 1.0;
-            self.last.push(error);
+            if self.last.len() == self.at_rest() {
+                self.last.pop_front();
+            }
+            self.last.push_back(error);
         }
         for (i, muscle) in telemetry.muscles.iter().enumerate() {
             let plant = &truth.muscles[i];
@@ -134,6 +139,11 @@ impl Accumulator {
         }
     }
 
+    /// Steps of [`REST_S`], at least one.
+    fn at_rest(&self) -> usize {
+        ((REST_S / self.step_s) as usize).max(1)
+    }
+
     /// Time of the steps so far \[s\].
     pub fn duration_s(&self) -> f64 {
         (self.rows - 1.0).max(0.0) * self.step_s
@@ -141,14 +151,12 @@ impl Accumulator {
 
     /// How the joint has moved so far.
     pub fn figures(&self) -> Figures {
-        let at_rest = ((REST_S / self.step_s) as usize).clamp(1, self.last.len().max(1));
-        let last = &self.last[self.last.len().saturating_sub(at_rest)..];
         let names = |faults: u32| model_core::Faults(faults).names().collect();
         let joint = model_core::joint::JointFaults(self.found[2] as u8).names().collect();
         Figures {
             angle_rad: self.angle_rad,
             rms_error_rad: root(self.squared_rad2, self.tracked),
-            end_error_rad: last.iter().sum::<f64>() / (last.len() as f64).max(1.0),
+            end_error_rad: self.last.iter().sum::<f64>() / (self.last.len() as f64).max(1.0),
             rms_stiffness_error: root(self.squared_stiffness, self.tracked),
             highest_pressure_pa: self.highest_pa,
             pulses_per_s: self.pulses / self.duration_s().max(self.step_s),

@@ -8,12 +8,24 @@ const WIDTH = 860, HEIGHT = 190, AXIS = 92, LEFT = 150, LONGEST = 520, PLAIN_RAD
 const SCALE_K = [278, 318];
 const STEPS = 48, THREADS = 26;
 
-function make(name, attributes, parent, text) {
+export function make(name, attributes, parent, text) {
   const node = document.createElementNS(SVG, name);
   for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
   if (text !== undefined) node.textContent = text;
   parent.append(node);
   return node;
+}
+
+/** Colour of a temperature [K]. */
+export const colour = (kelvin) => palette[Math.round(Math.min(1, Math.max(0, (kelvin - SCALE_K[0]) / (SCALE_K[1] - SCALE_K[0]))) * (palette.length - 1))];
+
+/** Draws the scale of the colours. */
+export function bar(svg) {
+  const shades = make("linearGradient", { id: "bar", x1: 0, x2: 0, y1: 1, y2: 0 }, make("defs", {}, svg));
+  palette.forEach((shade, i) => make("stop", { offset: i / (palette.length - 1), "stop-color": shade }, shades));
+  make("rect", { x: 786, y: 24, width: 12, height: 132, fill: "url(#bar)", rx: 2 }, svg);
+  [156, 24].forEach((y, i) => make("text", { x: 804, y: y + 4 }, svg, SCALE_K[i]));
+  make("text", { x: 786, y: 178, class: "fine" }, svg, "K");
 }
 
 export class Muscle {
@@ -26,8 +38,6 @@ export class Muscle {
     }
     const metal = make("linearGradient", { id: "metal", x1: 0, x2: 0, y1: 0, y2: 1 }, defs);
     for (const [offset, colour] of [[0, "#23222e"], [.3, "#8d8c9c"], [.45, "#5d5c6c"], [1, "#191822"]]) make("stop", { offset, "stop-color": colour }, metal);
-    const bar = make("linearGradient", { id: "bar", x1: 0, x2: 0, y1: 1, y2: 0 }, defs);
-    palette.forEach((colour, i) => make("stop", { offset: i / (palette.length - 1), "stop-color": colour }, bar));
     const blur = make("filter", { id: "glow", x: "-10%", width: "120%", y: "-60%", height: "220%" }, defs);
     make("feGaussianBlur", { stdDeviation: 12 }, blur);
 
@@ -52,9 +62,7 @@ export class Muscle {
     this.length = make("text", { y: HEIGHT - 12, "text-anchor": "middle" }, this.labels);
     this.named = make("text", { y: AXIS - 15, fill: "#fff", "text-anchor": "middle" }, this.labels, "sensor");
     this.named.style.cssText = "fill:#fff;paint-order:stroke;stroke:#0008;stroke-width:3px";
-    make("rect", { x: 786, y: 24, width: 12, height: 132, fill: "url(#bar)", rx: 2 }, svg);
-    [156, 24].forEach((y, i) => make("text", { x: 804, y: y + 4 }, svg, SCALE_K[i]));
-    make("text", { x: 786, y: 178, class: "fine" }, svg, "K");
+    bar(svg);
   }
 
   /** Draws the present state: length in mm, temperatures in K, openings in %. */
@@ -76,7 +84,6 @@ export class Muscle {
     };
     const radius = radiusAt(metres);
     const body = outline(length, radius);
-    const colour = (kelvin) => palette[Math.round(Math.min(1, Math.max(0, (kelvin - SCALE_K[0]) / (SCALE_K[1] - SCALE_K[0]))) * (palette.length - 1))];
     this.rest.setAttribute("d", rest ? outline(rest * px, radiusAt(rest)) : "");
     for (const path of [this.glow, this.wall, this.shade]) path.setAttribute("d", body);
     this.gas.setAttribute("d", outline(length, Math.max(FITTING, radius - WALL)));
