@@ -24,7 +24,7 @@ export const charts = [
   ["plot-angle", { label: "Angle", unit: "°", digits: 2, least: 2 },
     [line("measured", "measured", "angle"), dashed("reference", "set-point", "angleSet")]],
   ["plot-stiffness", { label: "Stiffness", unit: "N m/rad", digits: 1, least: 2 },
-    [line("measured", "measured", "stiffness"), dashed("reference", "set-point", "stiffnessSet")]],
+    [line("measured", "measured", "stiffness"), dashed("set point", "set-point", "stiffnessSet")]],
   ["plot-pressure", { label: "Pressures, absolute", unit: "kPa", digits: 1, least: 10 },
     [line("a", "blue", "pressure_a"), line("b", "vermillion", "pressure_b")]],
   ["plot-temperature", { label: "Gas temperatures", unit: "K", digits: 2, least: 2 },
