@@ -24,8 +24,8 @@ pub enum Target {
 
 /// An open board.
 pub enum Opened {
-    Muscle(LiveBoard),
-    Joint(LiveJoint),
+    Muscle(Box<LiveBoard>),
+    Joint(Box<LiveJoint>),
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -56,22 +56,22 @@ impl Target {
             drop(service::plug(Variant::Joint, Some(path))?);
             let mut board = LiveJoint::open(port::EMULATED)?;
             board.configure(&joint.config(), &self.muscle_name())?;
-            return Ok(Opened::Joint(board));
+            return Ok(Opened::Joint(Box::new(board)));
         }
         let muscle = thermyo_setup::load(path)?;
         drop(service::plug(Variant::Standard, Some(path))?);
         let mut board = LiveBoard::open(port::EMULATED)?;
         board.configure(&core_config(&muscle.believed), &self.muscle_name())?;
-        Ok(Opened::Muscle(board))
+        Ok(Opened::Muscle(Box::new(board)))
     }
 
     /// Opens a board of either image.
     fn open_either(&self) -> Result<Opened, OpenError> {
         match LiveBoard::open(self.port()) {
             Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
-                Ok(Opened::Joint(LiveJoint::open(self.port())?))
+                Ok(Opened::Joint(Box::new(LiveJoint::open(self.port())?)))
             }
-            opened => Ok(Opened::Muscle(opened?)),
+            opened => Ok(Opened::Muscle(Box::new(opened?))),
         }
     }
 

@@ -43,8 +43,8 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     let target = Target::new(&args.board);
     let operate = Operate { args, target: &target, folder: &folder, logs };
     match target.open()? {
-        Opened::Muscle(board) => operate.run(board, (listener, address), out),
-        Opened::Joint(board) => operate.run(board, (listener, address), out),
+        Opened::Muscle(board) => operate.run(*board, (listener, address), out),
+        Opened::Joint(board) => operate.run(*board, (listener, address), out),
     }
 }
 

@@ -58,7 +58,7 @@ mod at_a_terminal {
         let Opened::Muscle(opened) = target.open().unwrap() else { panic!("it drives a joint") };
         // Until now it kept the terminal open for the board.
         drop(port);
-        Operator::new(target, opened, out, Logs::default()).unwrap()
+        Operator::new(target, *opened, out, Logs::default()).unwrap()
     }
 
     fn answer(command: HostCommand) -> Answer {
