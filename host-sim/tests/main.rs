@@ -22,6 +22,7 @@ mod report_render;
 mod run_support;
 mod scenario_files;
 mod serve;
+mod serve_joint;
 mod serve_records;
 mod static_map;
 mod sweep;

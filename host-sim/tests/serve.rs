@@ -23,8 +23,8 @@ pub(crate) const HANGS_S: f64 = 60.0;
 /// A server, which is stopped with its board.
 pub(crate) struct Served {
     pub(crate) bench: Bench,
-    child: Child,
-    url: String,
+    pub(crate) child: Child,
+    pub(crate) url: String,
     _turn: MutexGuard<'static, ()>,
 }
 
@@ -36,11 +36,16 @@ impl Served {
 
     /// The same by a shell that does something first.
     fn after(before: &str, what: &str) -> Self {
+        Self::plugged("", before, what)
+    }
+
+    /// The same with a scenario's muscle or joint at the board's pins.
+    pub(crate) fn plugged(scenario: &str, before: &str, what: &str) -> Self {
         let turn = ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let bench = Bench::new();
         let serve = bench.command(&format!("thermyo serve {what} --out out/serve"));
         // The board does not start within what is left for the server.
-        bench.ok("thermyo board emulated plug");
+        bench.ok(&format!("thermyo board emulated plug {scenario}"));
         let mut shell = Command::new("sh");
         shell.args(["-c", &format!("{before}\nexec \"$0\" \"$@\"")]);
         shell.arg(serve.get_program()).args(serve.get_args());
@@ -97,7 +102,7 @@ impl Served {
     }
 
     /// Ends it by a signal, which its exit code shows; returns what it prints then.
-    fn end(&mut self, signal: &str) -> String {
+    pub(crate) fn end(&mut self, signal: &str) -> String {
         self.signal(signal);
         let mut text = String::new();
         self.child.stdout.take().unwrap().read_to_string(&mut text).unwrap();
@@ -123,7 +128,7 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    fn say(&mut self, word: Value) {
+    pub(crate) fn say(&mut self, word: Value) {
         self.socket.send(Message::text(word.to_string())).unwrap();
     }
 
@@ -166,7 +171,13 @@ impl Page {
     }
 
     fn pressure_pa(&self) -> f64 {
-        self.frame["rows"].as_array().and_then(|rows| rows.last()?[1].as_f64()).unwrap_or(f64::NAN)
+        self.cell(1)
+    }
+
+    /// A cell of the last row.
+    pub(crate) fn cell(&self, index: usize) -> f64 {
+        let rows = self.frame["rows"].as_array();
+        rows.and_then(|rows| rows.last()?[index].as_f64()).unwrap_or(f64::NAN)
     }
 
     pub(crate) fn happened(&self, what: &str) -> bool {
@@ -203,8 +214,9 @@ fn only_its_own_page_comes_in() {
     let (status, text) = served.get(&served.path(""), &host);
     assert_eq!(status, 200, "{text}");
     assert!(text.contains("content-security-policy: default-src 'none'"), "{text}");
-    let scripts = ["page.js", "chart.js", "live.js", "muscle.js", "palette.js"];
-    for file in scripts.into_iter().chain(["page.css", "chart.css", "drawing.css"]) {
+    let scripts = ["page.js", "chart.js", "live.js", "muscle.js", "palette.js", "units.js"];
+    let own = ["quantities.js", "of_muscle.js", "of_joint.js", "arm.js"];
+    for file in scripts.into_iter().chain(own).chain(["page.css", "chart.css", "drawing.css"]) {
         assert_eq!(served.get(&served.path(file), &host).0, 200, "{file}");
     }
     for (path, host) in [

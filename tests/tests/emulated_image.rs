@@ -11,7 +11,7 @@ use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
 /// Flash of the image \[bytes\]; 153.9 KiB are reached, 140 aimed at.
-const FLASH: RangeInclusive<u64> = 147 * 1024..=154 * 1024;
+const FLASH: RangeInclusive<u64> = 147 * 1024..=155 * 1024;
 /// Static memory of the image, its code and constants left out \[bytes\]; 27.8 KiB are reached, up to one more
 /// where a table is aligned.
 const RAM: RangeInclusive<u64> = 27 * 1024..=30 * 1024;

@@ -15,3 +15,4 @@ pub mod pty;
 pub mod serial;
 pub mod serial_port;
 pub mod service;
+pub mod subject;

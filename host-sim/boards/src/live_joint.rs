@@ -196,9 +196,15 @@ impl LiveJoint {
 
     /// Clears the latched faults whose cause is gone; the telemetry has the remaining ones.
     pub fn clear(&mut self) -> Result<JointTelemetry, BoardError> {
+        self.forget_faults()?;
+        self.fresh_telemetry()
+    }
+
+    /// As [`Self::clear`], but reads no telemetry, for callers that read all of it themselves.
+    pub fn forget_faults(&mut self) -> Result<(), BoardError> {
         self.done(HostCommand::ClearFaults, "clear")?;
         self.driving = false;
-        self.fresh_telemetry()
+        Ok(())
     }
 
     /// The next telemetry of a later step than all that is unread.

@@ -15,7 +15,7 @@ pub mod trace;
 
 pub use faults::{named, venting};
 pub use from_config::to_scenario;
-pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse};
+pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse, parse_alone};
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
 pub use run::{Run, SET_POINT_INTERVAL_S, run};

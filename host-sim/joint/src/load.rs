@@ -15,7 +15,7 @@ use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::Limits;
 use thermyo_scenario::{Document, PlantKind};
 use thermyo_setup::core_config::core_config;
-use thermyo_setup::{Loaded, assemble, profile_in};
+use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files};
 
 /// Interval over which the motion of a profile is taken \[s\].
 const DIFFERENCE_S: f64 = 0.01;
@@ -167,6 +167,22 @@ pub fn load(path: &Path) -> Result<Option<JointLoaded>, InputError> {
 /// As [`load`].
 pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
     joint(&JointDocument::parse(text, origin)?)
+}
+
+/// As [`parse`], for a text whose sender must not read this machine's files.
+///
+/// # Errors
+/// As [`load`]; any key with a file's path is refused.
+pub fn parse_alone(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
+    let document = JointDocument::parse(text, origin)?;
+    let JointDrive { profile_csv, load_csv, .. } = &document.drive;
+    for (key, path) in [("drive.profile_csv", profile_csv), ("drive.load_csv", load_csv)] {
+        if let Some(path) = path {
+            return Err(document.blame(key, no_file(key.to_owned(), format!("{path:?}"))));
+        }
+    }
+    document.muscles.iter().try_for_each(refuse_files)?;
+    joint(&document)
 }
 
 /// The scenario of a joint from its document.

@@ -28,14 +28,13 @@ mod sought;
 mod state;
 mod study;
 mod target;
-mod tuning;
 mod uploads;
 mod web;
 mod word;
 
-pub use operator::Operator;
+pub use operator::{Operator, Served};
 pub use shared::Shared;
-pub use target::{OpenError, Target};
+pub use target::{OpenError, Opened, Target};
 pub use web::{Address, listen};
 
 use std::path::PathBuf;
@@ -44,8 +43,8 @@ use std::{io, thread};
 
 /// Serves a board until `wanted` returns true, and then vents it. Returns the folders of the
 /// recordings.
-pub fn serve(
-    operator: Operator,
+pub fn serve<S: Served>(
+    operator: Operator<S>,
     listener: std::net::TcpListener,
     address: Address,
     wanted: impl Fn() -> bool + Send + 'static,

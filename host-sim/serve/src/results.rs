@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 const SVG: &str = "image/svg+xml";
 /// Files of a result that a page may request, with their types.
-const FILES: [(&str, &str); 11] = [
+const FILES: [(&str, &str); 12] = [
     ("report.html", "text/html; charset=utf-8"),
     ("trace.csv", "text/csv; charset=utf-8"),
+    ("joint_trace.csv", "text/csv; charset=utf-8"),
     ("summary.json", "application/json"),
     ("scenario.toml", "text/plain; charset=utf-8"),
     ("tuned.toml", "text/plain; charset=utf-8"),
@@ -24,7 +25,7 @@ pub struct Outcome {
     pub folder: PathBuf,
     /// Description on the page.
     pub text: String,
-    /// It has a record, `trace.csv`.
+    /// It has a muscle's record, `trace.csv`.
     pub trace: bool,
 }
 

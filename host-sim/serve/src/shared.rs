@@ -1,6 +1,7 @@
 //! State shared by the operator and the sockets.
 
 use super::orders::Orders;
+use super::page::Kind;
 use super::results::Outcome;
 use super::seats::Seats;
 use super::state::{Event, Weight};
@@ -17,6 +18,8 @@ const MOST_EVENTS: usize = 100;
 
 #[derive(Debug)]
 pub struct Shared {
+    /// Kind of the board.
+    pub kind: Kind,
     pub orders: Orders,
     pub seats: Seats,
     pub uploads: Uploads,
@@ -32,6 +35,7 @@ pub struct Shared {
 impl Default for Shared {
     fn default() -> Self {
         Self {
+            kind: Kind::Muscle,
             orders: Orders::default(),
             seats: Seats::default(),
             uploads: Uploads::default(),
@@ -50,6 +54,11 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Shared {
+    /// Of a board of this kind.
+    pub fn of(kind: Kind) -> Self {
+        Self { kind, ..Self::default() }
+    }
+
     /// Requests a vent before anything else.
     pub fn vent(&self, why: &'static str) {
         self.log(Weight::Plain, format!("{why}: it vents"));

@@ -1,14 +1,10 @@
 //! State of the page besides the measured values: one message, complete every time.
 
-use super::sought::{self, Offer};
+use super::sought::Offer;
 use model_core::Config;
-use model_core::control::contractions;
-use model_core::physics::chamber::{AnyChamber, ChamberConfig};
 use serde::Serialize;
 use std::time::{SystemTime, UNIX_EPOCH};
-use thermyo_plant::chamber;
 use thermyo_protocol::{Chip, ConfigSource, Status, Timing, Version};
-use thermyo_setup::from_config;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -36,8 +32,8 @@ pub struct State {
     /// Highest absolute pressure of set points \[Pa\]; none if the board is not armed.
     pub armed_pa: Option<f32>,
     /// Names of the present faults.
-    pub faults: Vec<&'static str>,
-    /// Whether a fault vents the muscle.
+    pub faults: Vec<String>,
+    /// Whether one of them vents.
     pub vents: bool,
     pub timing: Option<Timing>,
     /// Steps whose telemetry did not arrive.
@@ -73,7 +69,7 @@ pub struct Configuration {
     pub source: ConfigSource,
     /// False while the core runs on its defaults.
     pub configured: bool,
-    /// Name of the muscle behind an emulated board.
+    /// Name of the muscle or joint behind an emulated board.
     pub own: Option<String>,
     /// Absolute ambient pressure \[Pa\].
     pub ambient_pa: f32,
@@ -81,12 +77,35 @@ pub struct Configuration {
     pub supply_pa: f32,
     /// Highest absolute pressure of a set point \[Pa\].
     pub working_limit_pa: f32,
-    /// Range of contraction set points \[-\].
-    pub contractions: [f32; 2],
-    pub rest_length_m: Option<f64>,
-    pub braid: Option<Braid>,
-    /// Identifications that suit it.
-    pub offers: Vec<Offer>,
+    #[serde(flatten)]
+    pub part: Part,
+}
+
+/// The part that only one kind of board has.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Part {
+    Muscle {
+        /// Range of contraction set points \[-\].
+        contractions: [f32; 2],
+        rest_length_m: Option<f64>,
+        braid: Option<Braid>,
+        /// Identifications that suit it.
+        offers: Vec<Offer>,
+    },
+    Joint {
+        joint: JointPart,
+    },
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct JointPart {
+    /// Lower stop \[rad\].
+    pub minimum_rad: f32,
+    /// Upper stop \[rad\].
+    pub maximum_rad: f32,
+    /// Longest time of a lock \[s\]; 0: it never locks.
+    pub lock_s: f32,
 }
 
 /// Geometry from which the page computes the diameter.
@@ -98,29 +117,20 @@ pub struct Braid {
 }
 
 impl Configuration {
-    pub fn new(config: &Config, status: &Status, own: Option<String>) -> Self {
-        let scenario = from_config::to_scenario(config).ok();
-        let chamber = scenario.and_then(|scenario| chamber::of(&scenario.scenario.believed));
-        let braid = match &config.chamber {
-            ChamberConfig::Muscle(muscle) => Some(Braid {
-                thread_length_m: muscle.braid.thread_length_m,
-                turns: muscle.braid.turns,
-            }),
-            _ => None,
-        };
+    /// Of muscles with these configurations; limits are those of every one of them.
+    pub fn new(muscles: &[Config], part: Part, status: &Status, own: Option<String>) -> Self {
+        let least = |of: fn(&Config) -> f32| muscles.iter().map(of).fold(f32::INFINITY, f32::min);
+        let ambients = muscles.iter().map(|muscle| muscle.ambient.pressure_pa);
         Self {
             name: status.config_name.as_str().to_owned(),
             checksum: status.config_checksum,
             source: status.config_source,
             configured: status.config_source != ConfigSource::Defaults,
             own,
-            ambient_pa: config.ambient.pressure_pa,
-            supply_pa: config.supply.pressure_pa,
-            working_limit_pa: config.working_limit_pa(),
-            contractions: contractions(config, &AnyChamber::new(&config.chamber)),
-            rest_length_m: chamber.map(|chamber| chamber.rest_length()),
-            braid,
-            offers: sought::offers(config),
+            ambient_pa: ambients.fold(0.0, f32::max),
+            supply_pa: least(|muscle| muscle.supply.pressure_pa),
+            working_limit_pa: least(Config::working_limit_pa),
+            part,
         }
     }
 }

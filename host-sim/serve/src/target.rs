@@ -3,8 +3,12 @@
 use std::path::{Path, PathBuf};
 use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::subject::Subject;
 use thermyo_boards::{port, service};
 use thermyo_files::input::InputError;
+use thermyo_joint::JointLoaded;
+use thermyo_protocol::Refusal;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::BoardError;
@@ -12,10 +16,16 @@ use thermyo_simulation::board::BoardError;
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Target {
     Port(String),
-    /// The emulated board, with its present muscle or the nominal one.
+    /// The emulated board, with its present muscle or joint, or the nominal muscle.
     Emulated,
-    /// The emulated board, with the muscle of this scenario.
+    /// The emulated board, with the muscle or joint of this scenario.
     Scenario(PathBuf),
+}
+
+/// An open board.
+pub enum Opened {
+    Muscle(Box<LiveBoard>),
+    Joint(Box<LiveJoint>),
 }
 
 #[derive(Debug, thiserror::Error)]
@@ -39,24 +49,36 @@ impl Target {
         }
     }
 
-    /// Opens the board; a scenario's board is configured with its muscle.
-    pub fn open(&self) -> Result<LiveBoard, OpenError> {
-        let Self::Scenario(path) = self else { return Ok(LiveBoard::open(self.port())?) };
+    /// Opens the board; a scenario's board is configured with its muscle or joint.
+    pub fn open(&self) -> Result<Opened, OpenError> {
+        let Self::Scenario(path) = self else { return self.open_either() };
+        if let Some(joint) = thermyo_joint::load(path)? {
+            drop(service::plug(Variant::Joint, Some(path))?);
+            let mut board = LiveJoint::open(port::EMULATED)?;
+            board.configure(&joint.config(), &self.muscle_name())?;
+            return Ok(Opened::Joint(Box::new(board)));
+        }
         let muscle = thermyo_setup::load(path)?;
         drop(service::plug(Variant::Standard, Some(path))?);
         let mut board = LiveBoard::open(port::EMULATED)?;
         board.configure(&core_config(&muscle.believed), &self.muscle_name())?;
-        Ok(board)
+        Ok(Opened::Muscle(Box::new(board)))
+    }
+
+    /// Opens a board of either image.
+    fn open_either(&self) -> Result<Opened, OpenError> {
+        match LiveBoard::open(self.port()) {
+            Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
+                Ok(Opened::Joint(Box::new(LiveJoint::open(self.port())?)))
+            }
+            opened => Ok(Opened::Muscle(Box::new(opened?))),
+        }
     }
 
     /// Opens the board again after it was lost.
-    pub fn reopen(&self) -> Result<LiveBoard, BoardError> {
+    pub fn reopen<S: Subject>(&self) -> Result<S, BoardError> {
         let there = matches!(self, Self::Port(_)) || service::is_plugged_in();
-        if there {
-            LiveBoard::open(self.port())
-        } else {
-            Err(BoardError::Silent { asked: "version" })
-        }
+        if there { S::open(self.port()) } else { Err(BoardError::Silent { asked: "version" }) }
     }
 
     pub fn port(&self) -> &str {
@@ -90,6 +112,14 @@ impl Target {
             Self::Port(_) => Ok(None),
             Self::Emulated => thermyo_setup::parse("", Path::new("the nominal muscle")).map(Some),
             Self::Scenario(path) => thermyo_setup::load(path).map(Some),
+        }
+    }
+
+    /// The joint behind an emulated board, if its scenario has one.
+    pub fn joint(&self) -> Result<Option<JointLoaded>, InputError> {
+        match self {
+            Self::Port(_) | Self::Emulated => Ok(None),
+            Self::Scenario(path) => thermyo_joint::load(path),
         }
     }
 }

@@ -179,7 +179,7 @@ async fn route(site: Site, request: Request<Incoming>) -> Response {
             response.headers_mut().insert(LOCATION, whole.expect("a path is a header's value"));
             response
         }
-        [""] => answer(StatusCode::OK, "text/html; charset=utf-8", include_str!("page/page.html")),
+        [""] => answer(StatusCode::OK, "text/html; charset=utf-8", site.shared.kind.page()),
         ["live"] => live(site, request),
         [name] => file(name),
         ["results", name, file] => result(&site, name, file).await,
@@ -223,10 +223,12 @@ fn same(a: &[u8], b: &[u8]) -> bool {
 
 fn file(name: &str) -> Response {
     let text = match name {
-        "page.js" => Some(include_str!("page/page.js").to_owned()),
         "palette.js" => Some(page::colours()),
-        "units.js" => Some(units::script(&["Pa", "K", "m", "", "kg/s", "s"])),
-        _ => page::FILES.iter().find(|(known, _)| *known == name).map(|(_, text)| (*text).into()),
+        "units.js" => Some(units::script(&["Pa", "K", "m", "", "kg/s", "s", "rad", "N m/rad"])),
+        _ => {
+            let mut files = page::FILES.iter().chain(&page::OWN_FILES);
+            files.find(|(known, _)| *known == name).map(|(_, text)| (*text).to_owned())
+        }
     };
     let kind = if name.ends_with(".css") {
         "text/css; charset=utf-8"

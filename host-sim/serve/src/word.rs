@@ -2,7 +2,9 @@
 
 use super::sought::Sought;
 use model_core::SetPoint;
+use model_core::joint::JointSetPoint;
 use serde::Deserialize;
+use std::path::Path;
 use thermyo_studies::calibrate::Sensor;
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -23,10 +25,11 @@ pub enum Word {
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// Arms up to this absolute pressure \[Pa\]; `None`: the configuration's limit.
-    Arm {
-        most_pa: Option<f32>,
-    },
+    Arm { most_pa: Option<f32> },
+    /// A set point of one muscle.
     Set(SetPoint),
+    /// A set point of a joint.
+    SetJoint(JointSetPoint),
     /// Clears latched faults whose cause is gone.
     Clear,
     /// Sends the configuration of a scenario's text; without one, that of the emulated board's own
@@ -45,21 +48,13 @@ pub enum Order {
     /// The typed reading of the reference.
     Reference(String),
     /// Starts a tuning, up to this absolute pressure \[Pa\].
-    Tune {
-        most_pa: f64,
-    },
+    Tune { most_pa: f64 },
     /// Measures the gas temperature at stops, up to this absolute pressure \[Pa\].
-    Stops {
-        most_pa: f64,
-    },
+    Stops { most_pa: f64 },
     /// Leaves the guided task, or closes its result.
     Leave,
     /// Identifies these keys of the board's configuration from a record.
-    Identify {
-        data: Source,
-        sought: Sought,
-        keys: Vec<String>,
-    },
+    Identify { data: Source, sought: Sought, keys: Vec<String> },
     /// Compares the second record with the first.
     Compare([Source; 2]),
     /// Sends the configuration with the identified values.
@@ -82,9 +77,16 @@ pub enum Source {
 }
 
 impl Order {
-    /// Whether the order may move the muscle.
+    /// Whether the order may move what the board drives.
     pub fn moves(&self) -> bool {
-        matches!(self, Self::Arm { .. } | Self::Set(_) | Self::Tune { .. } | Self::Stops { .. })
+        matches!(
+            self,
+            Self::Arm { .. }
+                | Self::Set(_)
+                | Self::SetJoint(_)
+                | Self::Tune { .. }
+                | Self::Stops { .. }
+        )
     }
 }
 
@@ -93,6 +95,13 @@ impl Order {
 pub struct ScenarioText {
     pub name: String,
     pub text: String,
+}
+
+impl ScenarioText {
+    /// Name of the configuration.
+    pub fn stem(&self) -> String {
+        Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
@@ -116,6 +125,7 @@ impl From<SensorName> for Sensor {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use model_core::joint::Motion;
 
     #[test]
     fn words_are_read_and_garbage_is_not() {
@@ -126,6 +136,15 @@ mod tests {
         assert_eq!(read("{\"order\":\"record\"}").unwrap(), order(Order::Record));
         let arm = Order::Arm { most_pa: None };
         assert_eq!(read("{\"order\":{\"arm\":{\"most_pa\":null}}}").unwrap(), order(arm));
+        let motion = "{\"Angle\":{\"angle_rad\":0.5,\"speed_rad_s\":0,\"acceleration_rad_s2\":0,\"stiffness_n_m_rad\":14}}";
+        let angle = Order::SetJoint(JointSetPoint::Angle(Motion::still(0.5, 14.0)));
+        assert!(angle.moves());
+        let text = format!("{{\"order\":{{\"set_joint\":{motion}}}}}");
+        assert_eq!(read(&text).unwrap(), order(angle));
+        assert_eq!(
+            read("{\"order\":{\"set_joint\":\"Lock\"}}").unwrap(),
+            order(Order::SetJoint(JointSetPoint::Lock))
+        );
         for (text, contraction) in [("0", 0.0), ("0.0625", 0.0625), ("-1e-1", -0.1)] {
             let set = Order::Set(SetPoint::Contraction { contraction });
             let text =

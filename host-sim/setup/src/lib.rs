@@ -17,8 +17,8 @@ mod tree;
 mod warnings;
 
 pub use load::{
-    SET_POINT_COLUMNS, assemble, load, load_with_warnings, parse, parse_alone, parse_with_warnings,
-    profile_in, set_points_in,
+    SET_POINT_COLUMNS, assemble, load, load_with_warnings, no_file, parse, parse_alone,
+    parse_with_warnings, profile_in, refuse_files, set_points_in,
 };
 pub use loaded::Loaded;
 pub use render::render;

@@ -63,18 +63,29 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 /// As [`load`]; any key with a file's path is refused.
 pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     let document = Document::parse(text, origin)?;
+    refuse_files(&document)?;
+    assemble(&document)
+}
+
+/// Refuses a key with a file's path.
+///
+/// # Errors
+/// For the first one, with its line.
+pub fn refuse_files(document: &Document) -> Result<(), InputError> {
     let mut entries = document.plant.iter().chain(document.believed.iter());
     match entries.find(|entry| matches!(entry.key.allowed, Allowed::Csv { .. })) {
         Some(entry) => {
-            let problem = Problem::NotAllowed {
-                key: entry.path(),
-                value: entry.written.clone(),
-                allowed: "left out: a page's scenario may not name a file".to_owned(),
-            };
-            Err(at(entry, origin, problem))
+            let problem = no_file(entry.path(), entry.written.clone());
+            Err(at(entry, &document.origin, problem))
         }
-        None => assemble(&document),
+        None => Ok(()),
     }
+}
+
+/// The message about a key with a file's path.
+pub fn no_file(key: String, value: String) -> Problem {
+    let allowed = "left out: a page's scenario may not name a file".to_owned();
+    Problem::NotAllowed { key, value, allowed }
 }
 
 /// Fills in defaults, and applies the rules between keys.

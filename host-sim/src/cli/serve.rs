@@ -2,14 +2,16 @@ use super::log::LogArgs;
 use super::{Failure, OutputArgs, interrupt, print, whole};
 use clap::Args;
 use std::io::{ErrorKind, Write};
-use std::path::PathBuf;
+use std::net::TcpListener;
+use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
-use thermyo_serve::{Operator, Target, listen, serve};
+use thermyo_logs::Logs;
+use thermyo_serve::{Address, Opened, Operator, Served, Target, listen, serve};
 
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
-    /// Serial port, such as /dev/ttyACM0; "emulated": the firmware on an emulated Pico, with a simulated muscle at
-    /// its pins; or a scenario file (.toml): the same, with its muscle
+    /// Serial port, such as /dev/ttyACM0; "emulated": the firmware on an emulated Pico, with a simulated muscle or
+    /// joint at its pins; or a scenario file (.toml): the same, with its muscle or joint
     #[arg(default_value = "emulated")]
     board: String,
     /// TCP port of the page on this machine [default: a free one]
@@ -39,30 +41,53 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     // Reports an unwritable folder at once, not when a recording is started.
     drop(OutputDir::create(&folder)?);
     let target = Target::new(&args.board);
-    let board = target.open()?;
-    interrupt::watch();
-    let operator = Operator::new(target.clone(), board, &folder, logs)?;
-    if args.output.format.json {
-        let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });
-        print(out, &format!("{json}\n"))?;
-    } else {
-        print(out, &format!("{address}\n"))?;
-        if !args.output.format.quiet {
-            let name = target.name();
-            print(
-                out,
-                &format!("{name}: open this address in a browser; Ctrl-C vents and ends\n"),
-            )?;
-        }
+    let operate = Operate { args, target: &target, folder: &folder, logs };
+    match target.open()? {
+        Opened::Muscle(board) => operate.run(*board, (listener, address), out),
+        Opened::Joint(board) => operate.run(*board, (listener, address), out),
     }
-    let results = serve(operator, listener, address, interrupt::is_requested)
-        .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
-    if !args.output.format.quiet && !args.output.format.json {
-        print(out, "it vents\n")?;
-        for folder in results {
-            print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
+}
+
+/// A board to serve, and where its recordings go.
+struct Operate<'a> {
+    args: &'a ServeArgs,
+    target: &'a Target,
+    folder: &'a Path,
+    logs: Logs,
+}
+
+impl Operate<'_> {
+    fn run<S: Served>(
+        self,
+        board: S,
+        (listener, address): (TcpListener, Address),
+        out: &mut dyn Write,
+    ) -> Result<(), Failure> {
+        let Self { args, target, folder, logs } = self;
+        interrupt::watch();
+        let operator = Operator::new(target.clone(), board, folder, logs)?;
+        if args.output.format.json {
+            let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });
+            print(out, &format!("{json}\n"))?;
+        } else {
+            print(out, &format!("{address}\n"))?;
+            if !args.output.format.quiet {
+                let name = target.name();
+                print(
+                    out,
+                    &format!("{name}: open this address in a browser; Ctrl-C vents and ends\n"),
+                )?;
+            }
         }
+        let results = serve(operator, listener, address, interrupt::is_requested)
+            .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
+        if !args.output.format.quiet && !args.output.format.json {
+            print(out, "it vents\n")?;
+            for folder in results {
+                print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
+            }
+        }
+        // Only Ctrl-C ends the server.
+        Err(Failure::Interrupted)
     }
-    // Only Ctrl-C ends the server.
-    Err(Failure::Interrupted)
 }

@@ -6,36 +6,11 @@
 // SERVER the process of the server, which is killed in the end.
 import { execFileSync } from "node:child_process";
 import { writeFileSync } from "node:fs";
-import puppeteer from "puppeteer-core";
 import { findings } from "./accessibility.mjs";
+import { launched, text, type, until, wide } from "./pages.mjs";
 
 const [executablePath, address, screenshots, thermyo, place, server] = process.argv.slice(2);
-// It bounds hanging, and is no figure.
-const timeout = 60000;
-const browser = await puppeteer.launch({ executablePath, timeout, args: ["--no-sandbox", "--disable-gpu"] });
-const problems = [];
-const wide = { width: 1280, height: 900 };
-
-async function open(viewport, scheme = "light") {
-  const page = await browser.newPage();
-  page.setDefaultTimeout(timeout);
-  page.on("console", (message) => {
-    if (["error", "warn"].includes(message.type())) problems.push(message.text());
-  });
-  page.on("pageerror", (error) => problems.push(String(error)));
-  page.on("request", (request) => {
-    if (!/^(http|ws|data):/.test(request.url()) || (request.url().startsWith("http") && !request.url().startsWith(address))) {
-      problems.push(`fetches ${request.url()}`);
-    }
-  });
-  await page.setViewport(viewport);
-  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
-  await page.goto(address);
-  return page;
-}
-
-const text = (page, id) => page.$eval(`#${id}`, (node) => node.textContent);
-const until = (page, what, ...values) => page.waitForFunction(what, { polling: 50 }, ...values);
+const { browser, open, problems } = await launched(executablePath, address);
 // Before a screenshot, which nothing is asserted of.
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
 // Waits until a pressure is held, and returns the reading. One look sees both: on the way there each pulse of the
@@ -46,10 +21,6 @@ async function reaches(page, set) {
     return document.getElementById("mode").textContent.startsWith("pressure, held") && Math.abs(kpa - set) < 2 && kpa;
   }, set);
   return held.jsonValue();
-}
-async function type(page, id, value) {
-  await page.click(`#${id}`, { count: 3 });
-  await page.type(`#${id}`, value);
 }
 
 const page = await open(wide);

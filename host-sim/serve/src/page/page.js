@@ -1,11 +1,13 @@
 // The page: shows the server's messages and sends the user's orders.
-import { Live, band, dashed, line } from "./live.js";
-import { Muscle } from "./muscle.js";
-import units from "./units.js";
+import { Live } from "./live.js";
+import * as ofJoint from "./of_joint.js";
+import * as ofMuscle from "./of_muscle.js";
+import { chosen, digits, format, parse, shownIn, symbol, unit, units, withUnit } from "./quantities.js";
 
+/** The part of what the board drives. */
+const subject = document.documentElement.dataset.kind === "joint" ? ofJoint : ofMuscle;
+const { scaled, modes, kept, words } = subject;
 const $ = (id) => document.getElementById(id);
-/** Cells of a row. */
-const CELLS = ["time", "pressure_pa", "length_m", "sensor_k", "gas_k", "sd_k", "wall_k", "inlet", "outlet", "pressure_set_pa", "contraction_set"];
 /** Seconds of data kept; time after which a quiet link is reported [ms]. */
 const KEPT_S = 125, QUIET_MS = 700;
 
@@ -15,31 +17,8 @@ let due = false;
 
 // Units
 
-/** The displayed units by SI symbol; the user chooses those of pressure and temperature. */
-const chosen = { Pa: "kPa", K: "K", "": "%", "kg/s": "g/s", s: "s", m: "mm" };
-const DIGITS = { kPa: 1, bar: 3, psi: 2, mm: 1, K: 2, degC: 2 };
-/** Data and axes that have a unit to choose. */
-const SCALED = {
-  Pa: { chart: "plot-pressure", least: 1e4, columns: ["pressure", "pressureSet"], fields: ["most", "tune-most"], mode: "pressure" },
-  K: { chart: "plot-temperature", least: 2, columns: ["gas", "low", "high", "sensor"], fields: [] },
-};
-
-const unit = (si) => units[si].find(([name]) => name === chosen[si]);
-const symbol = (si) => chosen[si].replace("deg", "°");
-const digits = (si) => DIGITS[chosen[si]] ?? 2;
-const shownIn = (si, value) => { const [, one, zero] = unit(si); return (value - zero) / one; };
-const format = (si, value) => shownIn(si, value).toFixed(digits(si));
-
-/** SI value of a typed number, in the displayed unit or with its own; a comma is accepted as a decimal point. */
-function parse(text, si) {
-  const [, number, name] = /^([-+]?[\d.]+(?:e[-+]?\d+)?)\s*(.*)$/i.exec(text.trim().replace(",", ".")) ?? [];
-  const typed = name ? units[si].find(([known]) => known === name.replace("°", "deg")) : unit(si);
-  const value = typed && Number(number) * typed[1] + typed[2];
-  return Number.isFinite(value) ? value : null;
-}
-
 function choose(si, name) {
-  const { chart, least, columns, fields, mode: own } = SCALED[si], [, one, zero] = unit(si);
+  const { chart, least, columns, fields, mode: own } = scaled[si], [, one, zero] = unit(si);
   const texts = [...fields.map((id) => $(id)), ...(own && mode === own ? [$("first")] : [])];
   const values = texts.map((field) => parse(field.value, si)), ofMode = own && parse(kept[own][0], si);
   chosen[si] = name;
@@ -84,22 +63,13 @@ function order(what) {
   say({ order: what });
 }
 
+/** A value that the board does not have is a gap. */
+const known = (cell) => (Array.isArray(cell) ? cell.map(known) : cell ?? NaN);
+
 function take(frame) {
   heard = performance.now();
-  const rest = state?.configuration?.rest_length_m;
-  for (const cells of frame.rows) {
-    const row = Object.fromEntries(CELLS.map((name, i) => [name, cells[i] ?? NaN]));
-    // In displayed units.
-    live.push({
-      time: row.time, pressure: shownIn("Pa", row.pressure_pa), pressureSet: shownIn("Pa", row.pressure_set_pa),
-      gas: shownIn("K", row.gas_k), low: shownIn("K", row.gas_k - 2 * row.sd_k), high: shownIn("K", row.gas_k + 2 * row.sd_k),
-      sensor: shownIn("K", row.sensor_k), wall: row.wall_k,
-      length: row.length_m * 1e3, contraction: rest ? (1 - row.length_m / rest) * 100 : NaN, contractionSet: row.contraction_set * 100,
-      inlet: row.inlet * 100, outlet: row.outlet * 100,
-    });
-  }
+  for (const cells of frame.rows) live.push(subject.row(cells.map(known), state?.configuration));
   live.trim();
-  Object.assign(kelvin, { gas: frame.rows.at(-1)?.[4], sensor: frame.rows.at(-1)?.[3] });
   showMode(frame);
   showLink();
   draw();
@@ -115,54 +85,32 @@ function draw() {
   });
 }
 
-// Charts and muscle
+// Charts and readings
 
-const live = new Live(["pressure", "pressureSet", "gas", "low", "high", "sensor", "wall", "length", "contraction", "contractionSet", "inlet", "outlet"], KEPT_S, 500);
-live.chart("plot-pressure", { label: "Pressure, absolute", unit: "kPa", digits: 1, least: 10 },
-  [line("measured", "measured", "pressure"), dashed("set point", "set-point", "pressureSet")]);
-live.chart("plot-temperature", { label: "Gas temperature", unit: "K", digits: 2, least: 2 },
-  [line("sensor", "sensor", "sensor"), line("estimate", "estimate", "gas"), band("± 2 sd", "estimate", "low", "high")]);
-live.chart("plot-length", { label: "Contraction", unit: "%", digits: 2, least: 2 },
-  [line("measured", "measured", "contraction"), dashed("set point", "set-point", "contractionSet")]);
-live.chart("plot-duty", { label: "Valve openings", unit: "%", digits: 0, range: [-3, 103] },
-  [line("inlet", "inlet", "inlet"), line("outlet", "outlet", "outlet")]);
-const muscle = new Muscle($("muscle"));
-/** Temperatures of the last row, whose colours do not depend on the chosen unit [K]. */
-const kelvin = {};
+const live = new Live(subject.columns, KEPT_S, 500);
+for (const chart of subject.charts) live.chart(...chart);
 
 function showReadings() {
-  const { now } = live;
-  if (!now) return;
-  muscle.draw({ ...now, ...kelvin }, state?.configuration);
-  put("r-pressure", now.pressure.toFixed(digits("Pa")), symbol("Pa"));
-  put("r-gas", now.gas.toFixed(2), `± ${(now.high - now.gas).toFixed(2)} ${symbol("K")}`);
-  put("r-sensor", now.sensor.toFixed(2), symbol("K"));
-  const contracted = Number.isFinite(now.contraction);
-  $("r-length-name").textContent = contracted ? "Length, contraction" : "Length";
-  put("r-length", now.length.toFixed(1), contracted ? `mm, ${now.contraction.toFixed(1)} %` : "mm");
-  put("r-duty", `${now.inlet.toFixed(0)}, ${now.outlet.toFixed(0)}`, "%");
-}
-
-function put(id, value, unit) {
-  const small = document.createElement("span");
-  small.textContent = ` ${unit}`;
-  $(id).replaceChildren(value, small);
+  if (live.now) subject.showReadings(live.now, state?.configuration);
 }
 
 // Messages of the server
 
 function showMode({ mode, limited, valid }) {
   $("mode").textContent = limited ? `${mode}, limited` : mode;
-  $("r-gas").className = valid ? "" : "invalid";
-  $("r-gas").title = valid ? "" : "Not to be relied on: its deviation is large";
+  for (const [id, relied] of subject.gases(valid)) {
+    $(id).className = relied ? "" : "invalid";
+    $(id).title = relied ? "" : "Not to be relied on: its deviation is large";
+  }
 }
 
 function showLink() {
   const quiet = performance.now() - heard > QUIET_MS;
-  const [text, why] = !open ? ["no server", "The server does not answer. A muscle that was driven vents."]
-    : state?.link === "ended" ? ["ended", "The server has ended, and the muscle vents."]
-    : state?.link === "lost" ? ["link lost", "The link to the board is lost. A muscle that was driven vents by itself. It is tried again and again."]
-    : state?.link === "silent" || (state && quiet) ? ["link lost", "The board does not answer. A driven muscle vents by itself when the board gets no messages either."]
+  const { what, vents, alone } = words;
+  const [text, why] = !open ? ["no server", `The server does not answer. A ${what} that was driven ${alone}.`]
+    : state?.link === "ended" ? ["ended", `The server has ended, and ${vents}.`]
+    : state?.link === "lost" ? ["link lost", `The link to the board is lost. A ${what} that was driven ${alone} by itself. It is tried again and again.`]
+    : state?.link === "silent" || (state && quiet) ? ["link lost", `The board does not answer. A driven ${what} ${alone} by itself when the board gets no messages either.`]
     : [state ? "connected" : "connecting", ""];
   const link = $("link");
   link.textContent = text;
@@ -187,9 +135,9 @@ function showState() {
   const armed = armed_pa !== null && open && state.link === "connected";
   $("armed").textContent = armed ? `armed up to ${withUnit("Pa", armed_pa)}` : armed_pa === null ? "not armed" : "was armed";
   $("armed").className = armed ? "chip good" : "chip";
-  const wrong = faults.filter((fault) => fault !== "not configured");
+  const wrong = faults.filter((fault) => !fault.endsWith("not configured"));
   $("faults").hidden = !wrong.length;
-  $("faults-text").textContent = wrong.length ? `${wrong.join(", ")}${vents ? ": the muscle vents. Remove the cause, clear, then arm." : ""}` : "";
+  $("faults-text").textContent = wrong.length ? `${wrong.join(", ")}${vents ? `: ${words.vents}. Remove the cause, clear, then arm.` : ""}` : "";
 
   $("configure").hidden = configured;
   $("own").hidden = !configuration.own;
@@ -206,7 +154,7 @@ function showState() {
   $("clear").disabled = !steers;
   const [, reach_pa] = reached();
   for (const most of [$("tune-most"), $("stops-most")]) if (most.value === "" && configured && document.activeElement !== most) most.value = format("Pa", Math.min(4e5, Math.floor(reach_pa / 1e3) * 1e3));
-  if ($("most").value === "" && configured) $("most").value = format("Pa", armed_pa ?? Math.min(FIRST_PA, configuration.working_limit_pa));
+  if ($("most").value === "" && configured) $("most").value = format("Pa", armed_pa ?? Math.min(subject.first_pa, configuration.working_limit_pa));
   $("back").hidden = !state.former;
   $("back").textContent = `Back to the configuration before, ${state.former || "without a name"}`;
   showRange();
@@ -220,9 +168,12 @@ function showState() {
     $("record-text").textContent = `${recording.time_s.toFixed(1)} s, ${recording.rows} steps`;
   } else $("record-text").textContent = "Records every step, even if this page shows fewer.";
   showResults();
-  showGuide(guide);
-  showRecords(steers && !busy);
-  showStudy(state.study);
+  if (subject.studied) {
+    showGuide(guide);
+    showRecords(steers && !busy);
+    showStudy(state.study);
+  }
+  subject.showState(state);
   showEvents();
 
   const timing = state.timing;
@@ -230,6 +181,7 @@ function showState() {
     ["Chip", board ? `${board.chip}, firmware ${board.firmware.join(".")}` : "–"],
     ["Configuration", `${configuration.name || "without a name"}, ${configuration.checksum.toString(16).padStart(8, "0")}, ${{ Defaults: "the core's defaults", Host: "not saved", Flash: "saved" }[configuration.source]}`],
     ["Limit", `${withUnit("Pa", configuration.working_limit_pa)}; supply ${withUnit("Pa", configuration.supply_pa)}`],
+    ...subject.facts(configuration),
     ["Core step", timing ? `${(timing.step_mean_ns / 1e3).toFixed(0)} µs mean, ${timing.step_worst_us} µs worst, ${timing.missed_steps} missed` : "–"],
     ["Link", `telemetry of ${state.lost_steps} steps lost`],
     ["Pages", `${own.pages} open`],
@@ -411,7 +363,7 @@ function showEvents() {
 
 addEventListener("pagehide", () => {
   const columns = Object.entries(live.columns).map(([name, values]) => {
-    const si = Object.keys(SCALED).find((si) => SCALED[si].columns.includes(name)), [, one, zero] = si ? unit(si) : [name, 1, 0];
+    const si = Object.keys(scaled).find((si) => scaled[si].columns.includes(name)), [, one, zero] = si ? unit(si) : [name, 1, 0];
     return [name, values.map((value) => (Number.isFinite(value) ? +(value * one + zero).toPrecision(7) : null))];
   });
   try {
@@ -424,26 +376,14 @@ addEventListener("pagehide", () => {
 function restore() {
   const columns = JSON.parse(sessionStorage.getItem(location.pathname) ?? "{}");
   for (const [name, values] of Object.entries(columns)) {
-    const si = Object.keys(SCALED).find((si) => SCALED[si].columns.includes(name));
+    const si = Object.keys(scaled).find((si) => scaled[si].columns.includes(name));
     live.columns[name]?.push(...values.map((value) => (value === null ? NaN : si ? shownIn(si, value) : value)));
   }
 }
 
 // Orders of the user
 
-/** For each mode: its values with their SI symbols, and the order. */
-const MODES = {
-  pressure: { first: ["Pressure", "Pa"], set: ([pressure_pa]) => ({ Pressure: { pressure_pa } }) },
-  contraction: { first: ["Contraction", ""], set: ([contraction]) => ({ Contraction: { contraction } }) },
-  flow: { first: ["In and out", "kg/s"], second: ["period", "s"], set: ([flow_kg_s, period_s]) => ({ MassFlowCycle: { flow_kg_s, period_s } }) },
-  duty: { first: ["Inlet", ""], second: ["outlet", ""], set: ([inlet, outlet]) => ({ Duty: { inlet, outlet } }) },
-};
-/** Limit for the first arming, as in docs/reference/board.md [Pa]. */
-const FIRST_PA = 1.5e5;
-const kept = { pressure: ["130", ""], contraction: ["5", ""], flow: ["0.36", "5"], duty: ["0", "100"] };
-let mode = "pressure";
-
-const withUnit = (si, value) => `${format(si, value)} ${symbol(si)}`;
+let mode = Object.keys(modes)[0];
 
 /** Range of the pressure of an arming [Pa]. */
 function armable() {
@@ -458,16 +398,12 @@ function reached() {
 }
 
 /** Range of the first value, in SI. */
-function limits() {
-  const { ambient_pa, working_limit_pa, contractions } = state.configuration;
-  if (mode === "pressure") return [ambient_pa, Math.min(state.armed_pa ?? working_limit_pa, working_limit_pa)];
-  if (mode === "contraction") return contractions;
-  return mode === "duty" ? [0, 1] : [0, .002];
-}
+const limits = () => subject.limits(mode, state.configuration, state.armed_pa);
 
 function showRange() {
-  const { first, second } = MODES[mode], [low, high] = limits().map((value) => shownIn(first[1], value));
+  const { first, second, plain } = modes[mode], [low, high] = limits().map((value) => shownIn(first[1], value));
   const slide = $("slide");
+  slide.hidden = Boolean(plain);
   // Assigning an unchanged range would move the slide under the pointer.
   if (+slide.min !== low || +slide.max !== high) { slide.min = low; slide.max = high; slideToField(); }
   $("first-name").textContent = first[0];
@@ -477,11 +413,11 @@ function showRange() {
   $("second-unit").textContent = second ? symbol(second[1]) : "";
   const range = `${low.toFixed(digits(first[1]))} to ${high.toFixed(digits(first[1]))} ${symbol(first[1])}`;
   $("range").textContent = state.armed_pa === null && state.configuration.configured ? "Arm first: until then no set point is taken."
-    : mode === "flow" ? "The working cycle: half of the period in, half out." : mode === "duty" ? "Fixed openings." : `From ${range}${mode === "pressure" ? ", absolute" : ""}.`;
+    : subject.hint(mode, range);
 }
 
 function slideToField() {
-  const [, si] = MODES[mode].first, value = read("first", si);
+  const [, si] = modes[mode].first, value = read("first", si);
   if (value !== null) $("slide").value = shownIn(si, value);
 }
 
@@ -514,12 +450,11 @@ function chooseMode(next) {
 }
 
 function set() {
-  const { first, second, set: setPoint } = MODES[mode];
-  // The board checks flows itself.
-  const range = mode === "flow" ? undefined : limits();
+  const { first, second, set: setPoint, unchecked } = modes[mode];
+  const ranges = unchecked ? [] : [limits(), subject.secondLimits(mode)];
   const fields = [[first, "first"], [second, "second"]].filter(([quantity]) => quantity);
-  const values = fields.map(([[, si], id]) => asked(id, si, range));
-  if (values.every((value) => value !== null)) order({ set: setPoint(values) });
+  const values = fields.map(([[, si], id], i) => asked(id, si, ranges[i]));
+  if (values.every((value) => value !== null)) order(setPoint(values));
 }
 
 function vent() {
@@ -551,9 +486,10 @@ on("arm", "submit", () => {
 on("clear", "click", () => order("clear"));
 on("steer", "submit", set);
 for (const radio of document.querySelectorAll("[name=mode]")) radio.addEventListener("change", () => chooseMode(radio.value));
-on("slide", "input", () => ($("first").value = (+$("slide").value).toFixed(digits(MODES[mode].first[1]))));
+on("slide", "input", () => ($("first").value = (+$("slide").value).toFixed(digits(modes[mode].first[1]))));
 on("slide", "change", set);
 on("first", "input", slideToField);
+on("lock", "click", () => order({ set_joint: "Lock" }));
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
 for (const button of document.querySelectorAll("[data-calibrate]")) button.addEventListener("click", () => order({ calibrate: button.dataset.calibrate }));
 for (const task of ["tune", "stops"]) on(task, "submit", () => {
@@ -568,7 +504,7 @@ on("csv", "change", async ({ target }) => {
 for (const event of ["dragover", "dragleave", "drop"]) addEventListener(event, (happened) => {
   happened.preventDefault();
   $("drop").classList.toggle("over", event === "dragover");
-  if (event !== "drop" || $("csv").disabled) return;
+  if (event !== "drop" || $("csv").disabled || !subject.studied) return;
   $("records").open = true;
   add([...happened.dataTransfer.files]);
 });
@@ -604,9 +540,10 @@ for (const id of ["file", "other-file"]) on(id, "change", async ({ target }) => 
   target.value = "";
 });
 setInterval(showLink, 100);
-[$("first").value, $("second").value] = kept.pressure;
-$("slide").value = kept.pressure[0];
-for (const si of Object.keys(SCALED)) {
+document.querySelector(`[name=mode][value=${mode}]`).checked = true;
+[$("first").value, $("second").value] = kept[mode];
+$("slide").value = kept[mode][0];
+for (const si of Object.keys(scaled)) {
   const select = $(`unit-${si}`), before = localStorage.getItem(`unit ${si}`);
   on(`unit-${si}`, "change", () => choose(si, select.value));
   if ([...select.options].some(({ value }) => value === before)) select.value = before;

@@ -1,7 +1,6 @@
 //! A run of a joint on a board that samples its own muscles and angle.
 
-use super::subject::Course;
-use super::{DriveError, Each, Ended, follow};
+use super::{Course, DriveError, Each, Ended, follow};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -131,26 +130,39 @@ impl Driven {
 pub struct Gathered {
     accumulator: Accumulator,
     drawn: PageRecorder,
-    next_step: u32,
+    /// Number of the next step if none is lost; none at the start of a record that may begin at any
+    /// step.
+    next_step: Option<u32>,
     rows: u64,
     lost_steps: u64,
+    last_s: f64,
 }
 
 impl Gathered {
+    /// For a run, which begins at step 0.
     pub fn new(driven: &JointLoaded) -> Self {
         Self {
             accumulator: Accumulator::new(driven.muscles[0].plant.run.step_s),
             drawn: PageRecorder::default(),
-            next_step: 0,
+            next_step: Some(0),
             rows: 0,
             lost_steps: 0,
+            last_s: 0.0,
         }
+    }
+
+    /// For a record that may begin at any step.
+    pub fn of_record(driven: &JointLoaded) -> Self {
+        Self { next_step: None, ..Self::new(driven) }
     }
 
     pub fn add(&mut self, row: &Row) {
         let step = row.telemetry.step();
-        self.lost_steps += u64::from(step.saturating_sub(self.next_step));
-        self.next_step = step.wrapping_add(1);
+        // A board that restarts counts from 0 again.
+        let lost = self.next_step.and_then(|next| step.checked_sub(next));
+        self.lost_steps += u64::from(lost.unwrap_or_default());
+        self.next_step = Some(step.wrapping_add(1));
+        self.last_s = row.time_s;
         self.rows += 1;
         self.accumulator.add(row);
         self.drawn.add(row);
@@ -161,6 +173,11 @@ impl Gathered {
         self.rows
     }
 
+    /// Time of the last step \[s\].
+    pub fn duration_s(&self) -> f64 {
+        self.last_s
+    }
+
     /// Summary and page.
     pub fn finish(
         self,
@@ -168,9 +185,8 @@ impl Gathered {
         (port, status, timing): (&str, &Status, &Timing),
         stopped_of_s: Option<f64>,
     ) -> (Driven, String) {
-        let step_s = driven.muscles[0].plant.run.step_s;
         let summary = Driven {
-            duration_s: f64::from(self.next_step.saturating_sub(1)) * step_s,
+            duration_s: self.duration_s(),
             stopped_of_s,
             board: port.to_owned(),
             config_name: status.config_name.as_str().to_owned(),

@@ -7,12 +7,13 @@
 //! The core restarts with the first set point, so that the record replays from its step 0 on.
 
 mod bench;
+mod course;
 pub mod joint;
 mod page;
-mod subject;
 mod summary;
 
 pub use bench::LiveBench;
+pub(crate) use course::Course;
 pub use page::{Drawn, page};
 pub use summary::{Driven, Gathered};
 
@@ -20,9 +21,8 @@ use model_core::{Faults, SetPoint, Telemetry};
 use std::io;
 use std::mem::discriminant;
 use std::path::{Path, PathBuf};
-pub(crate) use subject::Course;
-use subject::Subject;
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
+use thermyo_boards::subject::Subject;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::{Table, read_table};
 use thermyo_protocol::Status;

@@ -1,11 +1,17 @@
 //! A recording: every step of the link, written by a separate thread.
 
+mod joint;
+mod muscle;
+
+pub use joint::JointRecord;
+pub use muscle::MuscleRecord;
+
+use super::operator::{Finished, Record, Served};
 use super::results::{Outcome, next_folder};
 use super::shared::Shared;
 use super::state::{Recorded, Weight};
-use model_core::Config;
-use model_core::Telemetry;
 use std::fs::File;
+use std::io;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,19 +21,14 @@ use std::time::{Duration, Instant};
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_logs::Logs;
-use thermyo_logs::topics::MUSCLE;
 use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
-use thermyo_scenario::DriveKind;
-use thermyo_setup::{Loaded, from_config};
-use thermyo_studies::drive;
-use thermyo_studies::drive::{Drawn, Gathered};
 
 /// Rows are flushed to the file at least at this interval.
 const HAND_OVER: Duration = Duration::from_millis(500);
 
-pub struct Recording {
-    parts: Sender<Part>,
+pub struct Recording<S: Served> {
+    parts: Sender<Part<S>>,
     rows: Arc<AtomicU64>,
     began: Instant,
     thread: JoinHandle<()>,
@@ -35,12 +36,12 @@ pub struct Recording {
 
 /// Messages to the thread. The channel is unbounded: a disk that stalls for a while costs memory,
 /// not rows.
-enum Part {
-    Step(Option<Status>, Telemetry),
+enum Part<S: Served> {
+    Step(Option<Status>, S::Telemetry),
     End(Status, Timing),
 }
 
-impl Recording {
+impl<S: Served> Recording<S> {
     /// Starts a recording in a folder of `out` and at `logs`, with the board's configuration.
     ///
     /// # Errors
@@ -49,37 +50,26 @@ impl Recording {
         out: &Path,
         logs: &Logs,
         port: &str,
-        config: Config,
+        config: S::Config,
         shared: Arc<Shared>,
     ) -> Result<Self, InputError> {
-        let mut configured = from_config::to_scenario(&config)?.scenario;
-        // The user drives the muscle.
-        (configured.plant.drive.kind, configured.believed.drive.kind) =
-            (DriveKind::Closed, DriveKind::Closed);
+        let record = S::Record::new(&config)?;
         let (folder, name) = next_folder(out, "record");
         let mut files = OutputDir::create(&folder)?;
-        files.text("scenario.toml", &thermyo_setup::render(&configured))?;
-        let recorder = Recorder::new(files.file("trace.csv")?)
-            .map_err(|error| files.unwritable("trace.csv", &error))?
-            .beside(logs.open(&mut files, MUSCLE)?);
+        files.text("scenario.toml", &record.scenario())?;
+        let (file, layout) = (S::Record::TRACE, S::Record::LAYOUT);
+        let recorder = Recorder::with_columns(files.file(file)?, &(layout.columns)())
+            .map_err(|error| files.unwritable(file, &error))?
+            .beside(logs.open(&mut files, layout)?);
         let (parts, received) = mpsc::channel();
         let rows = Arc::new(AtomicU64::new(0));
-        let writer = Writer {
-            name,
-            port: port.to_owned(),
-            config,
-            gathered: Gathered::of_record(&configured),
-            configured,
-            files,
-            recorder,
-            drawn: Drawn::new(),
-            rows: Arc::clone(&rows),
-        };
+        let port = port.to_owned();
+        let writer = Writer::<S> { name, port, files, recorder, record, rows: Arc::clone(&rows) };
         let thread = thread::spawn(move || writer.run(&received, &shared));
         Ok(Self { parts, rows, began: Instant::now(), thread })
     }
 
-    pub fn step(&self, status: Option<Status>, telemetry: &Telemetry) {
+    pub fn step(&self, status: Option<Status>, telemetry: &S::Telemetry) {
         // A write error has been reported already.
         let _ = self.parts.send(Part::Step(status, *telemetry));
     }
@@ -103,20 +93,17 @@ impl Recording {
 }
 
 /// State of the thread.
-struct Writer {
+struct Writer<S: Served> {
     name: String,
     port: String,
-    config: Config,
-    configured: Loaded,
     files: OutputDir,
     recorder: Recorder<File>,
-    gathered: Gathered,
-    drawn: Drawn,
+    record: S::Record,
     rows: Arc<AtomicU64>,
 }
 
-impl Writer {
-    fn run(mut self, parts: &Receiver<Part>, shared: &Shared) {
+impl<S: Served> Writer<S> {
+    fn run(mut self, parts: &Receiver<Part<S>>, shared: &Shared) {
         loop {
             let written = match parts.recv_timeout(HAND_OVER) {
                 Ok(Part::Step(status, telemetry)) => self.write(status.as_ref(), &telemetry),
@@ -126,7 +113,7 @@ impl Writer {
                 Err(RecvTimeoutError::Disconnected) => return drop(self.files.leave()),
             };
             if let Err(error) = written {
-                let error = self.files.unwritable("trace.csv", &error);
+                let error = self.files.unwritable(S::Record::TRACE, &error);
                 let left = self.files.leave();
                 let text =
                     format!("recording: {error}; the record so far is in {}", left.display());
@@ -135,35 +122,30 @@ impl Writer {
         }
     }
 
-    fn write(&mut self, status: Option<&Status>, telemetry: &Telemetry) -> std::io::Result<()> {
-        let row = self.recorder.write(&self.config, status, telemetry)?;
-        self.gathered.add(&row);
-        self.drawn.add(&row);
+    fn write(&mut self, status: Option<&Status>, telemetry: &S::Telemetry) -> io::Result<()> {
+        self.record.write(&mut self.recorder, status, telemetry)?;
         self.rows.fetch_add(1, Ordering::Relaxed);
         Ok(())
     }
 
     fn finish(self, status: &Status, timing: &Timing, shared: &Shared) {
-        let Self { name, port, mut configured, mut files, recorder, gathered, drawn, .. } = self;
+        let Self { name, port, mut files, recorder, record, .. } = self;
         let folder = files.path().to_path_buf();
-        let rows = gathered.rows();
-        let summary = gathered.finish(&port, status, timing);
-        configured.plant.run.duration_s = summary.duration_s.max(configured.plant.run.step_s);
-        configured.believed.run = configured.plant.run.clone();
-        let written = recorder.finish().map_err(|error| files.unwritable("trace.csv", &error));
-        let json = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
+        let rows = recorder.rows();
+        let finished = record.finish((&name, &port), status, timing);
+        let written = recorder.finish().map_err(|error| files.unwritable(S::Record::TRACE, &error));
         let published = written.and_then(|_| {
-            files.text("scenario.toml", &thermyo_setup::render(&configured))?;
-            files.text("summary.json", &json)?;
-            files.text("report.html", &drive::page(&name, &configured, &drawn, &summary))?;
+            files.text("scenario.toml", &finished.scenario)?;
+            files.text("summary.json", &finished.summary)?;
+            files.text("report.html", &finished.report)?;
             files.publish().map(drop)
         });
         match published {
             Ok(()) => {
-                let lost = summary.lost_steps;
-                let text = format!("{:.1} s, {rows} steps, {lost} lost", summary.duration_s);
+                let Finished { duration_s, lost_steps, .. } = finished;
+                let text = format!("{duration_s:.1} s, {rows} steps, {lost_steps} lost");
                 shared.log(Weight::Plain, format!("recorded in {}: {text}", folder.display()));
-                shared.add_result(Outcome { name, folder, text, trace: true });
+                shared.add_result(Outcome { name, folder, text, trace: S::Record::STUDIED });
             }
             Err(error) => shared.log(Weight::Fault, format!("recording: {error}")),
         }

@@ -1,33 +1,49 @@
-//! A board of one muscle or of a joint, as a drive needs it.
+//! A board of one muscle or of a joint, as programs for both need it.
 
+use super::live::LiveBoard;
+use super::live_joint::LiveJoint;
 use model_core::control::Mode;
-use model_core::joint::{JointMode, JointSetPoint, JointTelemetry};
+use model_core::joint::{JointConfig, JointMode, JointSetPoint, JointTelemetry};
 use model_core::safety::supervisor::VENTING;
-use model_core::{Faults, SetPoint, Telemetry};
-use thermyo_boards::live::LiveBoard;
-use thermyo_boards::live_joint::LiveJoint;
-use thermyo_protocol::Status;
+use model_core::{Config, Faults, SetPoint, Telemetry};
+use thermyo_protocol::{Status, Timing, Version};
 use thermyo_simulation::board::BoardError;
 
-/// Set points over the steps of a drive.
-pub trait Course<P> {
-    /// Steps that are driven.
-    fn steps(&self) -> u64;
-
-    /// Ambient pressure that the board is configured with \[Pa\].
-    fn ambient_pa(&self) -> f32;
-
-    /// The set point of step 0.
-    fn first(&self) -> P;
-
-    /// A set point that begins at a step.
-    fn acting_from(&self, step: u64) -> Option<P>;
-}
-
 /// A live board, and what its telemetry states.
-pub trait Subject {
-    type Telemetry;
-    type SetPoint;
+pub trait Subject: Sized + Send + 'static {
+    type Config: Copy + PartialEq + Send;
+    type Telemetry: Copy + Send;
+    type SetPoint: Copy + PartialEq + Send;
+
+    /// Opens the board at a port.
+    ///
+    /// # Errors
+    /// [`BoardError`], if there is no answer, another protocol, or another image.
+    fn open(port: &str) -> Result<Self, BoardError>;
+
+    fn version(&self) -> Version;
+
+    fn status(&mut self) -> Result<Status, BoardError>;
+
+    fn timing(&mut self) -> Result<Timing, BoardError>;
+
+    /// The configuration in use.
+    fn config(&mut self) -> Result<Self::Config, BoardError>;
+
+    /// Sends a configuration and its name.
+    fn configure(&mut self, config: &Self::Config, name: &str) -> Result<Status, BoardError>;
+
+    /// Saves the configuration in use in flash.
+    fn save(&mut self) -> Result<(), BoardError>;
+
+    /// Arms up to this absolute pressure \[Pa\], or as far as configured.
+    fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError>;
+
+    /// Sends a set point; returns the step from which on it holds.
+    fn set(&mut self, set_point: Self::SetPoint) -> Result<u32, BoardError>;
+
+    /// Clears the latched faults whose cause is gone, without reading telemetry.
+    fn forget_faults(&mut self) -> Result<(), BoardError>;
 
     fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError>;
 
@@ -67,6 +83,46 @@ pub trait Subject {
 /// The methods that both boards have by the same name.
 macro_rules! methods_of {
     ($board:ty) => {
+        fn open(port: &str) -> Result<Self, BoardError> {
+            <$board>::open(port)
+        }
+
+        fn version(&self) -> Version {
+            <$board>::version(self)
+        }
+
+        fn status(&mut self) -> Result<Status, BoardError> {
+            <$board>::status(self)
+        }
+
+        fn timing(&mut self) -> Result<Timing, BoardError> {
+            <$board>::timing(self)
+        }
+
+        fn config(&mut self) -> Result<Self::Config, BoardError> {
+            <$board>::config(self)
+        }
+
+        fn configure(&mut self, config: &Self::Config, name: &str) -> Result<Status, BoardError> {
+            <$board>::configure(self, config, name)
+        }
+
+        fn save(&mut self) -> Result<(), BoardError> {
+            <$board>::save(self)
+        }
+
+        fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
+            <$board>::arm(self, most_pa)
+        }
+
+        fn set(&mut self, set_point: Self::SetPoint) -> Result<u32, BoardError> {
+            <$board>::set(self, set_point)
+        }
+
+        fn forget_faults(&mut self) -> Result<(), BoardError> {
+            <$board>::forget_faults(self)
+        }
+
         fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
             <$board>::telemetry_every(self, steps)
         }
@@ -102,6 +158,7 @@ macro_rules! methods_of {
 }
 
 impl Subject for LiveBoard {
+    type Config = Config;
     type Telemetry = Telemetry;
     type SetPoint = SetPoint;
 
@@ -129,6 +186,7 @@ impl Subject for LiveBoard {
 }
 
 impl Subject for LiveJoint {
+    type Config = JointConfig;
     type Telemetry = JointTelemetry;
     type SetPoint = JointSetPoint;
 

@@ -1,0 +1,38 @@
+// Pages of a local server in headless Chromium, for the scripts that use them like a person.
+import puppeteer from "puppeteer-core";
+
+// It bounds hanging, and is no figure.
+const timeout = 60000;
+export const wide = { width: 1280, height: 900 };
+
+/** The browser; opens pages of an address, and lists their problems: errors, warnings, and what they fetch elsewhere. */
+export async function launched(executablePath, address) {
+  const browser = await puppeteer.launch({ executablePath, timeout, args: ["--no-sandbox", "--disable-gpu"] });
+  const problems = [];
+  async function open(viewport, scheme = "light") {
+    const page = await browser.newPage();
+    page.setDefaultTimeout(timeout);
+    page.on("console", (message) => {
+      if (["error", "warn"].includes(message.type())) problems.push(message.text());
+    });
+    page.on("pageerror", (error) => problems.push(String(error)));
+    page.on("request", (request) => {
+      if (!/^(http|ws|data):/.test(request.url()) || (request.url().startsWith("http") && !request.url().startsWith(address))) {
+        problems.push(`fetches ${request.url()}`);
+      }
+    });
+    await page.setViewport(viewport);
+    await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+    await page.goto(address);
+    return page;
+  }
+  return { browser, open, problems };
+}
+
+export const text = (page, id) => page.$eval(`#${id}`, (node) => node.textContent);
+export const until = (page, what, ...values) => page.waitForFunction(what, { polling: 50 }, ...values);
+
+export async function type(page, id, value) {
+  await page.click(`#${id}`, { count: 3 });
+  await page.type(`#${id}`, value);
+}

@@ -1,0 +1,73 @@
+// Uses the page of `thermyo serve` of a joint in headless Chromium, and prints its findings as JSON.
+//
+//     node serve_joint.mjs CHROMIUM ADDRESS SCREENSHOTS SCENARIO
+//
+// SCENARIO is the file with which the board is configured from the page.
+import { findings } from "./accessibility.mjs";
+import { launched, text, type, until, wide } from "./pages.mjs";
+
+const [executablePath, address, screenshots, scenario] = process.argv.slice(2);
+const { browser, open, problems } = await launched(executablePath, address);
+const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+
+const page = await open(wide);
+await until(page, () => !document.getElementById("configure").hidden && !document.getElementById("file").disabled);
+await (await page.$("#file")).uploadFile(scenario);
+await until(page, () => document.getElementById("configure").hidden && !document.querySelector("#arm .main").disabled);
+// The cards for one muscle alone are not there.
+const hidden = await page.evaluate(() => ["guide", "records", "muscle", "plot-length", "lock"].filter((id) => document.getElementById(id).checkVisibility()));
+const most = await page.$eval("#most", (field) => field.value);
+await type(page, "most", "5bar");
+await page.click("#arm .main");
+await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
+// Invalid values are reported at their field.
+await type(page, "first", "90");
+await page.click("#steer .main");
+const refused = await page.$eval("#first", (field) => field.validationMessage);
+await page.click("#record-button");
+async function reaches(degrees) {
+  await type(page, "first", String(degrees));
+  await type(page, "second", "14");
+  await page.keyboard.press("Enter");
+  const held = await until(page, (degrees) => {
+    const angle = parseFloat(document.getElementById("r-angle").textContent);
+    return document.getElementById("mode").textContent.startsWith("angle") && Math.abs(angle - degrees) < 1.5 && angle;
+  }, degrees);
+  return held.jsonValue();
+}
+const reached = [];
+for (const degrees of [20, -10, 25]) {
+  reached.push(await reaches(degrees));
+  await pause(1500);
+}
+const readings = await page.$$eval(".readings[data-of=joint] dd", (all) => all.map((dd) => dd.textContent));
+// The drawn arm stands at its angle: upwards, to the right.
+const arm = await page.$eval("#arm-scene path[stroke-width='12']", (path) => path.getAttribute("d").match(/[-\d.]+/g).map(Number));
+const drawn = Math.atan2(arm[1] - arm[3], arm[2] - arm[0]) * 180 / Math.PI;
+const serious = [], narrow = [];
+for (const scheme of ["light", "dark"]) {
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  for (const width of [1280, 390]) {
+    await page.setViewport(width === 390 ? { width, height: 844, deviceScaleFactor: 2 } : wide);
+    await until(page, (width) => innerWidth === width, width);
+    await pause(500);
+    await page.screenshot({ path: `${screenshots}-${width}-${scheme}.png`, fullPage: true });
+    serious.push(...await findings(page));
+    narrow.push(await page.evaluate(() => document.documentElement.scrollWidth));
+  }
+}
+await page.setViewport(wide);
+await until(page, () => innerWidth === 1280);
+// A torque, then space with the focus in a field.
+await page.evaluate(() => document.querySelector("[name=mode][value=torque]").click());
+await type(page, "first", "0.5");
+await type(page, "second", "10");
+await page.keyboard.press("Enter");
+await until(page, () => document.getElementById("mode").textContent.startsWith("torque"));
+await page.keyboard.press(" ");
+await until(page, () => document.getElementById("mode").textContent === "vent");
+await page.click("#record-button");
+await until(page, () => document.querySelector("#results a"));
+const events = await text(page, "events");
+await browser.close();
+console.log(JSON.stringify({ problems, hidden, most, refused, reached, readings, drawn, serious, narrow, events }));
