@@ -555,11 +555,7 @@ fn a_joint_is_refused_in_one_line_with_the_way_out() {
     let file = scenario(folder.path(), "[run]\nduration_s = 1\n[joint]\nradius_m = 0.02\n");
     let data = folder.path().join("data.csv").display().to_string();
     fs::write(&data, "time_s,pressure_pa\n0,1e5\n").unwrap();
-    for arguments in [
-        &["measure", "stop", &file][..],
-        &["serve", &file],
-        &["identify", &data, "--config", &file],
-    ] {
+    for arguments in [&["measure", "stop", &file][..], &["identify", &data, "--config", &file]] {
         let output = thermyo(arguments);
         let said = stderr_of(&output);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
