@@ -370,5 +370,7 @@ fn the_command_configures_and_moves_a_joint() {
     println!("{text}");
     assert!(code == 0 && text.contains(", a joint") && text.contains("0 missed"), "{text}");
     let (code, text) = run(&["history"]);
+    assert!(code == 0 && text.contains("no events"), "{code}: {text}");
+    let (code, text) = run(&["calibrate", "gas"]);
     assert!(code == 2 && text.contains("takes info"), "{code}: {text}");
 }
