@@ -85,7 +85,7 @@ pub trait Served: Subject<SetPoint: Serialize> {
     /// Carries out an order that not every board has.
     ///
     /// # Errors
-    /// [`NotDone`], also for an order that this board does not have.
+    /// `NotDone`, also for an order that this board does not have.
     fn attempt(
         operator: &mut Operator<Self>,
         order: Order,
