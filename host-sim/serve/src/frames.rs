@@ -1,17 +1,40 @@
 //! Telemetry for the pages: thinned, in small parcels.
 
-use super::operator::Served;
+use model_core::Config;
 use serde::Serialize;
 use std::time::{Duration, Instant};
+use thermyo_boards::subject::Subject;
 
 /// Steps from one row to the next: 100 rows per second.
 const EVERY: u32 = 10;
 const PARCEL: Duration = Duration::from_millis(33);
 
+/// A board whose steps a page gets.
+pub trait Shown: Subject<SetPoint: Serialize> {
+    /// A step as the page gets it.
+    type Row: Serialize + Send;
+    /// Whether the estimate of each gas temperature is to be relied on.
+    type Valid: Serialize;
+
+    /// Configurations of the muscles.
+    fn muscles(config: &Self::Config) -> &[Config];
+
+    fn set_point(telemetry: &Self::Telemetry) -> Self::SetPoint;
+
+    fn mode(telemetry: &Self::Telemetry) -> &'static str;
+
+    fn is_limited(telemetry: &Self::Telemetry) -> bool;
+
+    fn valid(telemetry: &Self::Telemetry) -> Self::Valid;
+
+    /// The row of a step at a time \[s\].
+    fn row(time_s: f64, config: &Self::Config, telemetry: &Self::Telemetry) -> Self::Row;
+}
+
 /// A parcel: measurements over time, and the core's state at the end.
 #[derive(Serialize)]
 #[serde(bound = "")]
-struct Parcel<'a, S: Served> {
+struct Parcel<'a, S: Shown> {
     kind: &'static str,
     mode: &'static str,
     limited: bool,
@@ -20,7 +43,7 @@ struct Parcel<'a, S: Served> {
     rows: &'a [S::Row],
 }
 
-pub struct Frames<S: Served> {
+pub struct Frames<S: Shown> {
     sent: Instant,
     rows: Vec<S::Row>,
     /// Time \[s\] and number of the last step.
@@ -32,7 +55,7 @@ pub struct Frames<S: Served> {
     mode: Option<&'static str>,
 }
 
-impl<S: Served> Frames<S> {
+impl<S: Shown> Frames<S> {
     /// Time counts from the first step.
     pub fn new() -> Self {
         Self {
@@ -98,7 +121,7 @@ pub fn rounded(time_s: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use model_core::{AdcCode, Config, Core, Sample};
+    use model_core::{AdcCode, Core, Sample};
     use serde_json::{Value, json};
     use thermyo_boards::live::LiveBoard;
 

@@ -2,7 +2,7 @@
 
 use super::served::{Held, Served};
 use super::{NotDone, Operator};
-use crate::frames::rounded;
+use crate::frames::{Shown, rounded};
 use crate::page::Kind;
 use crate::recording::JointRecord;
 use crate::state::{JointPart, Part};
@@ -31,18 +31,64 @@ type Both = [f32; 2];
 #[derive(Debug, Serialize)]
 pub struct Row(f64, f32, Option<f32>, f32, Option<f32>, f32, Both, Both, Both, Both, Both, Both);
 
-impl Served for LiveJoint {
-    type Tasks = ();
-    type Record = JointRecord;
+impl Shown for LiveJoint {
     type Row = Row;
     type Valid = [bool; 2];
-
-    const KIND: Kind = Kind::Joint;
-    const VENTS: &'static str = "both muscles vent";
 
     fn muscles(config: &JointConfig) -> &[Config] {
         &config.muscles
     }
+
+    fn set_point(telemetry: &JointTelemetry) -> JointSetPoint {
+        telemetry.set_point
+    }
+
+    fn mode(telemetry: &JointTelemetry) -> &'static str {
+        let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
+        mode.map_or("", |(_, name)| name)
+    }
+
+    fn is_limited(telemetry: &JointTelemetry) -> bool {
+        telemetry.limited
+    }
+
+    fn valid(telemetry: &JointTelemetry) -> [bool; 2] {
+        telemetry.muscles.map(|muscle| muscle.estimate.valid)
+    }
+
+    fn row(time_s: f64, config: &JointConfig, telemetry: &JointTelemetry) -> Row {
+        let (angle_set, stiffness_set) = match telemetry.set_point {
+            JointSetPoint::Angle(motion) => {
+                (Some(telemetry.reference_rad), Some(motion.stiffness_n_m_rad))
+            }
+            JointSetPoint::Torque { stiffness_n_m_rad, .. } => (None, Some(stiffness_n_m_rad)),
+            _ => (None, None),
+        };
+        let [a, b] = &telemetry.muscles;
+        let sensor_k = |i: usize| config.muscles[i].sensing().gas_k([a, b][i].sample.gas);
+        Row(
+            rounded(time_s),
+            telemetry.angle_rad,
+            angle_set,
+            telemetry.stiffness_n_m_rad,
+            stiffness_set,
+            telemetry.torque_n_m,
+            [a.pressure_pa, b.pressure_pa],
+            [a.estimate.gas_k, b.estimate.gas_k],
+            [a.estimate.gas_sd_k, b.estimate.gas_sd_k],
+            [sensor_k(0), sensor_k(1)],
+            [a.command.inlet.share(), b.command.inlet.share()],
+            [a.command.outlet.share(), b.command.outlet.share()],
+        )
+    }
+}
+
+impl Served for LiveJoint {
+    type Tasks = ();
+    type Record = JointRecord;
+
+    const KIND: Kind = Kind::Joint;
+    const VENTS: &'static str = "both muscles vent";
 
     fn part(config: &JointConfig) -> Part {
         let Mechanism { minimum_rad, maximum_rad, lock_s, .. } = config.mechanism;
@@ -121,10 +167,6 @@ impl Served for LiveJoint {
         format!("the board vents until this is cleared: {faults}")
     }
 
-    fn set_point(telemetry: &JointTelemetry) -> JointSetPoint {
-        telemetry.set_point
-    }
-
     fn faults(telemetry: &JointTelemetry) -> Held {
         let [a, b] = telemetry.muscles.map(|muscle| muscle.faults);
         [a, b, telemetry.faults.of_failure()]
@@ -142,45 +184,6 @@ impl Served for LiveJoint {
             faults.names().map(move |name| format!("{place}{name}"))
         };
         places.into_iter().flat_map(named).collect()
-    }
-
-    fn mode(telemetry: &JointTelemetry) -> &'static str {
-        let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-        mode.map_or("", |(_, name)| name)
-    }
-
-    fn is_limited(telemetry: &JointTelemetry) -> bool {
-        telemetry.limited
-    }
-
-    fn valid(telemetry: &JointTelemetry) -> [bool; 2] {
-        telemetry.muscles.map(|muscle| muscle.estimate.valid)
-    }
-
-    fn row(time_s: f64, config: &JointConfig, telemetry: &JointTelemetry) -> Row {
-        let (angle_set, stiffness_set) = match telemetry.set_point {
-            JointSetPoint::Angle(motion) => {
-                (Some(telemetry.reference_rad), Some(motion.stiffness_n_m_rad))
-            }
-            JointSetPoint::Torque { stiffness_n_m_rad, .. } => (None, Some(stiffness_n_m_rad)),
-            _ => (None, None),
-        };
-        let [a, b] = &telemetry.muscles;
-        let sensor_k = |i: usize| config.muscles[i].sensing().gas_k([a, b][i].sample.gas);
-        Row(
-            rounded(time_s),
-            telemetry.angle_rad,
-            angle_set,
-            telemetry.stiffness_n_m_rad,
-            stiffness_set,
-            telemetry.torque_n_m,
-            [a.pressure_pa, b.pressure_pa],
-            [a.estimate.gas_k, b.estimate.gas_k],
-            [a.estimate.gas_sd_k, b.estimate.gas_sd_k],
-            [sensor_k(0), sensor_k(1)],
-            [a.command.inlet.share(), b.command.inlet.share()],
-            [a.command.outlet.share(), b.command.outlet.share()],
-        )
     }
 
     fn attempt(

@@ -5,7 +5,7 @@ mod muscle;
 mod served;
 mod tuning;
 
-pub use served::{Finished, Held, Record, Served};
+pub use served::{Held, Served};
 
 use super::frames::Frames;
 use super::orders::Next;
@@ -54,7 +54,7 @@ pub struct Operator<S: Served> {
     former: Option<(S::Config, String)>,
     link: Link,
     frames: Frames<S>,
-    recording: Option<Recording<S>>,
+    recording: Option<Recording<S::Record>>,
     /// Threads that write reports.
     writers: Vec<JoinHandle<()>>,
     tasks: S::Tasks,
@@ -441,7 +441,7 @@ impl<S: Served> Operator<S> {
     fn record(&mut self) -> Result<(), NotDone> {
         let port = self.target.port();
         let shared = Arc::clone(&self.shared);
-        let recording = Recording::begin(&self.out, &self.logs, port, self.known.config, shared)?;
+        let recording = Recording::begin(&self.out, &self.logs, port, &self.known.config, shared)?;
         self.recording = Some(recording);
         self.shared.log(Weight::Plain, "recording begins");
         Ok(())

@@ -4,7 +4,7 @@
 use super::served::{Held, Served, Tasks};
 use super::tuning;
 use super::{NO_LINK, NotDone, Operator, RECORDS};
-use crate::frames::rounded;
+use crate::frames::{Shown, rounded};
 use crate::guide::{Calibration, Guided, Step};
 use crate::page::Kind;
 use crate::recording::MuscleRecord;
@@ -90,18 +90,62 @@ impl Tasks for MuscleTasks {
 #[derive(Debug, Serialize)]
 pub struct Row(f64, f32, f32, f32, f32, f32, f32, f32, f32, Option<f32>, Option<f32>);
 
-impl Served for LiveBoard {
-    type Tasks = MuscleTasks;
-    type Record = MuscleRecord;
+impl Shown for LiveBoard {
     type Row = Row;
     type Valid = bool;
-
-    const KIND: Kind = Kind::Muscle;
-    const VENTS: &'static str = "the muscle vents";
 
     fn muscles(config: &Config) -> &[Config] {
         slice::from_ref(config)
     }
+
+    fn set_point(telemetry: &Telemetry) -> SetPoint {
+        telemetry.set_point
+    }
+
+    fn mode(telemetry: &Telemetry) -> &'static str {
+        let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
+        mode.map_or("", |(_, name)| name)
+    }
+
+    fn is_limited(telemetry: &Telemetry) -> bool {
+        telemetry.limited
+    }
+
+    fn valid(telemetry: &Telemetry) -> bool {
+        telemetry.estimate.valid
+    }
+
+    fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
+        let Telemetry { pressure_pa, length_m, estimate, command, set_point, sample, .. } =
+            telemetry;
+        let [mut pressure_set_pa, mut contraction_set] = [None; 2];
+        match set_point {
+            SetPoint::Pressure { pressure_pa } => pressure_set_pa = Some(*pressure_pa),
+            SetPoint::Contraction { contraction } => contraction_set = Some(*contraction),
+            _ => (),
+        }
+        Row(
+            rounded(time_s),
+            *pressure_pa,
+            *length_m,
+            config.sensing().gas_k(sample.gas),
+            estimate.gas_k,
+            estimate.gas_sd_k,
+            estimate.wall_k,
+            command.inlet.share(),
+            command.outlet.share(),
+            pressure_set_pa,
+            contraction_set,
+        )
+    }
+}
+
+impl Served for LiveBoard {
+    type Tasks = MuscleTasks;
+    type Record = MuscleRecord;
+
+    const KIND: Kind = Kind::Muscle;
+    const VENTS: &'static str = "the muscle vents";
 
     fn part(config: &Config) -> Part {
         let scenario = from_config::to_scenario(config).ok();
@@ -153,53 +197,12 @@ impl Served for LiveBoard {
         asked_for(set_point)
     }
 
-    fn set_point(telemetry: &Telemetry) -> SetPoint {
-        telemetry.set_point
-    }
-
     fn faults(telemetry: &Telemetry) -> Held {
         [telemetry.faults, Faults::NONE, Faults::NONE]
     }
 
     fn names([faults, ..]: Held) -> Vec<String> {
         faults.names().map(str::to_owned).collect()
-    }
-
-    fn mode(telemetry: &Telemetry) -> &'static str {
-        let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-        mode.map_or("", |(_, name)| name)
-    }
-
-    fn is_limited(telemetry: &Telemetry) -> bool {
-        telemetry.limited
-    }
-
-    fn valid(telemetry: &Telemetry) -> bool {
-        telemetry.estimate.valid
-    }
-
-    fn row(time_s: f64, config: &Config, telemetry: &Telemetry) -> Row {
-        let Telemetry { pressure_pa, length_m, estimate, command, set_point, sample, .. } =
-            telemetry;
-        let [mut pressure_set_pa, mut contraction_set] = [None; 2];
-        match set_point {
-            SetPoint::Pressure { pressure_pa } => pressure_set_pa = Some(*pressure_pa),
-            SetPoint::Contraction { contraction } => contraction_set = Some(*contraction),
-            _ => (),
-        }
-        Row(
-            rounded(time_s),
-            *pressure_pa,
-            *length_m,
-            config.sensing().gas_k(sample.gas),
-            estimate.gas_k,
-            estimate.gas_sd_k,
-            estimate.wall_k,
-            command.inlet.share(),
-            command.outlet.share(),
-            pressure_set_pa,
-            contraction_set,
-        )
     }
 
     fn attempt(

@@ -1,6 +1,6 @@
 //! The record of a joint.
 
-use crate::operator::{Finished, Record};
+use super::record::{Finished, Record};
 use model_core::joint::{JointConfig, JointTelemetry};
 use std::io;
 use thermyo_boards::live_joint::LiveJoint;
@@ -17,7 +17,9 @@ pub struct JointRecord {
     gathered: Gathered,
 }
 
-impl Record<LiveJoint> for JointRecord {
+impl Record for JointRecord {
+    type Board = LiveJoint;
+
     const TRACE: &'static str = trace::FILE;
     const LAYOUT: Layout = topics::JOINT;
     const STUDIED: bool = false;

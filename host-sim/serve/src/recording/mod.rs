@@ -2,14 +2,16 @@
 
 mod joint;
 mod muscle;
+mod record;
 
 pub use joint::JointRecord;
 pub use muscle::MuscleRecord;
+pub use record::Record;
 
-use super::operator::{Finished, Record, Served};
 use super::results::{Outcome, next_folder};
 use super::shared::Shared;
 use super::state::{Recorded, Weight};
+use record::Finished;
 use std::fs::File;
 use std::io;
 use std::path::Path;
@@ -18,6 +20,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
+use thermyo_boards::subject::Subject;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_logs::Logs;
@@ -27,8 +30,10 @@ use thermyo_record::board_trace::Recorder;
 /// Rows are flushed to the file at least at this interval.
 const HAND_OVER: Duration = Duration::from_millis(500);
 
-pub struct Recording<S: Served> {
-    parts: Sender<Part<S>>,
+type Telemetry<R> = <<R as Record>::Board as Subject>::Telemetry;
+
+pub struct Recording<R: Record> {
+    parts: Sender<Part<R>>,
     rows: Arc<AtomicU64>,
     began: Instant,
     thread: JoinHandle<()>,
@@ -36,12 +41,12 @@ pub struct Recording<S: Served> {
 
 /// Messages to the thread. The channel is unbounded: a disk that stalls for a while costs memory,
 /// not rows.
-enum Part<S: Served> {
-    Step(Option<Status>, S::Telemetry),
+enum Part<R: Record> {
+    Step(Option<Status>, Telemetry<R>),
     End(Status, Timing),
 }
 
-impl<S: Served> Recording<S> {
+impl<R: Record> Recording<R> {
     /// Starts a recording in a folder of `out` and at `logs`, with the board's configuration.
     ///
     /// # Errors
@@ -50,26 +55,26 @@ impl<S: Served> Recording<S> {
         out: &Path,
         logs: &Logs,
         port: &str,
-        config: S::Config,
+        config: &<R::Board as Subject>::Config,
         shared: Arc<Shared>,
     ) -> Result<Self, InputError> {
-        let record = S::Record::new(&config)?;
+        let record = R::new(config)?;
         let (folder, name) = next_folder(out, "record");
         let mut files = OutputDir::create(&folder)?;
         files.text("scenario.toml", &record.scenario())?;
-        let (file, layout) = (S::Record::TRACE, S::Record::LAYOUT);
+        let (file, layout) = (R::TRACE, R::LAYOUT);
         let recorder = Recorder::with_columns(files.file(file)?, &(layout.columns)())
             .map_err(|error| files.unwritable(file, &error))?
             .beside(logs.open(&mut files, layout)?);
         let (parts, received) = mpsc::channel();
         let rows = Arc::new(AtomicU64::new(0));
         let port = port.to_owned();
-        let writer = Writer::<S> { name, port, files, recorder, record, rows: Arc::clone(&rows) };
+        let writer = Writer::<R> { name, port, files, recorder, record, rows: Arc::clone(&rows) };
         let thread = thread::spawn(move || writer.run(&received, &shared));
         Ok(Self { parts, rows, began: Instant::now(), thread })
     }
 
-    pub fn step(&self, status: Option<Status>, telemetry: &S::Telemetry) {
+    pub fn step(&self, status: Option<Status>, telemetry: &Telemetry<R>) {
         // A write error has been reported already.
         let _ = self.parts.send(Part::Step(status, *telemetry));
     }
@@ -93,17 +98,17 @@ impl<S: Served> Recording<S> {
 }
 
 /// State of the thread.
-struct Writer<S: Served> {
+struct Writer<R: Record> {
     name: String,
     port: String,
     files: OutputDir,
     recorder: Recorder<File>,
-    record: S::Record,
+    record: R,
     rows: Arc<AtomicU64>,
 }
 
-impl<S: Served> Writer<S> {
-    fn run(mut self, parts: &Receiver<Part<S>>, shared: &Shared) {
+impl<R: Record> Writer<R> {
+    fn run(mut self, parts: &Receiver<Part<R>>, shared: &Shared) {
         loop {
             let written = match parts.recv_timeout(HAND_OVER) {
                 Ok(Part::Step(status, telemetry)) => self.write(status.as_ref(), &telemetry),
@@ -113,7 +118,7 @@ impl<S: Served> Writer<S> {
                 Err(RecvTimeoutError::Disconnected) => return drop(self.files.leave()),
             };
             if let Err(error) = written {
-                let error = self.files.unwritable(S::Record::TRACE, &error);
+                let error = self.files.unwritable(R::TRACE, &error);
                 let left = self.files.leave();
                 let text =
                     format!("recording: {error}; the record so far is in {}", left.display());
@@ -122,7 +127,7 @@ impl<S: Served> Writer<S> {
         }
     }
 
-    fn write(&mut self, status: Option<&Status>, telemetry: &S::Telemetry) -> io::Result<()> {
+    fn write(&mut self, status: Option<&Status>, telemetry: &Telemetry<R>) -> io::Result<()> {
         self.record.write(&mut self.recorder, status, telemetry)?;
         self.rows.fetch_add(1, Ordering::Relaxed);
         Ok(())
@@ -133,7 +138,7 @@ impl<S: Served> Writer<S> {
         let folder = files.path().to_path_buf();
         let rows = recorder.rows();
         let finished = record.finish((&name, &port), status, timing);
-        let written = recorder.finish().map_err(|error| files.unwritable(S::Record::TRACE, &error));
+        let written = recorder.finish().map_err(|error| files.unwritable(R::TRACE, &error));
         let published = written.and_then(|_| {
             files.text("scenario.toml", &finished.scenario)?;
             files.text("summary.json", &finished.summary)?;
@@ -145,7 +150,7 @@ impl<S: Served> Writer<S> {
                 let Finished { duration_s, lost_steps, .. } = finished;
                 let text = format!("{duration_s:.1} s, {rows} steps, {lost_steps} lost");
                 shared.log(Weight::Plain, format!("recorded in {}: {text}", folder.display()));
-                shared.add_result(Outcome { name, folder, text, trace: S::Record::STUDIED });
+                shared.add_result(Outcome { name, folder, text, trace: R::STUDIED });
             }
             Err(error) => shared.log(Weight::Fault, format!("recording: {error}")),
         }

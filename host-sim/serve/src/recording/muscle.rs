@@ -1,6 +1,6 @@
 //! The record of one muscle.
 
-use crate::operator::{Finished, Record};
+use super::record::{Finished, Record};
 use model_core::{Config, Telemetry};
 use std::io;
 use thermyo_boards::live::LiveBoard;
@@ -19,7 +19,9 @@ pub struct MuscleRecord {
     drawn: Drawn,
 }
 
-impl Record<LiveBoard> for MuscleRecord {
+impl Record for MuscleRecord {
+    type Board = LiveBoard;
+
     const TRACE: &'static str = "trace.csv";
     const LAYOUT: Layout = topics::MUSCLE;
     const STUDIED: bool = true;
