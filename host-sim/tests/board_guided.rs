@@ -8,19 +8,10 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Output, Stdio};
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use thermyo_boards::image::{Variant, firmware};
 
-use crate::board_support::{Bench, skip_emulator};
-
-/// Waits for a condition, with a limit.
-fn until(what: &str, mut holds: impl FnMut() -> bool) {
-    let began = Instant::now();
-    while !holds() {
-        assert!(began.elapsed() < Duration::from_secs(60), "{what}: not within a minute");
-        thread::sleep(Duration::from_millis(20));
-    }
-}
+use crate::board_support::{Bench, skip_emulator, until};
 
 fn signal(child: &Child, signal: &str) {
     let pid = child.id().to_string();
@@ -231,6 +222,14 @@ fn a_joint_whose_set_point_is_interrupted_vents() {
     bench.vented();
 }
 
+/// A set point that is held for a minute, once its first line is printed.
+fn holding(bench: &Bench) -> Child {
+    let mut command = bench.command("thermyo board emulated set pressure 130000 --arm --hold 60");
+    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
+    child
+}
+
 /// A program that was killed cannot vent, and those after it only ask.
 #[test]
 fn a_program_that_asks_keeps_no_set_point_alive() {
@@ -238,9 +237,7 @@ fn a_program_that_asks_keeps_no_set_point_alive() {
         return;
     }
     let bench = configured();
-    let mut command = bench.command("thermyo board emulated set pressure 130000 --arm --hold 60");
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
+    let mut child = holding(&bench);
     signal(&child, "-KILL");
     child.wait().unwrap();
     let info = bench.vented();
@@ -286,10 +283,7 @@ fn a_set_point_that_expires_is_reported() {
         return;
     }
     let bench = configured();
-    let mut command = bench.command("thermyo board emulated set pressure 130000 --arm --hold 60");
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // Its first line.
-    child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
+    let child = holding(&bench);
     signal(&child, "-INT");
     let cut = child.wait_with_output().unwrap();
     assert_eq!(cut.status.code(), Some(130), "{}", message(&cut));

@@ -4,6 +4,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
+use std::thread;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use thermyo_boards::image::{self, Variant};
@@ -22,6 +23,15 @@ pub fn skip_emulator() -> bool {
         image::prepare_emulator().unwrap();
     }
     skip
+}
+
+/// Waits for a condition, with a limit.
+pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
+    let began = Instant::now();
+    while !holds() {
+        assert!(began.elapsed() < Duration::from_secs(60), "{what}: not within a minute");
+        thread::sleep(Duration::from_millis(20));
+    }
 }
 
 /// Folder of the emulated board, which is unplugged at the end.
@@ -63,14 +73,12 @@ impl Bench {
     /// Info of the board once its mode is vent: its startup check, which vents as well, comes
     /// first, and a command may have ended during it.
     pub fn vented(&self) -> String {
-        let began = Instant::now();
-        loop {
-            let info = self.ok("thermyo board emulated info");
-            if info.contains(" vent\n") {
-                return info;
-            }
-            assert!(began.elapsed() < Duration::from_secs(60), "it does not vent: {info}");
-        }
+        let mut info = String::new();
+        until("it vents", || {
+            info = self.ok("thermyo board emulated info");
+            info.contains(" vent\n")
+        });
+        info
     }
 
     /// Message of a command that has to be refused.
