@@ -220,8 +220,8 @@ fn the_page_runs_and_is_turned() {
     println!("{seen:#}");
     assert_eq!(seen["problems"], serde_json::json!([]), "{seen:#}");
     let number = |name: &str| seen[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));
-    assert!((number("held_kpa") - 250.0).abs() < 2.0, "{seen:#}");
-    assert!((number("followed_kpa") - 400.0).abs() < 3.0, "{seen:#}");
+    assert!((number("held_kpa") - 250.0).abs() < 5.0, "{seen:#}");
+    assert!((number("followed_kpa") - 400.0).abs() < 5.0, "{seen:#}");
     assert_eq!(seen["changed"], true);
     assert_eq!(seen["unconfigured"], true);
     assert_eq!(seen["mode"].as_str(), Some("mass flow"));

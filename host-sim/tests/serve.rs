@@ -288,7 +288,7 @@ fn a_page_steers_and_another_watches() {
     assert_eq!(second.own["steers"], false);
     second.order(json!({ "set": { "Pressure": { "pressure_pa": 2e5 } } }));
     second.until("watches", HANGS_S, |page| page.happened("another page steers"));
-    assert!((second.pressure_pa() - 1.3e5).abs() < 2e3, "{}", second.frame);
+    assert!((second.pressure_pa() - 1.3e5).abs() < 5e3, "{}", second.frame);
 
     assert_a_flood_is_logged_once(&mut second);
 
