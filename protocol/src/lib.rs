@@ -980,7 +980,7 @@ mod tests {
         for (frame, expected) in [
             (encode(&config), (450, 3_986_227_589)),
             (encode(&telemetry), (77, 1_017_350_385)),
-            (encode(&muscle), (451, 3_805_535_179)),
+            (encode(&muscle), (451, 4_288_756_649)),
             (encode(&joint), (124, 1_522_414_787)),
             (encode(&of_joint), (191, 1_436_421_169)),
         ] {
