@@ -329,6 +329,41 @@ fn figures_are_in_practical_units_and_in_si_on_request() {
     assert!(printed(&both).contains("pressure_pa            RMS 0 Pa, mean 0 Pa"));
 }
 
+/// A joint's columns have names of their own; a joint and a muscle have none in common.
+#[test]
+fn runs_of_joints_are_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |name: &str, text: &str| {
+        let text = format!("[run]\nduration_s = 0.3\n[plant]\nmodel = \"lumped\"\n{text}");
+        let (file, out) = (scenario(folder.path(), &text), folder.path().join(name));
+        let out = out.display().to_string();
+        let output = thermyo(&["run", &file, "--quiet", "--out", &out]);
+        assert!(output.status.success(), "{}", stderr_of(&output));
+        out
+    };
+    let joint = |angle_rad: f64| format!("[joint]\n[drive]\nangle_rad = {angle_rad}\n");
+    let (first, second) = (run("first", &joint(0.0)), run("second", &joint(0.1)));
+    let out = folder.path().join("compared").display().to_string();
+    let output = thermyo(&["compare", &first, &second, "--out", &out]);
+    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+    assert!(printed.contains("angle_rad              RMS 5.73 deg, mean 5.73 deg"), "{printed}");
+    assert!(printed.contains("torque_n_m             RMS ") && printed.contains(" N m, "));
+    let tracking = format!("{second}\nset point: RMS error ");
+    assert!(
+        printed.contains(&tracking) && printed.contains("; stiffness, RMS error "),
+        "{printed}"
+    );
+    let page = fs::read_to_string(format!("{out}/report.html")).unwrap();
+    assert!(page.contains("tension of muscle b") && page.contains("Stiffness"));
+
+    let muscle = run("muscle", "");
+    let output = thermyo(&["compare", &muscle, &first]);
+    assert_eq!(output.status.code(), Some(2));
+    let refused = format!("{first} is of a joint and {muscle} of one muscle: compare runs of");
+    assert!(stderr_of(&output).contains(&refused), "{}", stderr_of(&output));
+}
+
 /// Runs that cannot be compared as a whole are, with a warning.
 #[test]
 fn runs_of_another_kind_are_compared_with_a_warning() {
@@ -584,8 +619,7 @@ fn a_joints_run_is_replayed_to_the_bit() {
     let output = thermyo(&["replay", &run, "--out", &again]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
     assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
-    let compared = thermyo(&["compare", &run, &run]);
-    assert!(stderr_of(&compared).contains("takes runs of one muscle"), "{}", stderr_of(&compared));
+
     let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
     assert_eq!(emulated.status.code(), Some(2));
     assert!(stderr_of(&emulated).contains("leave out --board"), "{}", stderr_of(&emulated));

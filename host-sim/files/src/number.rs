@@ -25,18 +25,21 @@ pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
 
 /// An SI value of a column with its unit, or a difference of two, for a sentence.
 pub fn of_column(value: f64, column: &str) -> String {
-    let Unit { symbol, factor } = Unit::of_column(column);
-    let text = significant(value * factor, 3);
-    if symbol.is_empty() { text } else { format!("{text} {symbol}") }
+    in_unit(value, Unit::of_column(column))
 }
 
 /// A difference of two values of a column with its unit.
 pub fn difference_text(difference: f64, column: &str, units: UnitSystem) -> String {
-    let Unit { symbol, factor } = match units {
+    let unit = match units {
         UnitSystem::Practical => Unit::of_column(column),
         UnitSystem::Si => Unit { symbol: si_of_column(column), factor: 1.0 },
     };
-    let text = significant(difference * factor, 3);
+    in_unit(difference, unit)
+}
+
+/// An SI value with three digits in that unit.
+pub fn in_unit(value: f64, Unit { symbol, factor }: Unit) -> String {
+    let text = significant(value * factor, 3);
     if symbol.is_empty() { text } else { format!("{text} {symbol}") }
 }
 

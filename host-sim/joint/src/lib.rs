@@ -19,5 +19,5 @@ pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse, par
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
 pub use run::{Run, SET_POINT_INTERVAL_S, run};
-pub use summary::{Accumulator, Figures, Summary, pulses};
+pub use summary::{Accumulator, Figures, Summary, angle_text, pulses};
 pub use trace::COLUMNS;

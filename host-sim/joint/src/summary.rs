@@ -5,6 +5,7 @@ use model_core::Command;
 use model_core::Duty;
 use serde::Serialize;
 use std::collections::VecDeque;
+use thermyo_files::units::UnitSystem;
 use thermyo_plant::Ledger;
 use thermyo_plant::joint::ArmLedger;
 
@@ -183,6 +184,14 @@ impl Accumulator {
             mass_balance_error: muscles.map(|ledger| ledger.mass_balance_error()),
             energy_balance_error: muscles.map(|ledger| ledger.energy_balance_error()),
         }
+    }
+}
+
+/// Angles in degrees, or in radians in SI.
+pub fn angle_text(value_rad: f64, units: UnitSystem) -> String {
+    match units {
+        UnitSystem::Si => format!("{value_rad:.5} rad"),
+        UnitSystem::Practical => format!("{:.3} deg", value_rad.to_degrees()),
     }
 }
 

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
 use thermyo_runs::compare;
-use thermyo_runs::compare::{Comparison, Recorded};
+use thermyo_runs::compare::{Comparison, Recorded, Subject};
 
 #[derive(Debug, Args)]
 pub(super) struct CompareArgs {
@@ -25,15 +25,10 @@ pub(super) fn run(
     let mut runs = Vec::new();
     for path in &args.runs {
         let trace = trace_in(path);
-        if trace.ends_with(thermyo_joint::trace::FILE) {
-            let trace = trace.display();
-            let message =
-                format!("{trace}: is of a joint: `thermyo compare` takes runs of one muscle");
-            return Err(Failure::Usage(message));
-        }
         let table = read_record(&trace, stderr)?;
         runs.push(Recorded::of_trace(&name(path), &trace, &table)?);
     }
+    refuse_unlike(&runs)?;
     let comparison = Comparison::of(runs);
     for warning in comparison.warnings() {
         let _ = writeln!(stderr, "thermyo: warning: {warning}");
@@ -53,9 +48,23 @@ pub(super) fn run(
     print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
 }
 
-/// Name of a run: its path without the file name that every trace has.
+/// A joint has other columns than a muscle.
+fn refuse_unlike(runs: &[Recorded]) -> Result<(), Failure> {
+    let of = |subject| runs.iter().map(|recorded| &recorded.run).find(|run| run.subject == subject);
+    match (of(Subject::Joint), of(Subject::Muscle)) {
+        (Some(joint), Some(muscle)) => Err(Failure::Usage(format!(
+            "{} is of a joint and {} of one muscle: compare runs of the same kind",
+            joint.name, muscle.name
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Name of a run: its path without the file name that a trace has.
 fn name(path: &Path) -> String {
-    let folder = path.parent().filter(|_| path.ends_with("trace.csv"));
+    let folder = path
+        .parent()
+        .filter(|_| path.ends_with("trace.csv") || path.ends_with(thermyo_joint::trace::FILE));
     let named = folder.filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(path);
     named.display().to_string()
 }

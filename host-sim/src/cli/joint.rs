@@ -8,7 +8,7 @@ use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::page::PageRecorder;
 use thermyo_joint::trace::FILE;
-use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary};
+use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary, angle_text};
 use thermyo_logs::{Logs, topics};
 use thermyo_record::board_trace::Recorder;
 
@@ -96,18 +96,10 @@ fn record(
     Ok(summary)
 }
 
-/// Angles in degrees, or in radians in SI.
-pub(super) fn angle(value_rad: f64, units: UnitSystem) -> String {
-    match units {
-        UnitSystem::Si => format!("{value_rad:.5} rad"),
-        UnitSystem::Practical => format!("{:.3} deg", value_rad.to_degrees()),
-    }
-}
-
 fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
     let figures = &summary.figures;
     let [estimate_a, estimate_b] = summary.estimate_rmse_k;
-    let [least, most] = figures.angle_rad.map(|value_rad| angle(value_rad, units));
+    let [least, most] = figures.angle_rad.map(|value_rad| angle_text(value_rad, units));
     let mut text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
          angle {least} to {most}, RMS error {}, at the end {}\n\
@@ -117,8 +109,8 @@ fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
         summary.duration_s,
         summary.real_time_factor,
         summary.board,
-        angle(figures.rms_error_rad, units),
-        angle(figures.end_error_rad, units),
+        angle_text(figures.rms_error_rad, units),
+        angle_text(figures.end_error_rad, units),
         units.text(figures.rms_stiffness_error, "", 2),
         figures.pulses_per_s,
         summary.arm_balance_error,

@@ -4,7 +4,7 @@ use super::board_status::{
     Overview, armed, cleared, config_file, configuration, configuration_json, history,
 };
 use super::drive::{DriveArgs, Summed, drove, ended, say_record};
-use super::joint::{angle, faulty};
+use super::joint::faulty;
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Failure, FormatArgs, interrupt, print};
@@ -19,7 +19,7 @@ use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::trace::{FILE, board_columns};
-use thermyo_joint::{Inputs, JointLoaded, Rig, RunError, named, venting};
+use thermyo_joint::{Inputs, JointLoaded, Rig, RunError, angle_text, named, venting};
 use thermyo_logs::topics;
 use thermyo_protocol::Refusal;
 use thermyo_record::board_trace::Recorder;
@@ -173,7 +173,7 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
     })) = error
     {
         let [value, minimum, maximum] =
-            [value, minimum, maximum].map(|rad| angle(rad.into(), units));
+            [value, minimum, maximum].map(|rad| angle_text(rad.into(), units));
         return Failure::Usage(format!(
             "an angle of {value}: must be from {minimum} to {maximum}, the stops"
         ));
@@ -371,7 +371,7 @@ fn drive_files(folder: &Path, driven: &JointLoaded) -> Result<OutputDir, Failure
 
 fn brief(summary: &joint::Driven, units: UnitSystem, folder: &Path) -> String {
     let figures = &summary.figures;
-    let [least, most] = figures.angle_rad.map(|angle_rad| angle(angle_rad, units));
+    let [least, most] = figures.angle_rad.map(|angle_rad| angle_text(angle_rad, units));
     let [a, b] = figures.highest_pressure_pa.map(|pa| units.text(pa, "Pa", 1));
     let mut text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
@@ -381,8 +381,8 @@ fn brief(summary: &joint::Driven, units: UnitSystem, folder: &Path) -> String {
         summary.driven(),
         summary.config_name,
         summary.config_checksum,
-        angle(figures.rms_error_rad, units),
-        angle(figures.end_error_rad, units),
+        angle_text(figures.rms_error_rad, units),
+        angle_text(figures.end_error_rad, units),
         units.text(figures.rms_stiffness_error, "", 2),
         figures.pulses_per_s,
         summary.timing.step_mean_us,

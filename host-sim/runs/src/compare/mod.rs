@@ -4,16 +4,17 @@
 
 mod page;
 mod several;
+mod subject;
 
 pub use several::{Comparison, Recorded};
+pub use subject::Subject;
 
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::input::InputError;
-use thermyo_files::number::{difference_text, short};
+use thermyo_files::number::short;
 use thermyo_files::table::Table;
 use thermyo_files::units::UnitSystem;
-use thermyo_record::trace::COMPARABLE;
 
 /// Relative difference up to which two records last equally long \[-\].
 const SAME_LENGTH: f64 = 0.01;
@@ -21,6 +22,8 @@ const SAME_LENGTH: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub struct Run {
     pub name: String,
+    /// Whose columns it has.
+    pub subject: Subject,
     /// `plant.kind` of its scenario, where that is known: a vessel's trace has a length too.
     kind: Option<&'static str>,
     time_s: Vec<f64>,
@@ -48,6 +51,16 @@ pub struct Compared {
     /// Rows of the first run within the time of both.
     pub rows: usize,
     pub differences: BTreeMap<&'static str, Difference>,
+    #[serde(skip)]
+    pub subject: Subject,
+}
+
+impl Compared {
+    /// Columns with a difference, in the order in which they are shown.
+    fn shown(&self) -> impl Iterator<Item = (&'static str, &Difference)> {
+        let columns = self.subject.columns().iter().copied();
+        columns.filter_map(|name| Some((name, self.differences.get(name)?)))
+    }
 }
 
 impl Run {
@@ -61,8 +74,11 @@ impl Run {
             let allowed = format!("at least {:?}, the time of the row before", time_s[row - 1]);
             return Err(table.cell_error(row, "time_s", &allowed));
         }
-        let columns = COMPARABLE
-            .into_iter()
+        let subject = Subject::of(table);
+        let columns = subject
+            .columns()
+            .iter()
+            .copied()
             .chain(["set_point"])
             .filter_map(|name| {
                 let column = table.columns().iter().find(|column| column.name == name)?;
@@ -70,7 +86,7 @@ impl Run {
                 column.cells.iter().any(Option::is_some).then_some((name, values))
             })
             .collect();
-        Ok(Self { name: name.to_owned(), kind, time_s, columns })
+        Ok(Self { name: name.to_owned(), subject, kind, time_s, columns })
     }
 
     fn column(&self, name: &str) -> Option<&[f64]> {
@@ -120,8 +136,11 @@ impl Run {
     pub fn compared(&self, first: &Self) -> Compared {
         let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
         let rows = first.time_s.iter().filter(|time| (from_s..=to_s).contains(*time)).count();
-        let differences = COMPARABLE
-            .into_iter()
+        let differences = self
+            .subject
+            .columns()
+            .iter()
+            .copied()
             .filter_map(|name| {
                 let (own, other) = (self.column(name)?, first.column(name)?);
                 let differences: Vec<f64> = first
@@ -143,7 +162,8 @@ impl Run {
                 })
             })
             .collect();
-        Compared { run: self.name.clone(), with: first.name.clone(), rows, differences }
+        let (run, with) = (self.name.clone(), first.name.clone());
+        Compared { run, with, rows, differences, subject: self.subject }
     }
 }
 
@@ -152,10 +172,9 @@ pub fn text(all: &[Compared], units: UnitSystem) -> String {
     let mut text = String::new();
     for compared in all {
         text += &format!("{} less {}:\n", compared.run, compared.with);
-        for name in COMPARABLE {
-            let Some(difference) = compared.differences.get(name) else { continue };
+        for (name, difference) in compared.shown() {
             let [rms, mean, max] = [difference.rms, difference.mean, difference.max]
-                .map(|value| difference_text(value, name, units));
+                .map(|value| subject::text(value, name, units));
             text += &format!("  {name:22} RMS {rms}, mean {mean}, largest {max}\n");
         }
     }

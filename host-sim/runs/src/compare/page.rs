@@ -1,10 +1,10 @@
 //! `report.html` of a comparison: every quantity of all runs in one chart, and the differences.
 
+use super::subject::{Subject, label, text, unit};
 use super::{Compared, Run};
-use crate::run_report::label;
-use thermyo_files::number::{MISSING, of_column};
-use thermyo_files::units::Unit;
-use thermyo_record::trace::COMPARABLE;
+use crate::run_report::capitalised;
+use thermyo_files::number::MISSING;
+use thermyo_files::units::UnitSystem;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table};
@@ -19,26 +19,21 @@ const COLOURS: [Colour; 7] = [
     Colour::Sky,
 ];
 
-/// Headings of the sections, and the columns drawn in them.
-const SECTIONS: [(&str, &[&str]); 3] = [
-    ("Temperature", &["gas_temperature_k", "estimate_k", "sensor_gas_k", "wall_temperature_k"]),
-    ("Pressure and motion", &["pressure_pa", "length_m", "volume_m3"]),
-    ("Air", &["mass_kg", "flow_in_kg_s", "flow_out_kg_s", "duty_in", "duty_out"]),
-];
-
-/// Columns of the separate drawing.
-const DRAWN: [&str; 4] = ["pressure_pa", "estimate_k", "sensor_gas_k", "length_m"];
-
 /// `compared` contains all runs but the first.
 pub fn page(runs: &[Run], compared: &[Compared]) -> String {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let lead = format!("{}: each over the others, the differences to the first.", names.join(", "));
     let page = Page::new("Runs compared", &lead, "").section(differences(compared));
-    SECTIONS
-        .into_iter()
+    subject(runs)
+        .sections()
+        .iter()
         .filter_map(|(name, columns)| section(runs, name, columns))
         .fold(page, Page::section)
         .render()
+}
+
+fn subject(runs: &[Run]) -> Subject {
+    runs.first().map_or(Subject::Muscle, |run| run.subject)
 }
 
 fn section(runs: &[Run], name: &str, columns: &[&str]) -> Option<Section> {
@@ -51,11 +46,10 @@ fn section(runs: &[Run], name: &str, columns: &[&str]) -> Option<Section> {
 }
 
 fn panel(runs: &[Run], column: &str) -> Option<Panel> {
-    let unit = Unit::of_column(column);
+    let unit = unit(column, UnitSystem::Practical);
     let drawn = |run: &&Run| run.column(column).is_some();
     runs.iter().find(drawn)?;
-    let name = label(column);
-    let title = name[..1].to_uppercase() + &name[1..];
+    let title = capitalised(&label(column));
     let panel = Panel::new(Axis::new(&title, unit.symbol)).height(160.0);
     let lines = runs.iter().zip(COLOURS.into_iter().cycle());
     Some(lines.fold(panel, |panel, (run, colour)| match run.column(column) {
@@ -76,11 +70,9 @@ fn differences(compared: &[Compared]) -> Section {
 
 /// Quantity, RMS, mean and largest difference; a row that says so where there is none.
 pub fn rows(compared: &Compared) -> Vec<[String; 4]> {
-    let rows = COMPARABLE.into_iter().filter_map(|name| {
-        let difference = compared.differences.get(name)?;
-        let shown = |value| of_column(value, name);
-        let name = label(name).to_owned();
-        Some([name, shown(difference.rms), shown(difference.mean), shown(difference.max)])
+    let rows = compared.shown().map(|(name, difference)| {
+        let shown = |value| text(value, name, UnitSystem::Practical);
+        [label(name), shown(difference.rms), shown(difference.mean), shown(difference.max)]
     });
     let rows: Vec<[String; 4]> = rows.collect();
     if rows.is_empty() {
@@ -92,7 +84,7 @@ pub fn rows(compared: &Compared) -> Vec<[String; 4]> {
 
 /// The main quantities of all runs as a separate drawing.
 pub fn plot(runs: &[Run]) -> String {
-    let panels = DRAWN.iter().filter_map(|column| panel(runs, column));
+    let panels = subject(runs).drawn().iter().filter_map(|column| panel(runs, column));
     let chart = panels.fold(Chart::new(Axis::new("Time", "s")).half(), Chart::panel);
     chart.document("Runs compared")
 }

@@ -1,6 +1,7 @@
 //! Several recorded runs, with the scenario and the summary beside their traces.
 
-use super::{Compared, Run, page};
+use super::{Compared, Run, Subject, page};
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use std::path::Path;
 use thermyo_files::input::InputError;
@@ -8,7 +9,38 @@ use thermyo_files::table::Table;
 use thermyo_files::units::UnitSystem;
 use thermyo_record::tracking::Control;
 
-/// A run, and how it followed its set point: `control` of its summary, or null.
+/// How a joint followed its set point, from its summary.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+struct JointControl {
+    rms_error_rad: f64,
+    end_error_rad: f64,
+    rms_stiffness_error: f64,
+    pulses_per_s: f64,
+    limited: f64,
+}
+
+impl JointControl {
+    /// Two lines of text.
+    fn text(&self, units: UnitSystem) -> String {
+        let angle = |value_rad| thermyo_joint::angle_text(value_rad, units);
+        let limited = match self.limited {
+            limited if limited > 0.0 => {
+                format!("; limited for {} of the time", UnitSystem::Practical.text(limited, "", 1))
+            }
+            _ => String::new(),
+        };
+        format!(
+            "set point: RMS error {}, at the end {}; stiffness, RMS error {}\n\
+             valves: {:.1} pulses/s{limited}\n",
+            angle(self.rms_error_rad),
+            angle(self.end_error_rad),
+            units.text(self.rms_stiffness_error, "", 2),
+            self.pulses_per_s,
+        )
+    }
+}
+
+/// A run, and how it followed its set point: that part of its summary, or null.
 #[derive(Debug, Clone)]
 pub struct Recorded {
     pub run: Run,
@@ -21,7 +53,9 @@ impl Recorded {
     /// # Errors
     /// As [`Run::new`].
     pub fn of_trace(name: &str, trace: &Path, table: &Table) -> Result<Self, InputError> {
-        Ok(Self { run: Run::new(name, kind_of(trace), table)?, control: control_of(trace) })
+        let run = Run::new(name, kind_of(trace), table)?;
+        let control = control_of(trace, run.subject);
+        Ok(Self { run, control })
     }
 
     /// A record of which nothing else is known.
@@ -39,11 +73,14 @@ fn kind_of(trace: &Path) -> Option<&'static str> {
     Some(loaded.plant.plant.kind.word())
 }
 
-/// `control` of the summary beside a trace; null without one.
-fn control_of(trace: &Path) -> Value {
+/// How the run followed its set point, from the summary beside its trace; null without one.
+fn control_of(trace: &Path, subject: Subject) -> Value {
     let summary = std::fs::read(trace.with_file_name("summary.json")).unwrap_or_default();
     let summary: Value = serde_json::from_slice(&summary).unwrap_or_default();
-    summary["control"].clone()
+    match subject {
+        Subject::Muscle => summary["control"].clone(),
+        Subject::Joint => json!(JointControl::deserialize(summary).ok()),
+    }
 }
 
 /// The first run, and the differences of the others from it.
@@ -56,7 +93,7 @@ pub struct Comparison {
 }
 
 impl Comparison {
-    /// Compares the others with the first one.
+    /// Compares the others with the first one; all are of the same [`Subject`].
     pub fn of(recorded: Vec<Recorded>) -> Self {
         let (runs, controls): (Vec<Run>, Vec<Value>) =
             recorded.into_iter().map(|recorded| (recorded.run, recorded.control)).unzip();
@@ -98,8 +135,11 @@ impl Comparison {
     /// How each run followed its set point, below its name; empty without a set point.
     pub fn tracking(&self, units: UnitSystem) -> String {
         let all = self.runs.iter().zip(&self.controls).filter_map(|(run, control)| {
-            let control = serde_json::from_value::<Control>(control.clone()).ok()?;
-            Some(format!("{}\n{}", run.name, control.text(units)))
+            let text = match run.subject {
+                Subject::Muscle => Control::deserialize(control).ok()?.text(units),
+                Subject::Joint => JointControl::deserialize(control).ok()?.text(units),
+            };
+            Some(format!("{}\n{text}", run.name))
         });
         all.collect()
     }
