@@ -10,6 +10,7 @@ use thermyo_joint::JointLoaded;
 use thermyo_scenario::Document;
 use thermyo_scenario::joint::{JointDocument, is_joint};
 use thermyo_setup::Loaded;
+use thermyo_sweep::Swept;
 use toml::{Table, Value};
 
 /// Name in messages of a scenario that is not a file.
@@ -72,11 +73,17 @@ pub fn load(given: &Bound<'_, PyAny>, seed: Option<&Bound<'_, PyAny>>) -> PyResu
 }
 
 /// Reads a scenario; also returns whether it is a dict.
-pub fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
+fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
     let Source { text, origin, from_dict } = Source::of(given)?;
     let document = Document::parse(&text, &origin);
     let document = document.map_err(|e| error::input(placed(e, &origin, from_dict)))?;
     Ok((document, from_dict))
+}
+
+/// Reads a scenario, of one chamber or of a joint, whose keys are set in a sweep.
+pub fn swept(given: &Bound<'_, PyAny>) -> PyResult<Swept> {
+    let Source { text, origin, from_dict } = Source::of(given)?;
+    Swept::parse(&text, &origin).map_err(|e| error::input(placed(e, &origin, from_dict)))
 }
 
 /// A scenario as TOML.

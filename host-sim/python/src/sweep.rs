@@ -5,7 +5,7 @@ use crate::run::{Signals, results};
 use crate::scenario;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
-use thermyo_sweep::{Latin, Range, Shard, Sweep as Points, Swept};
+use thermyo_sweep::{Latin, Range, Shard, Sweep as Points};
 
 /// The points of `thermyo sweep`, and the rows of its table.
 #[pyclass(frozen, module = "thermyo")]
@@ -23,7 +23,7 @@ impl Sweep {
         lhs: Option<usize>,
         seed: u64,
     ) -> PyResult<Self> {
-        let (document, _) = scenario::document(scenario)?;
+        let scenario = scenario::swept(scenario)?;
         let texts = vary.extract::<Vec<String>>().map_err(|_| {
             PyTypeError::new_err(
                 "vary: must be a list of texts, such as [\"plant.model=lumped,full\"]",
@@ -33,7 +33,6 @@ impl Sweep {
             text.parse::<Range>().map_err(|e| error::sweep(format!("vary {text}: {e}")))
         });
         let latin = lhs.map(|points| Latin { points, seed });
-        let scenario = Swept::Muscle(document);
         let points = Points::of(scenario, ranges.collect::<PyResult<_>>()?, latin, Shard::WHOLE)
             .map_err(error::sweep)?;
         Ok(Self { points })

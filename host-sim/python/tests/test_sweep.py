@@ -24,6 +24,19 @@ def test_rows_are_the_commands(command, tmp_path):
     assert values.startswith("sensor.gas.time_constant_s = ") and ", plant.model = " in values
 
 
+def test_rows_of_a_joint_are_the_commands(command, tmp_path):
+    text = '[run]\nduration_s = 0.3\n[plant]\nmodel = "lumped"\n[joint]\n[drive]\nangle_rad = 0.1\n'
+    (tmp_path / "scenario.toml").write_text(text)
+    vary = ["joint.inertia_kg_m2=0.02,0.05", "joint.b.muscle.bladder_stiffness_n_m=600,700"]
+    words = [word for text in vary for word in ("--vary", text)]
+    result = command("sweep", tmp_path / "scenario.toml", *words, "--out", tmp_path / "out")
+    assert result.returncode == 0, result.stderr
+    sweep = thermyo.Sweep(text, vary)
+    lines = [sweep.header] + [sweep.row(point) for point in range(1, len(sweep) + 1)]
+    assert len(sweep) == 4
+    assert "\n".join(lines) + "\n" == (tmp_path / "out" / "sweep.csv").read_text()
+
+
 def test_rows_are_dicts_too():
     sweep = thermyo.Sweep(SCENARIO, ["supply.pressure_pa=5bar,6bar"])
     record = sweep.record(2)

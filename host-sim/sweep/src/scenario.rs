@@ -25,11 +25,18 @@ pub(super) enum Assembled {
 impl Swept {
     /// Reads a scenario.
     pub(super) fn read(path: &Path) -> Result<Self, InputError> {
-        let text = read_text(path)?;
-        if is_joint(&text) {
-            return Ok(Self::Joint(Box::new(JointDocument::parse(&text, path)?)));
+        Self::parse(&read_text(path)?, path)
+    }
+
+    /// A scenario from its text; `origin` is its name in messages.
+    ///
+    /// # Errors
+    /// In one line: file, line, key, what is there and what is allowed.
+    pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
+        if is_joint(text) {
+            return Ok(Self::Joint(Box::new(JointDocument::parse(text, origin)?)));
         }
-        Ok(Self::Muscle(Document::parse(&text, path)?))
+        Ok(Self::Muscle(Document::parse(text, origin)?))
     }
 
     /// The file.
