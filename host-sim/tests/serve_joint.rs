@@ -191,6 +191,9 @@ fn the_page_of_a_joint_in_a_browser() {
         assert!(seen["readings"][i].as_str().unwrap().ends_with(unit), "{seen}");
     }
     assert!((seen["drawn"].as_f64().unwrap() - 25.0).abs() < 2.0, "{seen}");
+    let pressure = seen["pressure"].as_str().unwrap();
+    assert!(pressure.starts_with("900.0 kPa: must be from 101.3 to 500.0 kPa."), "{seen}");
+    assert_eq!(seen["in_bar"], json!(["2.000", "2.500"]), "{seen}");
     assert_eq!(seen["serious"], json!([]), "{seen}");
     assert_eq!(seen["narrow"], json!([1280, 390, 1280, 390]), "{seen}");
     assert!(seen["events"].as_str().unwrap().contains("both muscles vent"), "{seen}");

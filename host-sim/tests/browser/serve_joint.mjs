@@ -64,10 +64,23 @@ await type(page, "first", "0.5");
 await type(page, "second", "10");
 await page.keyboard.press("Enter");
 await until(page, () => document.getElementById("mode").textContent.startsWith("torque"));
+// Both pressures, in another unit than they were typed in.
+await page.evaluate(() => document.querySelector("[name=mode][value=pressures]").click());
+await type(page, "first", "200");
+await type(page, "second", "9bar");
+await page.keyboard.press("Enter");
+const pressure = await page.$eval("#second", (field) => field.validationMessage);
+await type(page, "second", "250");
+await page.select("#unit-Pa", "bar");
+const in_bar = await page.$$eval("#first, #second", (fields) => fields.map(({ value }) => value));
+await page.click("#steer .main");
+await until(page, () => document.getElementById("mode").textContent.startsWith("pressures") &&
+  ["a", "b"].every((side, i) => Math.abs(parseFloat(document.getElementById(`r-pressure-${side}`).textContent) - [2, 2.5][i]) < .05));
+await page.focus("#first");
 await page.keyboard.press(" ");
 await until(page, () => document.getElementById("mode").textContent === "vent");
 await page.click("#record-button");
 await until(page, () => document.querySelector("#results a"));
 const events = await text(page, "events");
 await browser.close();
-console.log(JSON.stringify({ problems, hidden, most, refused, reached, readings, drawn, serious, narrow, events }));
+console.log(JSON.stringify({ problems, hidden, most, refused, reached, readings, drawn, pressure, in_bar, serious, narrow, events }));

@@ -15,7 +15,7 @@ const both = (...names) => names.flatMap((name) => SIDES.map((side) => `${name}_
 
 /** Data and axes that have a unit to choose. */
 export const scaled = {
-  Pa: { chart: "plot-pressure", least: 1e4, columns: both("pressure"), fields: ["most"] },
+  Pa: { chart: "plot-pressure", least: 1e4, columns: both("pressure"), fields: ["most"], mode: "pressures" },
   K: { chart: "plot-temperature", least: 2, columns: both("gas", "low", "high", "sensor"), fields: [] },
 };
 
@@ -85,16 +85,24 @@ export const modes = {
     first: ["Torque", "N m"], second: STIFFNESS, plain: true,
     set: ([torque_n_m, stiffness_n_m_rad]) => ({ set_joint: { Torque: { torque_n_m, stiffness_n_m_rad } } }),
   },
+  pressures: {
+    first: ["Muscle a", "Pa"], second: ["muscle b", "Pa"],
+    set: (pressure_pa) => ({ set_joint: { Pressures: { pressure_pa } } }),
+  },
 };
 /** A small first movement, as in docs/how-to/joint.md. */
-export const kept = { angle: ["5", "6"], torque: ["0", "6"] };
+export const kept = { angle: ["5", "6"], torque: ["0", "6"], pressures: ["150", "150"] };
 
 /** Range of the first value, in SI. */
-export const limits = (mode, { joint }) => (mode === "angle" ? [joint.minimum_rad, joint.maximum_rad] : [-LARGEST, LARGEST]);
+export function limits(mode, { ambient_pa, working_limit_pa, joint }, armed_pa) {
+  if (mode === "pressures") return [ambient_pa, Math.min(armed_pa ?? working_limit_pa, working_limit_pa)];
+  return mode === "angle" ? [joint.minimum_rad, joint.maximum_rad] : [-LARGEST, LARGEST];
+}
 
-export const secondLimits = () => [0, LARGEST];
+export const secondLimits = (mode, first) => (mode === "pressures" ? first : [0, LARGEST]);
 
 export function hint(mode, range) {
+  if (mode === "pressures") return `From ${range}, absolute. Angle and stiffness follow from them.`;
   return mode === "angle" ? `From ${range}. Where pressures are at their limit, the stiffness gives way.` : "Positive towards growing angles. The angle is left to the arm.";
 }
 

@@ -19,13 +19,14 @@ let due = false;
 
 function choose(si, name) {
   const { chart, least, columns, fields, mode: own } = scaled[si], [, one, zero] = unit(si);
-  const texts = [...fields.map((id) => $(id)), ...(own && mode === own ? [$("first")] : [])];
-  const values = texts.map((field) => parse(field.value, si)), ofMode = own && parse(kept[own][0], si);
+  const ofMode = ["first", "second"].filter((place) => own && modes[own][place]?.[1] === si);
+  const texts = [...fields, ...(mode === own ? ofMode : [])].map((id) => $(id));
+  const values = texts.map((field) => parse(field.value, si)), ofKept = ofMode.map((_, i) => parse(kept[own][i], si));
   chosen[si] = name;
   localStorage.setItem(`unit ${si}`, name);
   live.rescale(chart, { unit: symbol(si), digits: digits(si), least: least / unit(si)[1] }, columns, (value) => shownIn(si, value * one + zero));
   texts.forEach((field, i) => { if (values[i] !== null) field.value = format(si, values[i]); });
-  if (own) kept[own][0] = format(si, ofMode);
+  ofKept.forEach((value, i) => { if (value !== null) kept[own][i] = format(si, value); });
   for (const place of document.querySelectorAll(`[data-unit="${si}"]`)) place.textContent = symbol(si);
   if (state) showState();
   draw();
@@ -451,7 +452,7 @@ function chooseMode(next) {
 
 function set() {
   const { first, second, set: setPoint, unchecked } = modes[mode];
-  const ranges = unchecked ? [] : [limits(), subject.secondLimits(mode)];
+  const ranges = unchecked ? [] : [limits(), subject.secondLimits(mode, limits())];
   const fields = [[first, "first"], [second, "second"]].filter(([quantity]) => quantity);
   const values = fields.map(([[, si], id], i) => asked(id, si, ranges[i]));
   if (values.every((value) => value !== null)) order(setPoint(values));
