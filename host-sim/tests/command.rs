@@ -624,7 +624,16 @@ fn a_joints_run_is_replayed_to_the_bit() {
     assert_eq!(emulated.status.code(), Some(2));
     assert!(stderr_of(&emulated).contains("leave out --board"), "{}", stderr_of(&emulated));
 
+    // Too short and too uniform for values; the arguments of one muscle are not taken.
     let trace = path("run/joint_trace.csv");
+    let found = thermyo(&["identify", &trace, "--config", &file, "--out", &path("identified")]);
+    assert_eq!(found.status.code(), Some(1), "{}", stderr_of(&found));
+    assert!(stderr_of(&found).contains("nothing was found: the balance of torques"));
+    assert!(!Path::new(&path("identified/summary.json")).exists());
+    let planned = thermyo(&["identify", "--plan", "motion", "--config", &file]);
+    assert_eq!(planned.status.code(), Some(2));
+    assert!(stderr_of(&planned).contains("are for one muscle"), "{}", stderr_of(&planned));
+
     let text = fs::read_to_string(&trace).unwrap();
     let column = text.lines().next().unwrap().split(',').position(|name| name == "a_duty_in");
     let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();

@@ -364,7 +364,7 @@ fn tuned(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
         Err(_) => return Ok(vec![Figure::at_most("refused", 1.0, 0.0)]),
     };
     let error_percent = |path: &str, truth: f64| {
-        let after = tuned.findings.value(path).map_or(f64::NAN, |one| one.after);
+        let after = tuned.findings.values.value(path).map_or(f64::NAN, |one| one.after);
         100.0 * (after / truth - 1.0).abs()
     };
     let plant = &loaded.joint;

@@ -89,7 +89,7 @@ pub(super) fn run(
     let scenario = thermyo_joint::render(&tuned.scenario);
     let shown = (tuned.findings.text(), tuned.findings.adopted);
     Done::new(args, &mut out, &tuned.findings, (&scenario, &page), shown)?
-        .failing(tuned.findings.failed())
+        .failing(tuned.findings.values.failed())
         .publish(args, out, stdout, stderr)
 }
 

@@ -17,6 +17,7 @@ mod init;
 mod interrupt;
 mod joint;
 mod joint_board;
+mod joint_identify;
 mod joint_tune;
 mod log;
 mod measure;
@@ -271,10 +272,11 @@ enum Plan {
 #[derive(Debug, Args)]
 struct IdentifyArgs {
     /// Recorded data: time_s and columns of trace.csv; a motion: time_s, length_m, pressure_pa, with force_n where it was
-    /// measured; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n
+    /// measured; or a static map: rest_length_m, gauge_pressure_pa, length_m, force_n; of a joint: its joint_trace.csv, or
+    /// time_s, angle_rad, a_pressure_pa, b_pressure_pa
     #[arg(required_unless_present = "plan")]
     data: Option<PathBuf>,
-    /// Scenario file (TOML) whose [identify] names the parameters
+    /// Scenario file (TOML) whose [identify] names the parameters; of a joint all are sought
     #[arg(long, value_name = "FILE.toml")]
     config: PathBuf,
     /// Validation data: a second static map, or a second motion, that is not used for the fit
@@ -537,6 +539,9 @@ fn identify_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
+    if let Some(joint) = joint_in(&args.config, args.output.format, stderr)? {
+        return joint_identify::run(&joint, args, stdout, stderr);
+    }
     let loaded = load(&args.config, args.output.format, stderr)?;
     let Some(data) = &args.data else {
         return plan_command(&loaded, args, stdout, stderr);

@@ -28,7 +28,7 @@
 //! dG = 2 r^2 dk, and the muscles' viscous friction as r^2 times it in c. With r the torques, the lengths and G grow
 //! alike up to terms of (r q/L)^2: radius and both lengths cannot all be told from torques alone.
 
-use super::experiment::{Plan, Record};
+use super::experiment::Record;
 use crate::tune::regression::{Measure, Solution, solve};
 use model_core::joint::JointConfig;
 use model_core::physics::chamber::{AnyChamber, Chamber};
@@ -252,8 +252,13 @@ fn product(kernel: &[f64], of: impl Iterator<Item = f64>) -> f64 {
     kernel.iter().zip(of).map(|(weight, value)| weight * value).sum()
 }
 
-/// Middles of the windows in which it slides one way, with the speed there \[rad/s\].
-fn sliding(records: &[Record], kernel: &Kernel, plan: &Plan, turn_rad: f64) -> Vec<(usize, f64)> {
+/// Middles of the windows in which it slides one way, at `least_rad_s` or faster, with the speed there \[rad/s\].
+fn sliding(
+    records: &[Record],
+    kernel: &Kernel,
+    least_rad_s: f64,
+    turn_rad: f64,
+) -> Vec<(usize, f64)> {
     let half = kernel.half;
     let hop = (half as f64 * HOP_S / HALF_S).round().max(1.0) as usize;
     let middles: Vec<usize> = (half..records.len().saturating_sub(half)).step_by(hop).collect();
@@ -267,13 +272,13 @@ fn sliding(records: &[Record], kernel: &Kernel, plan: &Plan, turn_rad: f64) -> V
     let mut found = Vec::new();
     let (mut turned_rad, mut sign) = (f64::NAN, 0.0);
     for (k, middle) in middles.iter().enumerate() {
-        let now = if speeds[k].abs() < plan.sliding_rad_s { 0.0 } else { speeds[k].signum() };
+        let now = if speeds[k].abs() < least_rad_s { 0.0 } else { speeds[k].signum() };
         if now != sign {
             turned_rad = records[*middle].angle_rad;
             sign = now;
         }
         let around = &speeds[k.saturating_sub(AROUND)..(k + AROUND + 1).min(speeds.len())];
-        let even = around.iter().all(|speed| speed * now >= plan.sliding_rad_s);
+        let even = around.iter().all(|speed| speed * now >= least_rad_s);
         let clear = (records[*middle].angle_rad - turned_rad).abs() > turn_rad;
         if now != 0.0 && even && clear {
             found.push((*middle, speeds[k]));
@@ -291,7 +296,8 @@ pub struct Balance<'a> {
 }
 
 impl<'a> Balance<'a> {
-    pub fn new(records: &'a [Record], plan: &Plan, config: &'a JointConfig) -> Self {
+    /// Records of a joint whose muscles slide from `sliding_rad_s` on.
+    pub fn new(records: &'a [Record], sliding_rad_s: f64, config: &'a JointConfig) -> Self {
         let kernel = Kernel::new(f64::from(config.muscles[0].step_s));
         let turn_m = config.muscles.iter().map(|muscle| {
             let (friction, slip) = (&muscle.friction, &muscle.hysteresis);
@@ -301,7 +307,7 @@ impl<'a> Balance<'a> {
         });
         let turn_m = turn_m.fold(LEAST_TURN_M, f64::max);
         let turn_rad = turn_m / f64::from(config.mechanism.radius_m);
-        let windows = sliding(records, &kernel, plan, turn_rad);
+        let windows = sliding(records, &kernel, sliding_rad_s, turn_rad);
         Self { records, muscles: Muscles::new(config), kernel, windows }
     }
 

@@ -33,7 +33,7 @@ const PERIODS: f64 = 4.0;
 const STEPS: u32 = 6;
 const STEP_S: f64 = 0.6;
 /// Most steps whose telemetry was lost that are interpolated: shorter than a PWM period.
-const MOST_LOST: u32 = 8;
+pub(super) const MOST_LOST: u32 = 8;
 
 /// Data of one step of the core; arrays are of muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,6 +198,11 @@ struct Part {
     stiffness_n_m_rad: f64,
 }
 
+/// Least speed of the joint at which its muscles slide \[rad/s\].
+pub(super) fn sliding_rad_s(config: &JointConfig, sliding_m_s: f64) -> f64 {
+    sliding_m_s / f64::from(config.mechanism.radius_m)
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     /// Ends of the sweeps \[rad\].
@@ -216,7 +221,7 @@ impl Plan {
         let [least, most] = [mechanism.minimum_rad, mechanism.maximum_rad].map(f64::from);
         let (middle, reach) = (f64::midpoint(least, most), 0.5 * RANGE * (most - least));
         let ends_rad = [middle - reach, middle + reach];
-        let sliding_rad_s = sliding_m_s / f64::from(mechanism.radius_m);
+        let sliding_rad_s = sliding_rad_s(config, sliding_m_s);
         let stiffness_n_m_rad =
             PRESSURES.map(|share| stiffness(config, middle, share * gauge_pa(config, highest_pa)));
         let mut plan = Self { ends_rad, stiffness_n_m_rad, sliding_rad_s, parts: Vec::new() };

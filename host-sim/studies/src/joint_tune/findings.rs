@@ -2,7 +2,7 @@
 
 use super::balance::{Altered, Balance, COUNT, Fitted, Term};
 use super::check::{Checked, Figures};
-use super::experiment::{Plan, Record};
+use super::experiment::Record;
 use super::{REST_MOTION_RAD, Refusal};
 use crate::tune::regression::Measure;
 use crate::tune::{Parameter, compared, word};
@@ -78,11 +78,11 @@ fn largest(fitted: &Fitted) -> [f64; COUNT] {
 /// Fits all values but the radius, and leaves open those whose errors are too large, the worst first.
 pub(super) fn estimate(
     loaded: &JointLoaded,
-    plan: &Plan,
+    sliding_rad_s: f64,
     records: &[Record],
 ) -> Result<Estimate, Refusal> {
     let config = loaded.config();
-    let balance = Balance::new(records, plan, &config);
+    let balance = Balance::new(records, sliding_rad_s, &config);
     let configured = configured(loaded);
     let (mut held, mut open) = ([None; COUNT], [None; COUNT]);
     let mut zero = [false; COUNT];
@@ -309,18 +309,56 @@ pub struct Check {
     pub after: Figures,
 }
 
+/// Values of a joint from records.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Findings {
-    /// Length of the experiment \[s\].
+pub struct Values {
+    /// Length of the records \[s\].
     pub duration_s: f64,
-    /// Highest pressure in it \[Pa\].
+    /// Highest pressure in them \[Pa\].
     pub highest_pa: f64,
     pub parameters: Vec<Parameter>,
     /// Keys that the data cannot tell, and that keep their values.
     pub open: Vec<&'static str>,
-    /// RMS torque of the muscles in the experiment, and RMS residual of the balance \[N m\].
+    /// RMS torque of the muscles, and RMS residual of the balance \[N m\].
     pub torque_rms_n_m: f64,
     pub residual_rms_n_m: f64,
+}
+
+impl Values {
+    pub(super) fn new(loaded: &JointLoaded, estimate: &Estimate, records: &[Record]) -> Self {
+        Self {
+            duration_s: records.last().map_or(0.0, |record| record.time_s),
+            highest_pa: records.iter().flat_map(|one| one.pressure_pa).fold(0.0, f64::max),
+            parameters: estimate.parameters(loaded),
+            open: estimate.open(),
+            torque_rms_n_m: estimate.fitted.torque_n_m,
+            residual_rms_n_m: estimate.fitted.rms_n_m,
+        }
+    }
+
+    pub fn value(&self, path: &str) -> Option<&Parameter> {
+        self.parameters.iter().find(|parameter| parameter.path == path)
+    }
+
+    /// The table of all values.
+    pub fn table(&self) -> String {
+        crate::tune::table(&self.parameters)
+    }
+
+    /// The message for values that are left open.
+    pub fn failed(&self) -> Option<String> {
+        let keys = self.open.join(", ");
+        (!self.open.is_empty()).then(|| {
+            format!("the data cannot tell {keys}: measured by other means, or left as configured")
+        })
+    }
+}
+
+/// Values of an experiment, and their check.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Findings {
+    #[serde(flatten)]
+    pub values: Values,
     pub check: Check,
     /// The error of the sine has fallen by at least a tenth.
     pub improved: bool,
@@ -329,30 +367,11 @@ pub struct Findings {
 }
 
 impl Findings {
-    pub(super) fn new(
-        loaded: &JointLoaded,
-        estimate: &Estimate,
-        records: &[Record],
-        [before, after]: [&Checked; 2],
-    ) -> Self {
+    pub(super) fn new(values: Values, [before, after]: [&Checked; 2]) -> Self {
         let (before, after) = (before.figures, after.figures);
         let (improved, followed) = compared(before.sine_rms_rad, after.sine_rms_rad);
         let calm = after.rest_motion_rad <= REST_MOTION_RAD.max(before.rest_motion_rad);
-        Self {
-            duration_s: records.last().map_or(0.0, |record| record.time_s),
-            highest_pa: records.iter().flat_map(|one| one.pressure_pa).fold(0.0, f64::max),
-            parameters: estimate.parameters(loaded),
-            open: estimate.open(),
-            torque_rms_n_m: estimate.fitted.torque_n_m,
-            residual_rms_n_m: estimate.fitted.rms_n_m,
-            check: Check { before, after },
-            improved,
-            adopted: calm && followed,
-        }
-    }
-
-    pub fn value(&self, path: &str) -> Option<&Parameter> {
-        self.parameters.iter().find(|parameter| parameter.path == path)
+        Self { values, check: Check { before, after }, improved, adopted: calm && followed }
     }
 
     /// The result in a sentence.
@@ -378,14 +397,6 @@ impl Findings {
         };
         let (before, after) = (figures(&before), figures(&after));
         let verdict = format!("{}\n  before: {before}\n  after:  {after}\n", self.headline());
-        verdict + &crate::tune::table(&self.parameters)
-    }
-
-    /// The message for values that are left open.
-    pub fn failed(&self) -> Option<String> {
-        let keys = self.open.join(", ");
-        (!self.open.is_empty()).then(|| {
-            format!("the data cannot tell {keys}: measured by other means, or left as configured")
-        })
+        verdict + &self.values.table()
     }
 }

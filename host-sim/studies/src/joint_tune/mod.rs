@@ -14,14 +14,16 @@ mod experiment;
 mod findings;
 mod live;
 mod page;
+mod recorded;
 #[cfg(test)]
 mod tests;
 
 pub use check::Figures;
 pub use experiment::{Bench, BenchError, Course, Simulated};
-pub use findings::Findings;
+pub use findings::{Findings, Values};
 pub use live::LiveBench;
-pub use page::{check_chart, page};
+pub use page::{check_chart, page, record_page, record_plot};
+pub use recorded::{Identified, RecordError, identify};
 
 use crate::tune::{self, OutOfReach, Parameter, SLIDING_M_S};
 use check::Checked;
@@ -136,7 +138,7 @@ fn tried(loaded: &JointLoaded, highest_pa: f64, bench: &mut dyn Bench) -> Result
     if moved_rad < MOVED * asked_rad {
         return Err(Refusal::NotMoved { moved_rad, asked_rad }.into());
     }
-    let estimate = findings::estimate(loaded, &plan, &records)?;
+    let estimate = findings::estimate(loaded, plan.sliding_rad_s, &records)?;
     let scenario = adopt(loaded, &estimate.parameters(loaded))?;
     let before = check::check(loaded, &plan, bench).map_err(refused)?;
     let after = check::check(&scenario, &plan, bench).map_err(refused)?;
@@ -144,7 +146,8 @@ fn tried(loaded: &JointLoaded, highest_pa: f64, bench: &mut dyn Bench) -> Result
     if after_rad > WORSE_RAD.max(WORSE * before_rad) {
         return Err(Refusal::Worse { before_rad, after_rad }.into());
     }
-    let findings = Findings::new(loaded, &estimate, &records, [&before, &after]);
+    let values = Values::new(loaded, &estimate, &records);
+    let findings = Findings::new(values, [&before, &after]);
     Ok(Tuned { findings, scenario, estimate, records, before, after })
 }
 

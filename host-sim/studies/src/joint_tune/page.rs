@@ -1,7 +1,8 @@
 //! `report.html` of a joint's tuning: the values, the balance of torques, the check before and after.
 
 use super::balance::Point;
-use super::{Figures, Tuned};
+use super::findings::Estimate;
+use super::{Figures, Identified, Record, Tuned, Values};
 use thermyo_files::number::{MISSING, significant};
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -11,33 +12,64 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
     let lead = format!(
         "{:.0} s of slow sweeps and fast motion at two stiffnesses, up to {:.0} kPa: {}.",
-        findings.duration_s,
-        findings.highest_pa / 1e3,
+        findings.values.duration_s,
+        findings.values.highest_pa / 1e3,
         findings.headline()
     );
     let check = &findings.check;
     let title = format!("{title}, tuned");
-    let mut page = Page::new(&title, &lead, &thermyo_joint::render(&tuned.scenario));
-    if let Some(open) = findings.failed() {
-        page = page.warning(&open);
-    }
-    page.tile(Tile::new("Sine of 1 Hz, RMS, before", degrees(check.before.sine_rms_rad), "deg"))
+    let figure = motion(&tuned.records)
+        .figure("Angle and pressures", "Slow sweeps, a sine and steps, first soft, then stiff.");
+    begun(&title, &lead, &thermyo_joint::render(&tuned.scenario), &findings.values)
+        .tile(Tile::new("Sine of 1 Hz, RMS, before", degrees(check.before.sine_rms_rad), "deg"))
         .tile(Tile::new("The same after", degrees(check.after.sine_rms_rad), "deg"))
-        .tile(Tile::new("Residual torque, RMS", findings.residual_rms_n_m, "N m"))
-        .section(values(tuned))
-        .section(torques(tuned))
-        .section(motion(tuned))
+        .tile(Tile::new("Residual torque, RMS", findings.values.residual_rms_n_m, "N m"))
+        .section(values(&findings.values))
+        .section(torques(&tuned.estimate))
+        .section(Section::new("Experiment").figure(figure))
         .section(followed(tuned))
         .render()
+}
+
+/// The page of values from a record.
+pub fn record_page(found: &Identified, title: &str) -> String {
+    let values_of = &found.values;
+    let lead = format!(
+        "From {:.0} s of motion, up to {:.0} kPa: of the torque of the muscles, {:.2} N m (RMS), {:.3} N m is left.",
+        values_of.duration_s,
+        values_of.highest_pa / 1e3,
+        values_of.torque_rms_n_m,
+        values_of.residual_rms_n_m
+    );
+    let figure = motion(&found.records).figure("Angle and pressures", "The record.");
+    let title = format!("{title}, identified");
+    begun(&title, &lead, &thermyo_joint::render(&found.scenario), values_of)
+        .section(values(values_of))
+        .section(torques(&found.estimate))
+        .section(Section::new("Record").figure(figure))
+        .render()
+}
+
+/// The balance of torques of a record as a separate drawing.
+pub fn record_plot(found: &Identified, title: &str) -> String {
+    torque_chart(&found.estimate).document(title)
+}
+
+fn begun(title: &str, lead: &str, scenario: &str, values: &Values) -> Page {
+    let page = Page::new(title, lead, scenario);
+    match values.failed() {
+        Some(open) => page.warning(&open),
+        None => page,
+    }
 }
 
 fn degrees(value_rad: f64) -> f64 {
     value_rad.to_degrees()
 }
 
-fn values(tuned: &Tuned) -> Section {
+fn values(values: &Values) -> Section {
     let columns = ["Parameter", "After", "Error", "Unit", "Before", "From"];
-    let rows = tuned.findings.parameters.iter().map(|parameter| {
+    let rows = values.parameters.iter().map(|parameter| {
         let error = parameter.standard_error.map(|error| significant(error, 2));
         vec![
             parameter.path.to_owned(),
@@ -71,10 +103,10 @@ fn group(points: &[Point], up: bool, fast: bool) -> Vec<Point> {
     group
 }
 
-fn torques(tuned: &Tuned) -> Section {
+fn torque_chart(estimate: &Estimate) -> Chart {
     let mut torque = Panel::new(Axis::new("Torque of the muscles", "N m")).height(300.0);
     let mut rest = Panel::new(Axis::new("Measured less fitted", "N m")).height(150.0);
-    let points = &tuned.estimate.fitted.points;
+    let points = &estimate.fitted.points;
     for (up, fast, name, colour) in [
         (true, false, "growing, slow", Colour::Vermillion),
         (false, false, "falling, slow", Colour::Blue),
@@ -87,19 +119,22 @@ fn torques(tuned: &Tuned) -> Section {
         torque = torque.dots(name, colour, &x, &of(|p| p.torque_n_m));
         rest = rest.dots("", colour, &x, &of(|p| p.residual_n_m));
     }
-    let chart = Chart::new(Axis::new("Angle", "deg")).panel(torque).panel(rest.reference(0.0, "0"));
-    Section::new("Balance of torques").figure(chart.figure(
+    Chart::new(Axis::new("Angle", "deg")).panel(torque).panel(rest.reference(0.0, "0"))
+}
+
+fn torques(estimate: &Estimate) -> Section {
+    Section::new("Balance of torques").figure(torque_chart(estimate).figure(
         "Torque over the angle",
-        "By pressures and tuned lengths, in means over 0.1 s in which the joint slides one way. Half of the distance \
+        "By pressures and the lengths found, in means over 0.1 s in which the joint slides one way. Half of the distance \
          between the slow branches is dry friction, their middle gravity; fast motion adds inertia and viscous \
          friction.",
     ))
 }
 
-fn motion(tuned: &Tuned) -> Section {
-    let of = |f: fn(&super::Record) -> f64| tuned.records.iter().map(f).collect::<Vec<f64>>();
+fn motion(records: &[Record]) -> Chart {
+    let of = |f: fn(&Record) -> f64| records.iter().map(f).collect::<Vec<f64>>();
     let time = of(|one| one.time_s);
-    let chart = Chart::new(Axis::new("Time", "s"))
+    Chart::new(Axis::new("Time", "s"))
         .panel(
             Panel::new(Axis::new("Angle", "deg"))
                 .dashed(
@@ -114,13 +149,7 @@ fn motion(tuned: &Tuned) -> Section {
             Panel::new(Axis::new("Pressure", "kPa"))
                 .line("a", Colour::Blue, &time, &of(|one| one.pressure_pa[0] / 1e3))
                 .line("b", Colour::Vermillion, &time, &of(|one| one.pressure_pa[1] / 1e3)),
-        );
-    Section::new("Experiment").figure(
-        chart.figure(
-            "Angle and pressures",
-            "Slow sweeps, a sine and steps, first soft, then stiff.",
-        ),
-    )
+        )
 }
 
 fn followed(tuned: &Tuned) -> Section {

@@ -7,6 +7,7 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::hysteresis::{Held, Law};
 use std::f64::consts::TAU;
 use std::path::Path;
+use thermyo_files::table::Table;
 
 /// True values, by [`Term`]: inertia, viscous and dry friction, gravity, mid-lengths, radius.
 const TRUE: [f64; COUNT] = [0.03, 0.08, 0.7, 3.0, -1.2, 0.268, 0.273, 0.0206];
@@ -80,7 +81,7 @@ fn plan(config: &JointConfig) -> Plan {
 fn values_are_those_of_the_closed_form() {
     let config = JointConfig::default();
     let records = records(&config);
-    let balance = Balance::new(&records, &plan(&config), &config);
+    let balance = Balance::new(&records, plan(&config).sliding_rad_s, &config);
     assert!((200..2000).contains(&balance.windows()), "{}", balance.windows());
     let mut held = [None; COUNT];
     let radius = TRUE[Term::Radius as usize];
@@ -102,12 +103,66 @@ fn values_are_those_of_the_closed_form() {
     }
 }
 
+/// The same records by somebody else, a row each 4 ms; the pulley is as configured.
+#[test]
+fn a_record_of_four_columns_gives_the_same() {
+    let radius_m = TRUE[Term::Radius as usize];
+    let loaded = loaded(&format!("[joint]\nradius_m = {radius_m}\n"));
+    let mut text = "time_s,angle_rad,a_pressure_pa,b_pressure_pa\n".to_owned();
+    for Record { time_s, angle_rad, pressure_pa: [a_pa, b_pa], .. } in
+        records(&loaded.config()).iter().step_by(4)
+    {
+        text += &format!("{},{angle_rad},{a_pa},{b_pa}\n", 7.0 + time_s);
+    }
+    let found = identify(&loaded, &Table::parse(&text, Path::new("joint.csv")).unwrap()).unwrap();
+    for (path, term) in [
+        ("joint.inertia_kg_m2", Term::Inertia),
+        ("joint.viscous_n_m_s", Term::Viscous),
+        ("joint.mid_length_a_m", Term::MidA),
+        ("joint.mid_length_b_m", Term::MidB),
+    ] {
+        let (after, truth) = (found.values.value(path).unwrap().after, TRUE[term as usize]);
+        let off = after / truth - 1.0;
+        assert!(off != 0.0 && off.abs() < 0.02, "{path}: {after}, {truth}");
+    }
+    assert!(found.values.open.is_empty(), "{}", found.text());
+    assert_eq!(found.scenario.believed.inertia_kg_m2, found.values.parameters[0].after);
+}
+
+#[test]
+fn a_record_that_cannot_be_is_refused_by_its_line() {
+    let loaded = loaded("[joint]\n");
+    let said = |rows: &str| {
+        let text = format!("time_s,angle_rad,a_pressure_pa,b_pressure_pa\n{rows}");
+        identify(&loaded, &Table::parse(&text, Path::new("j.csv")).unwrap())
+            .unwrap_err()
+            .to_string()
+    };
+    for (rows, expected) in [
+        ("0,0,3.1,3.2\n", "j.csv:2: column a_pressure_pa = 3.1: must be an absolute pressure from"),
+        ("0,0,3e5,2e5\n0.001,0,3e5,1e3\n", "j.csv:3: column b_pressure_pa = 1000.0: must be an"),
+        (
+            "0,20,3e5,3e5\n",
+            "j.csv:2: column angle_rad = 20.0: must be an angle from -6.3 to 6.3 rad",
+        ),
+        ("0,0,3e5,3e5\n0,0,3e5,3e5\n", "j.csv:3: column time_s = 0.0: must be above 0.0"),
+        ("0,0,3e5,3e5\n0.02,0,3e5,3e5\n", "j.csv:3: column time_s = 0.02: must be at most 0.009 s"),
+        ("0,0,3e5,3e5\n0.001,0,3e5,3e5\n", "cannot be fitted to the 0 intervals"),
+    ] {
+        let said = said(rows);
+        assert!(said.contains(expected), "{said}");
+    }
+    let table = Table::parse("time_s,angle_rad\n0,0\n", Path::new("j.csv")).unwrap();
+    let said = identify(&loaded, &table).unwrap_err().to_string();
+    assert!(said.contains("a_pressure_pa"), "{said}");
+}
+
 /// One muscle's force area 3 % larger: half of it makes every torque larger, and both mid-lengths part by ds A/A'.
 #[test]
 fn an_area_that_is_wrong_appears_in_torques_and_mid_lengths() {
     let config = JointConfig::default();
     let records = records(&config);
-    let balance = Balance::new(&records, &plan(&config), &config);
+    let balance = Balance::new(&records, plan(&config).sliding_rad_s, &config);
     let mut held = [None; COUNT];
     held[Term::Radius as usize] = Some(TRUE[Term::Radius as usize]);
     let fit = |altered: Altered| balance.fit(&held, altered, START_M).unwrap().values;
@@ -165,7 +220,7 @@ fn a_joint_that_is_configured_wrong_is_found() {
         ("joint.mid_length_a_m", 0.268, 0.005),
         ("joint.mid_length_b_m", 0.273, 0.005),
     ] {
-        let found = tuned.findings.value(path).unwrap();
+        let found = tuned.findings.values.value(path).unwrap();
         let off = found.after / truth - 1.0;
         assert!(off.abs() > 1.0e-6 && off.abs() < most, "{path}: {} of {truth}", found.after);
         let error = found.standard_error.unwrap();

@@ -1,0 +1,132 @@
+//! Values of a joint from a record of its motion, such as that of a drive, instead of an experiment.
+
+use super::experiment::{MOST_LOST, Record, filled, sliding_rad_s};
+use super::findings::{self, Estimate};
+use super::{Refusal, Values, adopt};
+use crate::tune::SLIDING_M_S;
+use model_core::joint::JointConfig;
+use thermyo_files::input::InputError;
+use thermyo_files::table::Table;
+use thermyo_joint::JointLoaded;
+
+/// Angles of a joint are below a turn either way \[rad\].
+const MOST_RAD: f64 = 6.3;
+/// Absolute pressures that a vented and a filled muscle may have \[Pa\]: gauge pressures and bar are below.
+const PRESSURES_PA: [f64; 2] = [5.0e4, 2.0e6];
+
+/// Why a record gives no values.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordError {
+    #[error(transparent)]
+    Input(#[from] InputError),
+    #[error(transparent)]
+    Refused(#[from] Refusal),
+}
+
+/// What a record tells of a joint.
+#[derive(Debug)]
+pub struct Identified {
+    pub values: Values,
+    pub scenario: JointLoaded,
+    pub(super) estimate: Estimate,
+    pub(super) records: Vec<Record>,
+}
+
+impl Identified {
+    /// The result for a terminal.
+    pub fn text(&self) -> String {
+        let Values { duration_s, torque_rms_n_m, residual_rms_n_m, .. } = self.values;
+        let windows = self.estimate.fitted.points.len();
+        format!(
+            "{duration_s:.1} s of motion, {windows} intervals of even sliding: torque of the muscles {torque_rms_n_m:.3} \
+             N m (RMS), {residual_rms_n_m:.3} N m of it is left\n{}",
+            self.values.table()
+        )
+    }
+}
+
+/// Fits inertia, gravity, friction and mid-lengths to a record: columns of `joint_trace.csv`, or `time_s`, `angle_rad`,
+/// `a_pressure_pa` and `b_pressure_pa` alone.
+///
+/// # Errors
+/// A column that is missing or holds what cannot have been measured, with its line; a motion that tells too little.
+pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, RecordError> {
+    let config = loaded.config();
+    let records = filled(&read(&config, table)?);
+    let estimate = findings::estimate(loaded, sliding_rad_s(&config, SLIDING_M_S), &records)?;
+    let scenario = adopt(loaded, &estimate.parameters(loaded))?;
+    let values = Values::new(loaded, &estimate, &records);
+    Ok(Identified { values, scenario, estimate, records })
+}
+
+/// A column by the first of its names that the table has.
+fn column<'a>(
+    table: &'a Table,
+    names: [&'static str; 2],
+    allowed: ([f64; 2], &str),
+) -> Result<&'a [Option<f64>], InputError> {
+    let has = |name: &&&str| table.columns().iter().any(|column| column.name == **name);
+    let name = names.iter().find(has).unwrap_or(&names[1]);
+    let cells = table.column(name)?;
+    let ([least, most], what) = allowed;
+    let wrong = cells.iter().position(|cell| cell.is_some_and(|at| !(least..=most).contains(&at)));
+    match wrong {
+        Some(row) => Err(table.cell_error(row, name, what)),
+        None => Ok(cells),
+    }
+}
+
+/// A column that may be left out.
+fn spare<'a>(table: &'a Table, name: &str) -> Option<&'a [Option<f64>]> {
+    let column = table.columns().iter().find(|column| column.name == name)?;
+    Some(&column.cells)
+}
+
+/// The rows that have angle and pressures.
+fn read(config: &JointConfig, table: &Table) -> Result<Vec<Record>, InputError> {
+    let step_s = f64::from(config.muscles[0].step_s);
+    let time_s = table.filled("time_s")?;
+    let angle = ([-MOST_RAD, MOST_RAD], "an angle from -6.3 to 6.3 rad");
+    let angle_rad = column(table, ["measured_angle_rad", "angle_rad"], angle)?;
+    let pressure = (PRESSURES_PA, "an absolute pressure from 50000 to 2e6 Pa");
+    let pressures_pa = [
+        column(table, ["a_measured_pressure_pa", "a_pressure_pa"], pressure)?,
+        column(table, ["b_measured_pressure_pa", "b_pressure_pa"], pressure)?,
+    ];
+    let walls_k = ["a_wall_estimate_k", "b_wall_estimate_k"].map(|name| spare(table, name));
+    let reference_rad = spare(table, "reference_rad");
+    let at = |cells: Option<&[Option<f64>]>, row: usize| cells.and_then(|cells| cells[row]);
+    let mut records: Vec<Record> = Vec::with_capacity(time_s.len());
+    for (row, time) in time_s.iter().enumerate() {
+        let since_s = time - time_s[0];
+        let step = (since_s / step_s).round() as u32;
+        if row > 0 && *time <= time_s[row - 1] {
+            let allowed = format!("above {:?}, the time of the row before", time_s[row - 1]);
+            return Err(table.cell_error(row, "time_s", &allowed));
+        }
+        let [Some(a_pa), Some(b_pa)] = pressures_pa.map(|cells| cells[row]) else { continue };
+        let Some(angle_rad) = angle_rad[row] else { continue };
+        if records.last().is_some_and(|before| before.step == step) {
+            continue;
+        }
+        records.push(Record {
+            step,
+            time_s: since_s,
+            angle_rad,
+            reference_rad: at(reference_rad, row).unwrap_or(f64::NAN),
+            pressure_pa: [a_pa, b_pa],
+            wall_k: [0, 1].map(|i: usize| {
+                let ambient_k = f64::from(config.muscles[i].ambient.temperature_k);
+                at(walls_k[i], row).unwrap_or(ambient_k)
+            }),
+        });
+    }
+    let spaced = |pair: &[Record]| pair[1].step - pair[0].step <= MOST_LOST + 1;
+    let far = records.windows(2).filter(|pair| !spaced(pair)).count();
+    if far > 0 && 2 * far >= records.len() {
+        let most_s = f64::from(MOST_LOST + 1) * step_s;
+        let allowed = format!("at most {most_s:.3} s after the row before, for the inertia");
+        return Err(table.cell_error(1, "time_s", &allowed));
+    }
+    Ok(records)
+}
