@@ -584,6 +584,11 @@ fn a_joints_run_is_replayed_to_the_bit() {
     let output = thermyo(&["replay", &run, "--out", &again]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
     assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
+    let encoder = text.replace("[joint]\n", "[joint]\nsensor_kind = \"as5600\"\n");
+    let (file, of_encoder) = (scenario(folder.path(), &encoder), path("encoder"));
+    assert_eq!(thermyo(&["run", &file, "--quiet", "--out", &of_encoder]).status.code(), Some(0));
+    let output = thermyo(&["replay", &of_encoder, "--out", &again]);
+    assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
     let compared = thermyo(&["compare", &run, &run]);
     assert!(stderr_of(&compared).contains("takes runs of one muscle"), "{}", stderr_of(&compared));
     let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
