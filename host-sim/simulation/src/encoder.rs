@@ -55,6 +55,7 @@ impl VirtualEncoder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use thermyo_compute::math;
 
     #[test]
     fn a_turn_wraps_and_has_the_stated_noise() {
@@ -65,13 +66,13 @@ mod tests {
                 .map(|_| f64::from(encoder::reading(encoder.convert(turns)).unwrap()))
                 .collect();
             let mean = readings.iter().sum::<f64>() / f64::from(n);
-            let square: f64 = readings.iter().map(|reading| (reading - mean).powi(2)).sum();
+            let square: f64 = readings.iter().map(|one| (one - mean) * (one - mean)).sum();
             (mean, (square / f64::from(n)).sqrt())
         };
         let (half, deviation) = mean(0.5 + 0.5 / 4096.0);
         assert!((half - 2048.0).abs() < 0.02, "{half}");
         // That of the noise and of rounding, in LSB.
-        let expected = ((4096.0 * NOISE_TURNS).powi(2) + 1.0 / 12.0_f64).sqrt();
+        let expected = math::hypot(READINGS * NOISE_TURNS, (1.0 / 12.0_f64).sqrt());
         assert!((deviation / expected - 1.0).abs() < 0.05, "{deviation} for {expected}");
         assert!((mean(-0.25).0 - 3071.5).abs() < 0.1, "a turn below");
     }
