@@ -34,7 +34,7 @@ const FIRST: f32 = 0.05 * 32_768.0;
 /// Steps without a reading from which the angle is lost: ten disturbed messages, or the chip's start.
 const PATIENCE_STEPS: u8 = 10;
 
-/// Code of a reading, 0 to 4095, far from both rails. Its lowest bit tells a reading from the one before it, so that
+/// Code of a reading, 0 to 4095, far from both rails. Its lowest bit alternates from reading to reading, so that
 /// only the code of a chip that is not read any more is frozen.
 ///
 /// ```

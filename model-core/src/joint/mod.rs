@@ -508,7 +508,7 @@ impl Joint {
 
     /// Observer and faults of the joint.
     fn watch(&mut self, angle_rad: f32, gauge_pa: [f32; 2], judged: &[Judged; 2]) {
-        // Which sensor gives the angle is not known before it is configured.
+        // The angle's sensor is not known before it is configured.
         let lost = self.is_configured()
             && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
