@@ -71,7 +71,7 @@ mod tests {
         };
         let (half, deviation) = mean(0.5 + 0.5 / 4096.0);
         assert!((half - 2048.0).abs() < 0.02, "{half}");
-        // That of the noise and of rounding, in LSB.
+        // Noise and rounding together, in LSB.
         let expected = math::hypot(READINGS * NOISE_TURNS, (1.0 / 12.0_f64).sqrt());
         assert!((deviation / expected - 1.0).abs() < 0.05, "{deviation} for {expected}");
         assert!((mean(-0.25).0 - 3071.5).abs() < 0.1, "a turn below");
