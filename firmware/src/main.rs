@@ -113,7 +113,7 @@ fn main() -> ! {
         thread.spawn(supervise);
         control.spawn(step);
         #[cfg(feature = "parts")]
-        start_parts(thread, parts.gas_buses, parts.pressure_bus);
+        start_parts(thread, parts.gas_buses, parts.i2c);
         #[cfg(feature = "usb")]
         start_usb(thread, parts.usb, usb_line, identity);
     })
@@ -134,12 +134,12 @@ fn core(remembered: Remembered) -> &'static mut Core {
 fn start_parts(
     thread: Spawner,
     gas_buses: [(<Chosen as Board>::GasBus, <Chosen as Board>::Input); kind::MUSCLES],
-    pressure_bus: <Chosen as Board>::PressureBus,
+    i2c: <Chosen as Board>::I2c,
 ) {
-    let Ok(pressure) = read_pressure(pressure_bus) else {
+    let Ok(on_i2c) = read_i2c(i2c) else {
         panic!("each task is started once");
     };
-    thread.spawn(pressure);
+    thread.spawn(on_i2c);
     for ((bus, ready), part) in gas_buses.into_iter().zip(&SHARED.parts.gas) {
         let Ok(gas) = read_gas(bus, ready, part) else {
             panic!("there is one task for each sensor");
@@ -219,8 +219,8 @@ async fn read_gas(
 
 #[cfg(feature = "parts")]
 #[embassy_executor::task]
-async fn read_pressure(bus: <Chosen as Board>::PressureBus) -> ! {
-    parts::read_pressure(bus, &SHARED.parts.pressure).await
+async fn read_i2c(bus: <Chosen as Board>::I2c) -> ! {
+    parts::read_i2c(bus, &SHARED.parts.on_i2c).await
 }
 
 #[embassy_executor::task]

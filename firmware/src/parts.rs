@@ -12,7 +12,10 @@ use embedded_hal_async::i2c::I2c;
 use embedded_hal_async::spi::SpiDevice;
 use model_core::RawCode;
 use sensor_parts::Error;
+#[cfg(feature = "joint")]
+use sensor_parts::as5600::As5600;
 use sensor_parts::max31865::Max31865;
+#[cfg(not(feature = "joint"))]
 use sensor_parts::mpr::Mpr;
 
 /// Last reading of a sensor chip, from its task to control.
@@ -30,7 +33,7 @@ impl Part {
         Self { last: AtomicU32::new(0), enabled: AtomicBool::new(false), wake: Signal::new() }
     }
 
-    /// Stores a reading of 15 bits; 0 if the sensor is broken.
+    /// Stores a reading of up to 15 bits; 0 if a sensor of pressure or gas is broken.
     fn put(&self, reading: u16) {
         let count = (self.last.load(Ordering::Relaxed) >> 16).wrapping_add(1);
         self.last.store(count << 16 | u32::from(reading), Ordering::Relaxed);
@@ -40,6 +43,13 @@ impl Part {
     pub fn code(&self, seen: &mut u32) -> RawCode {
         let last = self.last.load(Ordering::Relaxed);
         RawCode::of_part(last as u16, core::mem::replace(seen, last) != last)
+    }
+
+    /// Returns the reading that has come since the step before.
+    #[cfg(feature = "joint")]
+    pub fn fresh(&self, seen: &mut u32) -> Option<u16> {
+        let last = self.last.load(Ordering::Relaxed);
+        (core::mem::replace(seen, last) != last).then_some(last as u16)
     }
 
     fn enable(&self, enabled: bool) {
@@ -57,27 +67,29 @@ impl Part {
 pub struct Parts {
     /// One of each muscle.
     pub gas: [Part; MUSCLES],
-    pub pressure: Part,
+    /// Pressure of one muscle, angle of a joint.
+    pub on_i2c: Part,
 }
 
 /// Readings of the step before.
 #[derive(Default)]
 pub struct Seen {
     pub gas: [u32; MUSCLES],
-    #[cfg(not(feature = "joint"))]
-    pub pressure: u32,
+    pub on_i2c: u32,
+    #[cfg(feature = "joint")]
+    pub encoder: model_core::joint::encoder::Encoder,
 }
 
 impl Parts {
     pub const fn new() -> Self {
-        Self { gas: [const { Part::new() }; MUSCLES], pressure: Part::new() }
+        Self { gas: [const { Part::new() }; MUSCLES], on_i2c: Part::new() }
     }
 
     /// Enables the configured sensors and disables the others.
     pub fn enable(&self, config: &Config) {
-        let (gas, pressure) = digital(config);
+        let (gas, on_i2c) = digital(config);
         self.gas.iter().zip(gas).for_each(|(part, digital)| part.enable(digital));
-        self.pressure.enable(pressure);
+        self.on_i2c.enable(on_i2c);
     }
 }
 
@@ -133,10 +145,12 @@ pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Pa
 }
 
 /// Steps for which the MPR may stay busy.
+#[cfg(not(feature = "joint"))]
 const PRESSURE_PATIENCE: u32 = 10;
 
 /// Reads the MPR while it is enabled.
-pub async fn read_pressure<I: I2c>(bus: I, part: &Part) -> ! {
+#[cfg(not(feature = "joint"))]
+pub async fn read_i2c<I: I2c>(bus: I, part: &Part) -> ! {
     let mut chip = Mpr::new(bus);
     loop {
         if !part.is_enabled() {
@@ -159,5 +173,33 @@ pub async fn read_pressure<I: I2c>(bus: I, part: &Part) -> ! {
             }
             break;
         }
+    }
+}
+
+/// Reads the AS5600 while it is enabled, once in every step.
+#[cfg(feature = "joint")]
+pub async fn read_i2c<I: I2c>(bus: I, part: &Part) -> ! {
+    let mut chip = As5600::new(bus);
+    let mut started = false;
+    loop {
+        if !part.is_enabled() {
+            started = false;
+            part.wake.wait().await;
+            continue;
+        }
+        middle_of_a_step().await;
+        // A chip that has not answered may have lost power, and with it its configuration.
+        if !started && chip.start().await.is_err() {
+            continue;
+        }
+        started = match chip.read().await {
+            Ok(reading) => {
+                part.put(reading);
+                true
+            }
+            // Control misses the readings.
+            Err(Error::Broken) => true,
+            Err(_) => false,
+        };
     }
 }

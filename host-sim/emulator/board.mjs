@@ -3,7 +3,7 @@
 import { GPIOPinState } from 'rp2040js';
 import { Chip } from './chip.mjs';
 import { FlashChip } from './flash_chip.mjs';
-import { Max31865, MAX31865_PINS, Mpr } from './parts.mjs';
+import { As5600, connectI2c, Max31865, MAX31865_PINS, Mpr } from './parts.mjs';
 import { PacedUart } from './uart.mjs';
 import { UsbHost } from './usb.mjs';
 
@@ -41,11 +41,11 @@ export class Board {
   constructor(flash) {
     this.store = new FlashChip(flash);
     this.sums = [0, 0, 0, 0, 0];
-    this.codes = [0, 0, 0]; // of the digital sensors: pressure, gas, gas of a joint's muscle b
+    this.codes = [0, 0, 0, 0]; // of the digital sensors: pressure, gas, gas of a joint's muscle b; its encoder's reading
     this.conversions = [0, 0, 0, 0, 0];
     this.runLine = false;
     this.adcStalled = false;
-    this.partFault = 0; // 1, 2: the gas sensor's bus is unplugged, it converts nothing; 3, 4: the pressure sensor's
+    this.partFault = 0; // 1, 2: the gas sensor's bus is unplugged, it converts nothing; 3, 4: the pressure sensor's; 5: the encoder's bus is unplugged
     this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
     this.uartBytes = [];
     this.usbBytes = [];
@@ -108,6 +108,8 @@ export class Board {
     this.max31865 = MAX31865_PINS.map((pins) => new Max31865(chip, pins));
     Max31865.connect(chip, this.max31865);
     this.mpr = new Mpr(chip);
+    this.as5600 = new As5600();
+    connectI2c(chip, [this.mpr, this.as5600]);
     this.setParts(this.partFault);
     this.rtt = -1;
     this.started = this.nanos;
@@ -217,6 +219,7 @@ export class Board {
     this.partFault = fault;
     const [pressure, ...gases] = this.codes;
     this.mpr.set(pressure >> 1, fault === 3, fault === 4);
+    this.as5600.set(gases.pop(), fault === 5);
     this.max31865.forEach((part, i) => {
       // A fault is one of muscle a's.
       part.set(gases[i] >> 1, (gases[i] & 1) === 1, i === 0 && fault === 1, i === 0 && fault === 2);

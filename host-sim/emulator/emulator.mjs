@@ -2,8 +2,8 @@
 // standard input. All numbers little-endian.
 //
 // request:  u32 nanoseconds to run; u16 sums of eight conversions of ADC0, ADC1, ADC2; u16 codes of the
-//           digital sensors of pressure, gas, and gas of a joint's muscle b; u8 inputs (1: run line high, 2: converter stalled, 4: a fault of the processor at the
-//           beginning, 8: USB cable plugged in, 16: its port open, and times 32: fault of a digital sensor, as
+//           digital sensors of pressure, gas, and gas of a joint's muscle b, and u16 reading of its encoder
+//           (0xffff: no magnet); u8 inputs (1: run line high, 2: converter stalled, 4: a fault of the processor at the beginning, 8: USB cable plugged in, 16: its port open, and times 32: fault of a digital sensor, as
 //           in board.mjs); u8 place and u32 number of the instruction there that hangs (0: control, 1: thread,
 //           2: other interrupts; number 0: none); u32 number of the flash operation in which power fails
 //           (0: none, 0xffffffff: at once) and u16 fraction of its time that has passed, in 1/65535;
@@ -38,31 +38,31 @@ try {
 const board = new Board(flash);
 respond();
 
-const head = Buffer.alloc(32);
+const head = Buffer.alloc(34);
 let until = 0;
 while (fill(head)) {
   until += head.readUInt32LE(0);
   for (let channel = 0; channel < 3; channel++) {
     board.sums[channel] = head.readUInt16LE(4 + 2 * channel);
-    board.codes[channel] = head.readUInt16LE(10 + 2 * channel);
   }
-  const inputs = head[16];
+  board.codes = [10, 12, 14, 16].map((at) => head.readUInt16LE(at));
+  const inputs = head[18];
   board.setRunLine(!!(inputs & 1));
   board.stallAdc(!!(inputs & 2));
   board.setParts(inputs >> 5);
   if (inputs & 4) {
     board.fault();
   }
-  const instructions = head.readUInt32LE(18);
+  const instructions = head.readUInt32LE(20);
   if (instructions > 0) {
-    board.armHang(head[17], instructions);
+    board.armHang(head[19], instructions);
   }
   board.setCable(!!(inputs & 8), !!(inputs & 16));
-  const operation = head.readUInt32LE(22);
+  const operation = head.readUInt32LE(24);
   if (operation > 0) {
-    board.store.armCut(operation, head.readUInt16LE(26) / 65535);
+    board.store.armCut(operation, head.readUInt16LE(28) / 65535);
   }
-  const [forUart, forUsb] = [28, 30].map((at) => Buffer.alloc(head.readUInt16LE(at)));
+  const [forUart, forUsb] = [30, 32].map((at) => Buffer.alloc(head.readUInt16LE(at)));
   if (!fill(forUart) || !fill(forUsb)) {
     break;
   }

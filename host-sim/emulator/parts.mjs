@@ -1,5 +1,5 @@
-// Digital sensors at the Pico's pins, by their data sheets: two MAX31865 on SPI1, a Honeywell MPR on
-// I2C0. Their inputs are updated all the time; they convert at their own times.
+// Digital sensors at the Pico's pins, by their data sheets: two MAX31865 on SPI1, a Honeywell MPR and an
+// ams AS5600 on I2C0. Their inputs are updated all the time; they convert at their own times.
 
 import { GPIOPinState } from 'rp2040js';
 
@@ -121,46 +121,63 @@ export class Max31865 {
   }
 }
 
+/** Puts chips on the Pico's I2C0: the one whose address is called answers. */
+export function connectI2c(chip, parts) {
+  const i2c = chip.i2c[0];
+  let called;
+  let finish = () => {};
+  const done = chip.clock.createAlarm(() => finish());
+  const after = (nanos, what) => {
+    finish = what;
+    done.schedule(nanos);
+  };
+  i2c.onStart = () => after(I2C_EDGE_NANOS, () => i2c.completeStart());
+  i2c.onConnect = (address) => {
+    called = parts.find((part) => part.address === address && !part.unplugged);
+    called?.begin();
+    after(I2C_BYTE_NANOS, () => i2c.completeConnect(called !== undefined));
+  };
+  i2c.onWriteByte = (byte) => {
+    called?.write(byte);
+    after(I2C_BYTE_NANOS, () => i2c.completeWrite(true));
+  };
+  i2c.onReadByte = () => {
+    const byte = called?.read() ?? 0xff;
+    after(I2C_BYTE_NANOS, () => i2c.completeRead(byte));
+  };
+  i2c.onStop = () => after(I2C_EDGE_NANOS, () => i2c.completeStop());
+}
+
 /** Honeywell MPR (32332628): 0xaa 0 0 starts a measurement; a read returns status and 24 bits. */
 export class Mpr {
   constructor(chip) {
+    this.address = 0x18;
     this.reading = 0;
     this.unplugged = false;
     this.stuck = false;
     this.busy = false;
     this.output = 0;
+    this.conversion = chip.clock.createAlarm(() => this.convert());
+  }
+
+  /** Begins a message. */
+  begin() {
     this.written = [];
     this.readAt = 0;
-    const i2c = chip.i2c[0];
-    let finish = () => {};
-    const done = chip.clock.createAlarm(() => finish());
-    const after = (nanos, what) => {
-      finish = what;
-      done.schedule(nanos);
-    };
-    this.conversion = chip.clock.createAlarm(() => this.convert());
-    i2c.onStart = () => after(I2C_EDGE_NANOS, () => i2c.completeStart());
-    i2c.onConnect = (address) => {
-      this.written = [];
-      this.readAt = 0;
-      const here = address === 0x18 && !this.unplugged;
-      after(I2C_BYTE_NANOS, () => i2c.completeConnect(here));
-    };
-    i2c.onWriteByte = (byte) => {
-      this.written.push(byte);
-      if (this.written.length === 3 && this.written[0] === 0xaa) {
-        this.busy = true;
-        this.conversion.schedule(MPR_NANOS);
-      }
-      after(I2C_BYTE_NANOS, () => i2c.completeWrite(true));
-    };
-    i2c.onReadByte = () => {
-      const status = this.busy ? 0x60 : 0x40;
-      const bytes = [status, this.output >> 16, (this.output >> 8) & 0xff, this.output & 0xff];
-      const byte = bytes[this.readAt++ % 4];
-      after(I2C_BYTE_NANOS, () => i2c.completeRead(byte));
-    };
-    i2c.onStop = () => after(I2C_EDGE_NANOS, () => i2c.completeStop());
+  }
+
+  write(byte) {
+    this.written.push(byte);
+    if (this.written.length === 3 && this.written[0] === 0xaa) {
+      this.busy = true;
+      this.conversion.schedule(MPR_NANOS);
+    }
+  }
+
+  read() {
+    const status = this.busy ? 0x60 : 0x40;
+    const bytes = [status, this.output >> 16, (this.output >> 8) & 0xff, this.output & 0xff];
+    return bytes[this.readAt++ % 4];
   }
 
   convert() {
@@ -175,5 +192,51 @@ export class Mpr {
     this.reading = reading;
     this.unplugged = unplugged;
     this.stuck = stuck;
+  }
+}
+
+const AS5600_CONF = 0x07;
+const AS5600_STATUS = 0x0b;
+const AS5600_RAW_ANGLE = 0x0c;
+
+/** ams AS5600 (DS000365): the first byte written is the address of a register. */
+export class As5600 {
+  constructor() {
+    this.address = 0x36;
+    this.unplugged = false;
+    this.registers = new Uint8Array(0x20);
+    this.pointer = 0;
+  }
+
+  /** Begins a message. The pointer stays: it is written in another message than the one that reads. */
+  begin() {
+    this.pointed = false;
+  }
+
+  write(byte) {
+    if (!this.pointed) {
+      this.pointer = byte;
+      this.pointed = true;
+    } else if (this.pointer === AS5600_CONF || this.pointer === AS5600_CONF + 1) {
+      this.registers[this.pointer++] = byte;
+    }
+  }
+
+  read() {
+    const byte = this.registers[this.pointer] ?? 0;
+    // The angle may be read again without another address.
+    this.pointer = this.pointer === AS5600_RAW_ANGLE + 1 ? AS5600_RAW_ANGLE : this.pointer + 1;
+    return byte;
+  }
+
+  /** Sets the angle, in parts of 4096 of a turn; any other number is that of no magnet. */
+  set(reading, unplugged) {
+    if (unplugged && !this.unplugged) {
+      this.registers.fill(0);
+    }
+    this.unplugged = unplugged;
+    this.registers[AS5600_STATUS] = reading < 4096 ? 0x20 : 0x10;
+    this.registers[AS5600_RAW_ANGLE] = (reading >> 8) & 0x0f;
+    this.registers[AS5600_RAW_ANGLE + 1] = reading & 0xff;
   }
 }

@@ -619,7 +619,11 @@ fn a_joints_run_is_replayed_to_the_bit() {
     let output = thermyo(&["replay", &run, "--out", &again]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
     assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
-
+    let encoder = text.replace("[joint]\n", "[joint]\nsensor_kind = \"as5600\"\n");
+    let (encoded, of_encoder) = (scenario(folder.path(), &encoder), path("encoder"));
+    assert_eq!(thermyo(&["run", &encoded, "--quiet", "--out", &of_encoder]).status.code(), Some(0));
+    let output = thermyo(&["replay", &of_encoder, "--out", &again]);
+    assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
     let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
     assert_eq!(emulated.status.code(), Some(2));
     assert!(stderr_of(&emulated).contains("leave out --board"), "{}", stderr_of(&emulated));

@@ -107,7 +107,7 @@ use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use model_core::config::Config;
 use model_core::control::SetPointError;
 use model_core::joint::{
-    JointConfig, JointError, JointSetPoint, JointTelemetry, JointTuning, Mechanism,
+    AnglePart, JointConfig, JointError, JointSetPoint, JointTelemetry, JointTuning, Mechanism,
 };
 use model_core::parameter::ConfigError;
 use model_core::safety::supervisor::FirstFailure;
@@ -116,7 +116,7 @@ use serde::de::{DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 19;
+pub const PROTOCOL: u16 = 20;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -246,7 +246,7 @@ pub enum Side {
 }
 
 /// A joint's configuration without those of its muscles.
-pub type JointRest = (Mechanism, JointTuning);
+pub type JointRest = (Mechanism, JointTuning, AnglePart);
 
 /// From the board to the host.
 pub type Message = MessageWith<Config, JointRest, JointTelemetry>;
@@ -544,11 +544,11 @@ pub fn checksum(config: &Config) -> u32 {
 /// Identifies a joint's configuration: the CRC-32 of the encodings of muscle a, of muscle b and of the rest.
 #[inline]
 pub fn joint_checksum(config: &JointConfig) -> u32 {
-    let JointConfig { muscles: [a, b], mechanism, tuning } = config;
+    let JointConfig { muscles: [a, b], mechanism, tuning, angle_part } = config;
     let mut digest = CRC.digest();
     add(&mut digest, a);
     add(&mut digest, b);
-    add(&mut digest, &(mechanism, tuning));
+    add(&mut digest, &(mechanism, tuning, angle_part));
     digest.finalize()
 }
 
@@ -948,7 +948,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "03010702130201010105a41e49c600"),
+            (answer(Answer::Version(version)), "030107021402010101051c2e4cdb00"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -974,14 +974,14 @@ mod tests {
         let muscle = HostCommand::ConfigureMuscle(Side::A, Config::default());
         let muscle = Request { sequence: 7, command: muscle };
         let joint = JointConfig::default();
-        let joint = HostCommand::ConfigureJoint((joint.mechanism, joint.tuning));
+        let joint = HostCommand::ConfigureJoint((joint.mechanism, joint.tuning, joint.angle_part));
         let joint = Request { sequence: 7, command: joint };
         let of_joint = Message::JointTelemetry(longest_of_joint());
         for (frame, expected) in [
             (encode(&config), (450, 3_986_227_589)),
             (encode(&telemetry), (77, 1_017_350_385)),
             (encode(&muscle), (451, 4_288_756_649)),
-            (encode(&joint), (124, 1_522_414_787)),
+            (encode(&joint), (125, 593_680_676)),
             (encode(&of_joint), (191, 1_436_421_169)),
         ] {
             let frame = frame.unwrap();
@@ -1001,7 +1001,7 @@ mod tests {
                 HostCommandWith::ConfigureMuscle(Side::B, Unread),
             ),
             (
-                HostCommand::ConfigureJoint((joint.mechanism, joint.tuning)),
+                HostCommand::ConfigureJoint((joint.mechanism, joint.tuning, joint.angle_part)),
                 HostCommandWith::ConfigureJoint(Unread),
             ),
             (HostCommand::SetJoint(motion), HostCommandWith::SetJoint(Unread)),

@@ -8,6 +8,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod as5600;
 pub mod max31865;
 pub mod mpr;
 

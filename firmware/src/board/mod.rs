@@ -58,9 +58,9 @@ pub trait Board: Sized {
     /// SPI of a MAX31865: mode 1, 5 MHz at most.
     #[cfg(feature = "parts")]
     type GasBus: embedded_hal_async::spi::SpiDevice;
-    /// I2C of an MPR: 400 kHz at most.
+    /// I2C of an MPR, or of a joint's AS5600: 400 kHz at most.
     #[cfg(feature = "parts")]
-    type PressureBus: embedded_hal_async::i2c::I2c;
+    type I2c: embedded_hal_async::i2c::I2c;
 
     /// Called once, before all else. It takes the power from all coils first. The serial line runs
     /// at [`BAUD`](thermyo_protocol::BAUD); its interrupt has a higher priority than control's, and
@@ -108,7 +108,7 @@ pub struct Parts<B: Board> {
     #[cfg(feature = "parts")]
     pub gas_buses: [(B::GasBus, B::Input); crate::kind::MUSCLES],
     #[cfg(feature = "parts")]
-    pub pressure_bus: B::PressureBus,
+    pub i2c: B::I2c,
 }
 
 /// Why a board started.

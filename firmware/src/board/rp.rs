@@ -8,7 +8,7 @@
 //! | GP0, GP1 | UART0 |
 //! | GP10, GP11, GP12, GP13, GP9 | SPI1 of a MAX31865: SCK, MOSI, MISO, CS; its DRDY, pulled up |
 //! | GP7, GP8 | CS and DRDY of the MAX31865 of muscle b |
-//! | GP4, GP5 | I2C0 of an MPR: SDA, SCL |
+//! | GP4, GP5 | I2C0 of an MPR, or of a joint's AS5600: SDA, SCL |
 //! | GP14 | emergency stop, pulled down here and by the board (erratum RP2350-E9): low is stop |
 //! | GP15, GP25 | fault output, LED |
 //! | USB | the same link as on UART0 |
@@ -80,7 +80,7 @@ impl<M: Member> Board for Rp<M> {
     type Sender = BufferedUartTx;
     type Usb = usb::Driver<'static, USB>;
     type GasBus = SpiDevice;
-    type PressureBus = I2cBus;
+    type I2c = I2cBus;
 
     fn start() -> Parts<Self> {
         vectors_to_ram();
@@ -118,7 +118,7 @@ impl<M: Member> Board for Rp<M> {
         ];
         let mut i2c_config = i2c::Config::default();
         i2c_config.frequency = I2C_HZ;
-        let pressure_bus = I2cBus::new(I2c::new_blocking(p.I2C0, p.PIN_5, p.PIN_4, i2c_config));
+        let i2c = I2cBus::new(I2c::new_blocking(p.I2C0, p.PIN_5, p.PIN_4, i2c_config));
 
         let unique_id = M::unique_id(p.FLASH.reborrow());
         Parts {
@@ -142,7 +142,7 @@ impl<M: Member> Board for Rp<M> {
             sender,
             usb: (usb, unique_id),
             gas_buses,
-            pressure_bus,
+            i2c,
         }
     }
 

@@ -7,16 +7,17 @@ use crate::shared::{Answer, Message, Order, Shared, Slot};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
+use model_core::joint::encoder::Encoder;
 pub use model_core::joint::{
     Joint as Core, JointConfig as Config, JointSample as Sample, JointSetPoint as SetPoint,
     JointTelemetry as Telemetry,
 };
-use model_core::joint::{JointError, JointMode, JointTuning, Mechanism};
+use model_core::joint::{JointError, JointMode};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{AdcCode, Command, Faults};
 use serde::{Serialize, Serializer};
 pub use thermyo_protocol::joint_checksum as checksum;
-use thermyo_protocol::{ConfigSource, Image, Name, Refusal, Side};
+use thermyo_protocol::{ConfigSource, Image, JointRest, Name, Refusal, Side};
 pub use thermyo_protocol::{HostCommand, Request};
 
 pub const MUSCLES: usize = 2;
@@ -24,7 +25,7 @@ pub const IMAGE: Image = Image::Joint;
 /// Bytes of the longest value in the store, and schema of the values: raised whenever their content
 /// changes, and never one of the image for one muscle, which has the same place for its own.
 pub const MAX_VALUE: usize = 1536;
-pub const SCHEMA: u16 = 0x8001;
+pub const SCHEMA: u16 = 0x8002;
 /// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
 /// take 300 us longer than the first one and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(500);
@@ -58,8 +59,8 @@ pub struct ActiveRest(&'static Shared);
 
 impl Serialize for ActiveRest {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let Config { mechanism, tuning, .. } = self.0.config().unwrap_or_default();
-        (mechanism, tuning).serialize(serializer)
+        let Config { mechanism, tuning, angle_part, .. } = self.0.config().unwrap_or_default();
+        (mechanism, tuning, angle_part).serialize(serializer)
     }
 }
 
@@ -140,16 +141,21 @@ pub fn sample([pressure_a, pressure_b, angle]: [AdcCode; 3]) -> Sample {
     Sample { pressure: [pressure_a.into(), pressure_b.into()], angle, ..Sample::default() }
 }
 
-/// Whether the gas sensors, and the pressure sensors, are digital.
-pub fn digital(_: &Config) -> ([bool; MUSCLES], bool) {
-    ([true; MUSCLES], false)
+/// Whether the gas sensors, and the sensor on I2C, are read.
+pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
+    ([true; MUSCLES], config.angle_part.is_digital())
 }
 
 /// Puts the readings of digital sensors in place of the codes.
-pub fn take_parts(_: &Config, parts: &Parts, seen: &mut Seen, sample: &mut Sample) {
+pub fn take_parts(config: &Config, parts: &Parts, seen: &mut Seen, sample: &mut Sample) {
     let sensors = parts.gas.iter().zip(&mut seen.gas);
     for (gas, (part, seen)) in sample.gas.iter_mut().zip(sensors) {
         *gas = part.code(seen);
+    }
+    if config.angle_part.is_digital() {
+        sample.angle = seen.encoder.code(parts.on_i2c.fresh(&mut seen.on_i2c));
+    } else {
+        seen.encoder = Encoder::default();
     }
 }
 
@@ -191,10 +197,8 @@ pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Sha
             }
             Outcome::Answer(done(shared))
         }
-        HostCommand::ConfigureJoint((mechanism, tuning)) => {
-            commit(mechanism, tuning, identity, shared)
-                .unwrap_or_else(|refusal| Outcome::Answer(Answer::Refused(refusal)))
-        }
+        HostCommand::ConfigureJoint(rest) => commit(rest, identity, shared)
+            .unwrap_or_else(|refusal| Outcome::Answer(Answer::Refused(refusal))),
         HostCommand::StartJoint(set_point) => Outcome::Restart(Order::Start(set_point)),
         HostCommand::SetJoint(set_point) => Outcome::Order(Order::Set(set_point)),
         HostCommand::Step(_) => Outcome::Answer(Answer::Refused(Refusal::NoHostSamples)),
@@ -203,8 +207,7 @@ pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Sha
 }
 
 fn commit(
-    mechanism: Mechanism,
-    tuning: JointTuning,
+    (mechanism, tuning, angle_part): JointRest,
     identity: &Identity,
     shared: &'static Shared,
 ) -> Result<Outcome, Refusal> {
@@ -212,7 +215,7 @@ fn commit(
     let [Some(a), Some(b)] = *configs else {
         return Err(Refusal::NoMuscles);
     };
-    let config = Config { muscles: [a, b], mechanism, tuning };
+    let config = Config { muscles: [a, b], mechanism, tuning, angle_part };
     configure(&config, identity, shared)?;
     Ok(Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE)))
 }

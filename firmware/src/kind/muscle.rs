@@ -142,7 +142,7 @@ pub fn take_parts(
 ) {
     let ([gas], pressure) = digital(config);
     if pressure {
-        sample.pressure = parts.pressure.code(&mut seen.pressure);
+        sample.pressure = parts.on_i2c.code(&mut seen.on_i2c);
     }
     if gas {
         for (part, seen) in parts.gas.iter().zip(&mut seen.gas) {

@@ -9,7 +9,7 @@ use super::armed::if_armed;
 use super::image;
 use super::link::Link;
 use model_core::control::Mode;
-use model_core::joint::{JointSample, JointTelemetry};
+use model_core::joint::{JointSample, JointTelemetry, encoder};
 use model_core::step_counts::StepCounts;
 use model_core::{AdcCode, Config, RawCode, Sample, SetPoint, Telemetry};
 use std::io::{BufReader, Read, Write};
@@ -73,6 +73,8 @@ pub enum PartFault {
     PressureUnplugged,
     /// The MPR stays busy.
     PressureSilent,
+    /// The wires of a joint's AS5600 are off.
+    AngleUnplugged,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -169,13 +171,16 @@ impl Exchange {
     }
 }
 
+/// Reading that stands for an encoder without its magnet.
+const NO_MAGNET: u16 = u16::MAX;
+
 /// Inputs of the board's pins.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
     /// Sums of eight conversions of ADC0 to ADC2.
     adc: [u16; 3],
-    /// Codes of the digital sensors: pressure, gas, gas of a joint's muscle b.
-    parts: [u16; 3],
+    /// Codes of the digital sensors: pressure, gas, gas of a joint's muscle b; reading of its encoder.
+    parts: [u16; 4],
     emergency_stop: bool,
     heard: bool,
 }
@@ -185,17 +190,18 @@ impl From<&Sample> for Inputs {
         let Sample { pressure, gas, length, emergency_stop, heard, .. } = *sample;
         let [pressure, gas] = [pressure, gas].map(RawCode::to_bits);
         let adc = [pressure, gas, RawCode::from(length).to_bits()];
-        Self { adc, parts: [pressure, gas, 0], emergency_stop, heard }
+        Self { adc, parts: [pressure, gas, 0, NO_MAGNET], emergency_stop, heard }
     }
 }
 
 impl From<&JointSample> for Inputs {
     fn from(sample: &JointSample) -> Self {
-        let JointSample { pressure, gas, angle, emergency_stop, heard, .. } = *sample;
+        let JointSample { pressure, gas, angle: code, emergency_stop, heard, .. } = *sample;
         let [pressure_a, pressure_b] = pressure.map(RawCode::to_bits);
         let [gas_a, gas_b] = gas.map(RawCode::to_bits);
-        let adc = [pressure_a, pressure_b, RawCode::from(angle).to_bits()];
-        Self { adc, parts: [0, gas_a, gas_b], emergency_stop, heard }
+        let adc = [pressure_a, pressure_b, RawCode::from(code).to_bits()];
+        let encoder = encoder::reading(code).unwrap_or(NO_MAGNET);
+        Self { adc, parts: [0, gas_a, gas_b, encoder], emergency_stop, heard }
     }
 }
 

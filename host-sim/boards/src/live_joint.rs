@@ -87,7 +87,8 @@ impl LiveJoint {
         }
         self.done(HostCommand::ConfigureMuscle(Side::A, a), "muscle a")?;
         self.done(HostCommand::ConfigureMuscle(Side::B, b), "muscle b")?;
-        self.done(HostCommand::ConfigureJoint((config.mechanism, config.tuning)), "configure")?;
+        let rest = (config.mechanism, config.tuning, config.angle_part);
+        self.done(HostCommand::ConfigureJoint(rest), "configure")?;
         self.done(HostCommand::Name(Name::new(name)), "name")?;
         let status = self.status()?;
         let same = status.config_checksum == joint_checksum(config);
@@ -133,11 +134,12 @@ impl LiveJoint {
     pub fn config(&mut self) -> Result<JointConfig, BoardError> {
         let muscles = [self.muscle_config(Side::A)?, self.muscle_config(Side::B)?];
         let asked = "configuration of the joint";
-        let Answer::Joint((mechanism, tuning)) = self.line.ask(HostCommand::ReadJoint, asked)?
+        let Answer::Joint((mechanism, tuning, angle_part)) =
+            self.line.ask(HostCommand::ReadJoint, asked)?
         else {
             return Err(BoardError::Silent { asked });
         };
-        Ok(JointConfig { muscles, mechanism, tuning })
+        Ok(JointConfig { muscles, mechanism, tuning, angle_part })
     }
 
     fn muscle_config(&mut self, side: Side) -> Result<Config, BoardError> {

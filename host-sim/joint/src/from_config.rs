@@ -2,13 +2,13 @@
 
 use crate::load::{JointLoaded, parse};
 use crate::render::render;
-use model_core::joint::JointConfig;
+use model_core::joint::{AnglePart, JointConfig};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Map, Number, Value};
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
-use thermyo_scenario::joint::JointDrive;
+use thermyo_scenario::joint::{AngleKind, Joint, JointDrive};
 use thermyo_scenario::short;
 use thermyo_setup::from_config;
 
@@ -20,7 +20,12 @@ pub fn to_scenario(config: &JointConfig) -> Result<JointLoaded, InputError> {
     let origin = Path::new("the board's configuration");
     let [a, b] = &config.muscles;
     let muscle = |config| from_config::to_scenario(config).map(|found| found.scenario);
-    let joint: thermyo_scenario::joint::Joint = table(&config.mechanism, origin)?;
+    let sensor_kind = match config.angle_part {
+        AnglePart::Potentiometer => AngleKind::Potentiometer,
+        AnglePart::As5600 => AngleKind::As5600,
+        _ => return Err(InputError::file(origin, other_sensor())),
+    };
+    let joint = Joint { sensor_kind, ..table(&config.mechanism, origin)? };
     let drive: JointDrive = table(&Map::new(), origin)?;
     let written = render(&JointLoaded {
         muscles: [muscle(a)?, muscle(b)?],
@@ -32,6 +37,14 @@ pub fn to_scenario(config: &JointConfig) -> Result<JointLoaded, InputError> {
         load: None,
     });
     parse(&written, origin)
+}
+
+fn other_sensor() -> Problem {
+    Problem::NotAllowed {
+        key: "joint.sensor_kind".to_owned(),
+        value: "another".to_owned(),
+        allowed: "\"potentiometer\" or \"as5600\", to be written as a scenario".to_owned(),
+    }
 }
 
 /// A table of the scenario with the core's values, each as short as reads back to the same.
@@ -57,7 +70,7 @@ mod tests {
     #[test]
     fn a_scenario_gives_the_configuration_again() {
         let text = "[plant]\nmodel = \"lumped\"\n[sensor.gas]\nkind = \"max31865\"\n\
-             [joint]\nradius_m = 0.021\ngravity_n_m = 4.9\nlock_s = 2\n\
+             [joint]\nradius_m = 0.021\ngravity_n_m = 4.9\nlock_s = 2\nsensor_kind = \"as5600\"\n\
              [joint.controller]\ngain_n_m_rad = 11.3\n\
              [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[joint.b.friction]\nforce_n = 3.3\n";
         let loaded = parse(text, "joint.toml".as_ref()).unwrap();

@@ -5,7 +5,7 @@ use model_core::joint::{JointConfig, Motion};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 use thermyo_compute::math;
-use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_files::input::{InputError, Problem, quoted, read_text};
 use thermyo_files::table::{Table, read_table};
 use thermyo_plant::joint::Arm;
 use thermyo_scenario::joint::{
@@ -47,6 +47,7 @@ impl JointLoaded {
             muscles: [core_config(&a.believed), core_config(&b.believed)],
             mechanism: self.believed.core(),
             tuning: self.controller.core(),
+            angle_part: self.believed.sensor_kind.part(),
         }
     }
 
@@ -258,7 +259,17 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
         muscles: [core_config(&a.plant), core_config(&b.plant)],
         mechanism: loaded.joint.core(),
         tuning: loaded.controller.core(),
+        angle_part: loaded.joint.sensor_kind.part(),
     };
+    let [kind, believed] = [&loaded.joint, &loaded.believed].map(|joint| joint.sensor_kind.word());
+    if believed != kind {
+        let problem = Problem::NotAllowed {
+            key: "believed.joint.sensor_kind".to_owned(),
+            value: quoted(&format!("{believed:?}")),
+            allowed: format!("{kind:?}, as joint.sensor_kind, or left out"),
+        };
+        return Err(document.blame("believed.joint.sensor_kind", problem));
+    }
     for (prefix, config) in [("", of_plant), ("believed.", loaded.config())] {
         config.check().map_err(|error| refused(document, prefix, &error))?;
     }
@@ -345,6 +356,19 @@ mod tests {
         assert!(vessel.starts_with("joint.toml:3: plant.kind"), "{vessel}");
         let pwm = refusal("[joint]\n[joint.b.valve]\npwm_hz = 50\n");
         assert!(pwm.contains("valve.pwm_hz"), "{pwm}");
+        let encoder = "[joint]\nsensor_kind = \"as5600\"\nsensor_minimum_rad = ";
+        let inside = refusal(&format!("{encoder}\"10 deg\"\n"));
+        assert!(
+            inside.starts_with("joint.toml:3: joint.sensor_minimum_rad (where an AS5600's turn"),
+            "{inside}"
+        );
+        let wide = refusal(&format!("{encoder}-3.3\nminimum_rad = -3.2\nmaximum_rad = 3.2\n"));
+        assert!(wide.starts_with("joint.toml:5: joint.maximum_rad (an AS5600 reads"), "{wide}");
+        assert!(refusal("[joint]\nsensor_kind = \"as5601\"\n").starts_with(
+            "joint.toml:2: joint.sensor_kind = \"as5601\": must be one of \"potentiometer\", "
+        ));
+        let other = refusal("[joint]\n[believed.joint]\nsensor_kind = \"as5600\"\n");
+        assert!(other.starts_with("joint.toml:3: believed.joint.sensor_kind = "), "{other}");
         let profile = refusal("[joint]\n[drive]\nprofile_csv = \"no.csv\"\n");
         assert!(profile.starts_with("joint.toml:3: drive.profile_csv: no.csv"), "{profile}");
     }

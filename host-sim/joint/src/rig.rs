@@ -5,12 +5,15 @@ use model_core::joint::{
     Joint as Core, JointError, JointMode, JointSample, JointSetPoint, JointTelemetry, Motion,
 };
 use model_core::{ConfigError, Duty};
+use std::f64::consts::TAU;
 use std::{fmt, io};
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::joint::{ArmLedger, Joint, JointTruth};
 use thermyo_plant::{Actuation, BuildError, Diverged, Ledger};
 use thermyo_scenario::Scenario;
+use thermyo_scenario::joint::AngleKind;
 use thermyo_simulation::adc::VirtualAdc;
+use thermyo_simulation::encoder::VirtualEncoder;
 use thermyo_simulation::faults::InjectedFaults;
 
 /// Steps of the startup check, at most.
@@ -84,6 +87,8 @@ pub struct Row {
 pub struct Rig {
     plant: Joint,
     adc: [VirtualAdc; 2],
+    /// Where one gives the angle.
+    encoder: Option<VirtualEncoder>,
     faults: [InjectedFaults; 2],
     core: Core,
     scenarios: [Scenario; 2],
@@ -111,6 +116,7 @@ impl Rig {
         let mut rig = Self {
             plant,
             adc: [VirtualAdc::new(of_a), VirtualAdc::new(of_b)],
+            encoder: (joint.sensor_kind == AngleKind::As5600).then(|| VirtualEncoder::new(of_a)),
             faults: [InjectedFaults::new(of_a), InjectedFaults::new(of_b)],
             core,
             chambers: [chamber::of(of_a), chamber::of(of_b)],
@@ -159,7 +165,7 @@ impl Rig {
     }
 
     /// Codes of all sensors: what a board reads in a step, which ends with [`Self::advance`]. The angle goes through
-    /// the length channel of muscle a, over its range.
+    /// the length channel of muscle a, over its range, or through an encoder in its place.
     pub fn sample(&mut self) -> JointSample {
         let truth = self.plant.truth();
         let [least, most] = self.sensor_rad;
@@ -167,7 +173,10 @@ impl Rig {
         let mut samples = [0, 1].map(|i: usize| {
             let mut seen = self.faults[i].sensed(&truth.muscles[i]);
             seen.sensor_length_m = share * self.scenarios[i].sensor.length.range_m;
-            let codes = self.adc[i].convert(&seen);
+            let mut codes = self.adc[i].convert(&seen);
+            if let (0, Some(encoder)) = (i, &mut self.encoder) {
+                codes.length = encoder.convert((truth.angle_rad - least) / TAU);
+            }
             self.faults[i].apply(truth.muscles[i].time_s, codes)
         });
         let [a, b] = &mut samples;
@@ -195,7 +204,10 @@ impl Rig {
     /// The core's step for a sample of now, once between two calls of [`Self::proceed`].
     pub fn observe(&mut self) -> Row {
         let truth = self.plant.truth();
-        let sample = self.sample();
+        let mut sample = self.sample();
+        if let Some(encoder) = &mut self.encoder {
+            sample.angle = encoder.take(sample.angle);
+        }
         let mut telemetry = self.core.step(&sample);
         let mut checks = 0..MOST_CHECK_STEPS;
         // A board is on for a while before a run: the first sample is repeated until its check is over.

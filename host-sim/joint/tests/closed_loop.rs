@@ -110,3 +110,32 @@ fn a_lock_holds_the_arm_where_the_angle_is_lost() {
     let (_, vents_s) = at_two_seconds(1.5, "pressure = \"open\"");
     assert!(vents_s < 1.02, "{vents_s} s");
 }
+
+/// 12 bits in a turn, a step late: the angle is held as with a potentiometer. Without magnet, wires or readings both
+/// muscles vent, and without a jump of the reading before.
+#[test]
+fn an_encoder_gives_the_angle_until_it_is_lost() {
+    const ENCODER: &str = "model = \"full\"\n[joint]\ngravity_n_m = 4.9\nsensor_kind = \"as5600\"\n\
+         sensor_minimum_rad = \"-180 deg\"\n";
+    let rows = run(&loaded(ENCODER), 4.0, |t| still(if t < 0.5 { 0.0 } else { 20.0 }, 16.0));
+    let off = |row: &Row| row.truth.angle_rad.to_degrees() - 20.0;
+    let worst = rows[1500..].iter().map(|row| off(row).abs()).fold(0.0, f64::max);
+    assert!((1e-3..0.5).contains(&worst), "{worst} deg");
+    let square = |row: &Row| {
+        let off_rad = f64::from(row.telemetry.angle_rad) - row.truth.angle_rad;
+        off_rad * off_rad
+    };
+    let error = rows[1500..].iter().map(square).sum::<f64>() / 2500.0;
+    // Half an LSB of truncation, noise and rounding: 0.067 deg.
+    assert!((0.05..0.085).contains(&error.sqrt().to_degrees()), "{}", error.sqrt().to_degrees());
+
+    for (fault, within_s) in [("open", 0.012), ("shorted", 0.012), ("frozen", 0.013)] {
+        let text = format!("{ENCODER}[joint.a.faults]\nlength = \"{fault}\"\nfrom_s = 0.5\n");
+        let rows = run(&loaded(&text), 1.0, |_| still(0.0, 16.0));
+        let lost = rows.iter().find(|row| row.telemetry.faults != JointFaults::NONE);
+        let lost = lost.unwrap_or_else(|| panic!("{fault}: {:?}", rows.last()));
+        assert_eq!(lost.telemetry.faults, JointFaults::ANGLE_SENSOR, "{fault}");
+        assert_eq!(lost.telemetry.commands(), [Command::VENT; 2], "{fault}");
+        assert!((0.5..=0.5 + within_s).contains(&lost.time_s), "{fault}: {} s", lost.time_s);
+    }
+}

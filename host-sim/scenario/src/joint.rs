@@ -12,13 +12,33 @@
 use super::declare::{choice, table};
 use super::document::{Document, allowed_instead, checked};
 use super::key::{Allowed, Key, Table};
-use model_core::joint;
+use model_core::joint::{self, AnglePart};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::path::Path;
 use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted};
 use toml::Value;
 use toml::de::DeTable;
+
+choice! {
+    /// Type of the angle's sensor.
+    AngleKind {
+        /// On the converter.
+        Potentiometer = "potentiometer",
+        /// ams AS5600 on I2C.
+        As5600 = "as5600",
+    }
+}
+
+impl AngleKind {
+    /// As the core has it.
+    pub fn part(self) -> AnglePart {
+        match self {
+            Self::Potentiometer => AnglePart::Potentiometer,
+            Self::As5600 => AnglePart::As5600,
+        }
+    }
+}
 
 table! {
     "joint", "two muscles on a pulley; muscle a shortens as the angle grows", believed, physical;
@@ -33,6 +53,7 @@ table! {
         core friction_n_m;
         core minimum_rad;
         core maximum_rad;
+        sensor_kind: choice AngleKind::Potentiometer, "type of the angle's sensor";
         core sensor_minimum_rad;
         core sensor_maximum_rad;
         core torque_limit_n_m;

@@ -5,6 +5,7 @@
 pub mod adc;
 pub mod board;
 pub mod elements;
+pub mod encoder;
 pub mod faults;
 mod noise;
 pub mod rig;

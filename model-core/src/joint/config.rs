@@ -1,11 +1,16 @@
 //! Configuration of a joint, and what its values may be.
 
+use super::encoder::AnglePart;
 use crate::config::{Config, Load};
 use crate::parameter::{ConfigError, parameters, within};
 use crate::physics::chamber::{AnyChamber, Chamber};
+use core::f32::consts::TAU;
 
 /// Length that a muscle keeps free towards either end of its lengths, share of the rest length \[-\].
 const CLEARANCE: f32 = 0.001;
+
+/// Angle from a stop to the jump of an AS5600's reading, at least: more than a stop gives way \[rad\].
+const CLEAR_RAD: f32 = 0.1;
 
 parameters! {
     /// The mechanism. Muscle a shortens as the angle grows: L_a = mid_length_a_m - r q, L_b = mid_length_b_m + r q.
@@ -20,8 +25,8 @@ parameters! {
         friction_n_m: 0.0, "N m", 0.0 to 1.0e4, "dry friction of the bearing, beside that of the muscles";
         minimum_rad: -0.8, "rad", -6.3 to 6.3, "lower stop";
         maximum_rad: 0.8, "rad", -6.3 to 6.3, "upper stop";
-        sensor_minimum_rad: -1.0, "rad", -12.6 to 12.6, "angle at 5 % of the potentiometer's reference";
-        sensor_maximum_rad: 1.0, "rad", -12.6 to 12.6, "angle at 95 % of it";
+        sensor_minimum_rad: -1.0, "rad", -12.6 to 12.6, "angle at 5 % of the potentiometer's reference, or where an AS5600 reads 0";
+        sensor_maximum_rad: 1.0, "rad", -12.6 to 12.6, "angle at 95 % of the potentiometer's reference; an AS5600 has one turn";
         torque_limit_n_m: 4.0, "N m", 1.0e-3 to 1.0e6, "torque that nothing configured explains, at which the joint vents";
         lock_s: 0.0, "s", 0.0 to 600.0, "longest time of a lock, after which the joint vents; 0: it never locks";
     }
@@ -58,6 +63,8 @@ pub struct JointConfig {
     pub mechanism: Mechanism,
     /// Tuning of the controller.
     pub tuning: JointTuning,
+    /// Type of the angle's sensor.
+    pub angle_part: AnglePart,
 }
 
 impl Mechanism {
@@ -84,7 +91,7 @@ impl JointConfig {
     /// The first value that is not a number or lies outside of its range.
     #[cold] // Once at a start: as small as can be.
     pub fn check(&self) -> Result<(), ConfigError> {
-        let Self { muscles: [a, b], mechanism, tuning } = self;
+        let Self { muscles: [a, b], mechanism, tuning, .. } = self;
         a.check()?;
         b.check()?;
         mechanism.check()?;
@@ -108,9 +115,7 @@ impl JointConfig {
         within("valve.kind (1: switching, of muscle b as of muscle a)", of_b, of_a, of_a)?;
         let Mechanism { minimum_rad, maximum_rad, .. } = *mechanism;
         within("joint.maximum_rad", maximum_rad, minimum_rad + 0.01, 6.3)?;
-        let [least, most] = [mechanism.sensor_minimum_rad, mechanism.sensor_maximum_rad];
-        within("joint.sensor_minimum_rad", least, -12.6, minimum_rad)?;
-        within("joint.sensor_maximum_rad", most, maximum_rad, 12.6)?;
+        self.check_angle()?;
         for stop_rad in [minimum_rad, maximum_rad] {
             let [length_a_m, length_b_m] = mechanism.lengths_m(stop_rad);
             within_lengths(
@@ -125,6 +130,34 @@ impl JointConfig {
             )?;
         }
         Ok(())
+    }
+
+    /// Upper end of the angle sensor's range \[rad\]: of an AS5600 a turn above the lower one.
+    pub fn sensor_maximum_rad(&self) -> f32 {
+        match self.angle_part {
+            AnglePart::Potentiometer => self.mechanism.sensor_maximum_rad,
+            AnglePart::As5600 => self.mechanism.sensor_minimum_rad + TAU,
+        }
+    }
+
+    /// Checks that every angle between the stops has a reading.
+    fn check_angle(&self) -> Result<(), ConfigError> {
+        let Mechanism { minimum_rad, maximum_rad, .. } = self.mechanism;
+        let [least, most] = [self.mechanism.sensor_minimum_rad, self.mechanism.sensor_maximum_rad];
+        match self.angle_part {
+            AnglePart::Potentiometer => {
+                within("joint.sensor_minimum_rad", least, -12.6, minimum_rad)?;
+                within("joint.sensor_maximum_rad", most, maximum_rad, 12.6)
+            }
+            AnglePart::As5600 => {
+                let turn_rad = TAU - 2.0 * CLEAR_RAD;
+                let key = "joint.maximum_rad (an AS5600 reads one turn)";
+                within(key, maximum_rad, minimum_rad + 0.01, minimum_rad + turn_rad)?;
+                let lowest_rad = maximum_rad + CLEAR_RAD - TAU;
+                let key = "joint.sensor_minimum_rad (where an AS5600's turn begins)";
+                within(key, least, lowest_rad, minimum_rad - CLEAR_RAD)
+            }
+        }
     }
 }
 
@@ -142,6 +175,7 @@ impl Default for JointConfig {
             muscles: [muscle; 2],
             mechanism: Mechanism::default(),
             tuning: JointTuning::default(),
+            angle_part: AnglePart::default(),
         }
     }
 }
@@ -176,5 +210,28 @@ mod tests {
         assert_eq!(field, "joint.sensor_maximum_rad");
         let field = with(|config| config.mechanism.inertia_kg_m2 = f32::NAN);
         assert_eq!(field, "joint.inertia_kg_m2");
+    }
+
+    #[test]
+    fn a_turn_that_ends_between_the_stops_is_refused() {
+        let field = |minimum_rad: f32, maximum_rad: f32, sensor_minimum_rad: f32| {
+            let mut config =
+                JointConfig { angle_part: AnglePart::As5600, ..JointConfig::default() };
+            let mechanism = &mut config.mechanism;
+            (mechanism.minimum_rad, mechanism.maximum_rad) = (minimum_rad, maximum_rad);
+            mechanism.sensor_minimum_rad = sensor_minimum_rad;
+            // Of a potentiometer only.
+            mechanism.sensor_maximum_rad = 0.0;
+            config.check_angle().map_err(|error| error.field).err()
+        };
+        assert_eq!(field(-0.8, 0.8, -1.0), None);
+        assert_eq!(field(-0.8, 0.8, -5.3), None);
+        for beginning in [-0.85, 0.0, -5.4] {
+            let refused = field(-0.8, 0.8, beginning).unwrap();
+            assert!(refused.starts_with("joint.sensor_minimum_rad ("), "{refused}");
+        }
+        assert_eq!(field(-3.0, 3.0, -3.1), None);
+        let refused = field(-3.1, 3.1, -3.2).unwrap();
+        assert!(refused.starts_with("joint.maximum_rad ("), "{refused}");
     }
 }

@@ -165,7 +165,7 @@ pub struct JointController {
 impl JointController {
     /// At rest at angle 0.
     pub fn new(config: &JointConfig) -> Self {
-        let JointConfig { muscles, mechanism, tuning } = config;
+        let JointConfig { muscles, mechanism, tuning, .. } = config;
         let [a, _] = muscles;
         Self {
             mechanism: *mechanism,

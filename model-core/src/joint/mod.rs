@@ -9,7 +9,7 @@
 //! the decision to vent belong to the joint: a venting fault of either muscle, or of the joint itself, opens both
 //! outlets in the same step. One muscle is never vented alone, because the other would then throw the arm.
 //!
-//! One potentiometer gives the angle, and the angle both lengths. Without it there is no fallback: the joint
+//! One sensor gives the angle, and the angle both lengths. Without it there is no fallback: the joint
 //! vents.
 //!
 //! With `joint.lock_s` above 0 a joint that is driven locks before it vents, all four valves shut, where link, angle or
@@ -17,25 +17,28 @@
 //! trusted. Every other fault, a pressure beyond its limit and the end of that time vent both.
 
 pub mod allocation;
+mod angle;
 mod config;
 pub mod controller;
+pub mod encoder;
 pub mod guard;
 pub mod observer;
 pub mod reference;
 mod set_point;
 
 pub use self::config::{JointConfig, JointTuning, Mechanism};
+pub use self::encoder::AnglePart;
 pub use self::guard::JointFaults;
 pub use self::reference::Motion;
 pub use self::set_point::{JointError, JointField, JointSetPoint};
 
+use self::angle::AngleLine;
 use self::controller::{JointController, Measured};
 use self::guard::{Guard, Motions};
 use crate::control::{SetPointError, SetPointField};
 use crate::parameter::ConfigError;
 use crate::safety::supervisor::FirstFailure;
 use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemetry};
-use crate::sensing::adc::{Characteristic, Linearisation, Point};
 use crate::step::{Core, Judged};
 use crate::step_counts::timeout_steps;
 
@@ -47,7 +50,7 @@ pub struct JointSample {
     pub pressure: [RawCode; 2],
     /// Gas temperatures.
     pub gas: [RawCode; 2],
-    /// Potentiometer of the angle.
+    /// Angle: a code of the converter, or of an [`Encoder`](encoder::Encoder).
     pub angle: AdcCode,
     /// The emergency stop line is open or low.
     pub emergency_stop: bool,
@@ -166,36 +169,6 @@ impl JointTelemetry {
     pub fn commands(&self) -> [Command; 2] {
         let [a, b] = &self.muscles;
         [a.command, b.command]
-    }
-}
-
-/// The potentiometer of the angle: 5 to 95 % of the reference.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct AngleLine {
-    linearisation: Linearisation,
-    characteristic: Characteristic,
-    /// Half the width of its widest codes \[rad\].
-    wide_rad: f32,
-}
-
-impl AngleLine {
-    fn new(config: &JointConfig) -> Self {
-        let Mechanism { sensor_minimum_rad, sensor_maximum_rad, .. } = config.mechanism;
-        let low = Point { share: 0.05, value: sensor_minimum_rad };
-        let high = Point { share: 0.95, value: sensor_maximum_rad };
-        let [a, _] = &config.muscles;
-        let characteristic = Characteristic::through(low, high);
-        Self {
-            linearisation: Linearisation::new(&a.sensors.adc),
-            wide_rad: a.sensors.adc.half_width(characteristic.per_code()),
-            characteristic,
-        }
-    }
-
-    /// Angle, and half the width of its code \[rad\].
-    fn read(&self, code: AdcCode) -> (f32, f32) {
-        let wide_rad = if self.linearisation.widens(code) { self.wide_rad } else { 0.0 };
-        (self.characteristic.at(self.linearisation.ideal(code)), wide_rad)
     }
 }
 
@@ -535,7 +508,9 @@ impl Joint {
 
     /// Observer and faults of the joint.
     fn watch(&mut self, angle_rad: f32, gauge_pa: [f32; 2], judged: &[Judged; 2]) {
-        let lost = judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
+        // The angle's sensor is not known before it is configured.
+        let lost = self.is_configured()
+            && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
         if self.started && !lost && !self.latched.intersects(JointFaults::ANGLE_SENSOR) {
             let torque_n_m = self.controller.observe(angle_rad, gauge_pa);
@@ -629,6 +604,7 @@ impl Joint {
 
 #[cfg(test)]
 mod tests {
+    use super::encoder::Encoder;
     use super::*;
     use crate::sample::CODE_MAX;
 
@@ -838,6 +814,41 @@ mod tests {
         joint.disarm();
         assert_eq!(joint.step(&HEALTHY).commands(), [Command::VENT; 2]);
         assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
+    }
+
+    /// An encoder that stands still has two codes, one that falls silent vents after 10 steps.
+    #[test]
+    fn an_encoder_that_falls_silent_is_a_lost_angle() {
+        let mut config = JointConfig { angle_part: AnglePart::As5600, ..JointConfig::default() };
+        config.mechanism.sensor_minimum_rad = -core::f32::consts::PI;
+        let mut joint = Joint::new(&config).unwrap();
+        let mut encoder = Encoder::default();
+        // Nothing has been read yet when the board starts.
+        for reading in core::iter::repeat_n(None, 5).chain(core::iter::repeat_n(Some(2400), 100)) {
+            joint.step(&JointSample { angle: encoder.code(reading), ..HEALTHY });
+        }
+        joint.set(FILLING).unwrap();
+        for step in 0..100 {
+            let telemetry =
+                joint.step(&JointSample { angle: encoder.code(Some(2400)), ..alive(step) });
+            assert_eq!(telemetry.faults, JointFaults::NONE);
+            let expected_rad = core::f32::consts::TAU * (2400.0 - 2048.0) / 4096.0;
+            assert!((telemetry.angle_rad - expected_rad).abs() < 3e-4, "{}", telemetry.angle_rad);
+        }
+        let angle = core::cell::RefCell::new(encoder);
+        let silent = |sample| JointSample { angle: angle.borrow_mut().code(None), ..sample };
+        assert_eq!(vents_after(&mut joint, silent), Some(9));
+        assert_eq!(joint.latched(), Faults::JOINT_ANGLE);
+    }
+
+    /// The converter's input is at a rail where an encoder gives the angle.
+    #[test]
+    fn a_joint_that_is_not_configured_judges_no_angle() {
+        let mut joint = Joint::unconfigured();
+        (0..100).for_each(|step| _ = joint.step(&open(alive(step))));
+        joint.restart_as(&Joint::new(&JointConfig::default()).unwrap());
+        assert_eq!(joint.latched(), Faults::NONE);
+        assert_eq!(joint.step(&open(alive(0))).faults, JointFaults::ANGLE_SENSOR);
     }
 
     #[test]

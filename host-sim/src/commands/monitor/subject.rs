@@ -231,8 +231,8 @@ impl Subject for Joint {
     fn config(answers: &[Option<Answer>]) -> Option<JointConfig> {
         match answers {
             [Some(Answer::Config(a)), Some(Answer::Config(b)), Some(Answer::Joint(rest))] => {
-                let (mechanism, tuning) = *rest;
-                Some(JointConfig { muscles: [*a, *b], mechanism, tuning })
+                let (mechanism, tuning, angle_part) = *rest;
+                Some(JointConfig { muscles: [*a, *b], mechanism, tuning, angle_part })
             }
             _ => None,
         }
