@@ -448,11 +448,12 @@ fn joint_in(
     format: FormatArgs,
     stderr: &mut dyn Write,
 ) -> Result<Option<JointLoaded>, Failure> {
-    let loaded = thermyo_joint::load(path)?;
-    if loaded.is_some() {
-        note_shipped(path, format, stderr);
-    }
-    Ok(loaded)
+    let Some((loaded, warnings)) = thermyo_joint::load_with_warnings(path)? else {
+        return Ok(None);
+    };
+    note_shipped(path, format, stderr);
+    print_warnings(&warnings, stderr);
+    Ok(Some(loaded))
 }
 
 /// Prints a note if the built-in file is used.
@@ -464,13 +465,17 @@ fn note_shipped(path: &Path, format: FormatArgs, stderr: &mut dyn Write) {
     }
 }
 
+fn print_warnings(warnings: &[InputError], stderr: &mut dyn Write) {
+    for warning in warnings {
+        let _ = writeln!(stderr, "thermyo: warning: {warning}");
+    }
+}
+
 /// Loads a scenario; prints its warnings, and a note if the built-in file is used.
 fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
     let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
     note_shipped(path, format, stderr);
-    for warning in warnings {
-        let _ = writeln!(stderr, "thermyo: warning: {warning}");
-    }
+    print_warnings(&warnings, stderr);
     Ok(loaded)
 }
 
