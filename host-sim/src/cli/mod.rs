@@ -29,6 +29,7 @@ mod set;
 mod shell;
 mod sweep;
 mod tune;
+mod unbuilt;
 
 use self::board::BoardArgs;
 use self::failure::Failure;
@@ -432,17 +433,15 @@ fn check_command(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     if let Some(joint) = joint_in(path, format, err)? {
-        return joint::check(&joint, format, out);
+        return joint::check(&joint, path, format, out);
     }
     let loaded = load(path, format, err)?;
-    // Steps that would be too short are found only when the plant is built.
-    thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
-        .map_err(|error| Failure::Run(RunError::Build(error)))?;
+    unbuilt::refuse(&loaded, path)?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
     format.done(out, &both, &thermyo_setup::render(&loaded))
 }
 
-/// The scenario of a joint, if the file is one.
+/// The scenario of a joint, if the file is one; prints its warnings.
 fn joint_in(
     path: &Path,
     format: FormatArgs,
@@ -488,6 +487,7 @@ fn run_command(
         return joint::run(&joint, args, stdout, stderr);
     }
     let loaded = load(&args.scenario, args.output.format, stderr)?;
+    unbuilt::refuse(&loaded, &args.scenario)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
         Some(path) => Some(read_to_compare(path, duration_s, stderr)?),
