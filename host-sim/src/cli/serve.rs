@@ -15,7 +15,7 @@ pub(super) struct ServeArgs {
     #[arg(default_value = "emulated")]
     board: String,
     /// TCP port of the page on this machine [default: a free one]
-    #[arg(long, value_name = "NUMBER", value_parser = |text: &str| whole(text, 1..=u16::MAX))]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true, value_parser = |text: &str| whole(text, 1..=u16::MAX))]
     port: Option<u16>,
     #[command(flatten)]
     output: OutputArgs,
