@@ -41,9 +41,9 @@ pub enum Problem {
     /// TOML where a table is needed.
     #[error("is TOML: must be a CSV file, whose first line names the columns")]
     NotCsv,
-    /// A plant that cannot be simulated.
+    /// It can be read, and not used.
     #[error("{0}")]
-    NotSimulated(String),
+    Unusable(String),
     /// Too large for the memory.
     #[error("has more than {most} bytes: must be at most {} MiB", most >> 20)]
     TooLarge {

@@ -80,7 +80,8 @@ impl Bore {
     /// Steady flow \[kg/s\] through that length from the higher to the lower of two pressures \[Pa\], at the wall's
     /// temperature: the momentum above without its time derivative, m f Re = A D^2 (p1^2 - p2^2)/(R T mu L).
     pub fn steady_kg_s(&self, gas: &IdealGas, length_m: f64, [from_pa, to_pa]: [f64; 2]) -> f64 {
-        let driving = (from_pa * from_pa - to_pa * to_pa).max(0.0) * self.diameter_m.powi(2);
+        let squares = (from_pa * from_pa - to_pa * to_pa).max(0.0);
+        let driving = squares * self.diameter_m * self.diameter_m;
         let resisting = gas.r * self.wall_k * self.viscosity_pa_s * length_m;
         let wanted = self.section_m2 * driving / resisting;
         // f Re never falls with the flow, and is least in laminar flow.

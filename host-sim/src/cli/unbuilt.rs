@@ -38,7 +38,11 @@ pub(super) fn refuse_joint(loaded: &JointLoaded, path: &Path) -> Result<(), Fail
     Rig::new(loaded, Inputs::of(loaded.motion(0.0))).map(drop).map_err(|error| {
         let reason = error.to_string();
         let document = read_text(path).and_then(|text| JointDocument::parse(&text, path)).ok();
-        let given = keys(&reason).find_map(|key| document.as_ref()?.given(key));
+        let given = keys(&reason).find_map(|key| document.as_ref()?.given(key)).or_else(|| {
+            let mut entries = document.as_ref()?.muscles.iter().flat_map(|one| one.plant.iter());
+            let entry = entries.find(|entry| reason.starts_with(entry.key.name))?;
+            Some((entry.line, entry.path(), entry.written.clone()))
+        });
         // An allowed range behind its key, and a reason otherwise.
         let of_inertia = |(_, key, _): &Given| key == "joint.inertia_kg_m2";
         let why = match reason.strip_prefix("joint.inertia_kg_m2: ") {
@@ -64,6 +68,6 @@ fn located(path: &Path, given: Option<Given>, why: String) -> InputError {
             line,
             problem: Box::new(Problem::NoSense { key, value, why }),
         },
-        None => InputError::file(path, Problem::NotSimulated(why)),
+        None => InputError::file(path, Problem::Unusable(why)),
     }
 }
