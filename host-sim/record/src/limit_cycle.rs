@@ -10,6 +10,8 @@ const SWINGS: usize = 10;
 const MANY_SWINGS: usize = 40;
 /// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
+/// Half cycles for which an oscillation that has no further turning point still lasts \[-\].
+const LAST_HALVES: f64 = 4.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitCycle {
@@ -91,7 +93,10 @@ impl Detector {
     /// The set point has ended. A cycle that lasted to its end counts.
     fn end_set_point(&mut self) {
         self.find(SWINGS, true);
-        let Some(found) = self.present.take() else { return };
+        let Some(mut found) = self.present.take() else { return };
+        if self.time_s - found.time_s <= LAST_HALVES * 0.5 / found.frequency_hz {
+            found = LimitCycle { time_s: self.time_s, lasts: true, ..found };
+        }
         if self.largest.is_none_or(|largest| found.amplitude > largest.amplitude) {
             self.largest = Some(found);
         }
@@ -104,7 +109,7 @@ impl Detector {
         let half_s = (turns[count].0 - turns[0].0) / count as f64;
         let swings: Vec<f64> = turns.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).collect();
         let swings_on = swings[count - 1] >= LASTS * swings[0];
-        if !swings_on || self.time_s - turns[count].0 > 4.0 * half_s {
+        if !swings_on || self.time_s - turns[count].0 > LAST_HALVES * half_s {
             return;
         }
         let amplitude = 0.5 * swings.iter().sum::<f64>() / count as f64;

@@ -34,7 +34,7 @@ const WRONG_FLOW: f64 = 4.0;
 /// behind 8 m of 10 mm, with 0.14, there is no fault, behind 10 m of 12 mm, with 0.08, there is \[-\].
 const LEAST_SHARE: f64 = 0.1;
 
-/// All of them for a scenario of one chamber.
+/// Warnings for a scenario of one chamber.
 pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     let (plant, believed) = (&loaded.plant, &loaded.believed);
     let is_controlled = matches!(plant.drive.kind, DriveKind::Pressure | DriveKind::Contraction);
@@ -49,7 +49,7 @@ pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     found
 }
 
-/// Those of valves and line, whether one chamber is driven or a joint.
+/// Warnings about valves and line, of one chamber or of a joint's muscle.
 pub fn valves_and_line(loaded: &Loaded, is_controlled: bool) -> Vec<Unrest> {
     let believed = &loaded.believed;
     let loops = is_controlled.then(|| [seldom(believed), late(believed)]);
@@ -102,7 +102,7 @@ impl Rest {
         }
     }
 
-    /// What k R T dm \[J\] changes beyond the zone, in words.
+    /// The change by k R T dm \[J\] in words, where it leads beyond the zone.
     fn beyond(&self, changed_j: f64) -> Option<String> {
         let changed_pa = changed_j / self.volume_m3;
         let Some(moved_m_pa) = self.moved_m_pa else {
