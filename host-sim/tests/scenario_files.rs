@@ -323,7 +323,7 @@ fn keys_have_to_fit_each_other() {
         ),
         (
             "drive.kind = \"pressure\"\nsupply.pressure_pa = 2e5",
-            "scenario.toml: drive.pressure_pa = 300000.0 (not given): must be a number from \
+            "scenario.toml:2: drive.pressure_pa = 300000.0 (not given): must be a number from \
              101325 to 2e5 Pa, ambient.pressure_pa to supply.pressure_pa, and within \
              sensor.pressure.range_pa",
         ),
@@ -655,6 +655,41 @@ fn implausible_values_are_reported() {
             "scenario.toml:2: tube.length_m = 0.75: its gas swings at 115 Hz, and valve.pwm_hz = 100.0 drives \
              it: gas goes to and fro through the port and takes heat along, which the estimate does not \
              know; from 185 Hz on it does not",
+        ),
+        (
+            "[valve]\npwm_hz = 5\n[drive]\nkind = \"pressure\"",
+            "scenario.toml:2: valve.pwm_hz = 5.0: the loops act once in 200 ms: steps overshoot by a tenth and more, \
+             and settle late; from 30 Hz on by less",
+        ),
+        (
+            "[leak]\nconductance_m3_s_pa = 3e-9\n[drive]\nkind = \"pressure\"\npressure_pa = 2.5e5",
+            "scenario.toml:2: leak.conductance_m3_s_pa = 3e-9: in a period of valve.pwm_hz it moves the pressure by \
+             9944 Pa, and the loop rests within 3000 Pa, controller.pressure_dead_zone_pa to either side: the loop \
+             may never come to rest",
+        ),
+        (
+            "[load]\nmass_kg = 50\n[drive]\nkind = \"contraction\"\ncontraction = 0.1",
+            "scenario.toml:2: load.mass_kg = 50.0: it flies 8 mm past a goal that it comes to at \
+             controller.contraction_rate_per_s, since only load.force_n and friction brake it, and may swing on; a \
+             lower rate lets it stop",
+        ),
+        (
+            "[tube]\nlength_m = 3\ndiameter_m = 0.006\n[drive]\nkind = \"pressure\"",
+            "scenario.toml:2: tube.length_m = 3.0: with valve.dead_time_s its flow comes 9.7 ms late, and the loops \
+             compensate 8.0 ms, a period of valve.pwm_hz less the valve's stroke: steps overshoot, and a pressure may \
+             swing on",
+        ),
+        (
+            "[tube]\nlength_m = 10\ndiameter_m = 0.002",
+            "scenario.toml:3: tube.diameter_m = 0.002: 10 m of it pass 0.65 g/s by friction, below a quarter of the 3.30 \
+             g/s that the core expects of valve.conductance_m3_s_pa, so that it takes the inlet for shut and vents with \
+             the fault \"no inflow\"",
+        ),
+        (
+            "[tube]\nlength_m = 10\ndiameter_m = 0.02",
+            "scenario.toml:3: tube.diameter_m = 0.02: 10 m of it have 3142 cm3 beside the 99 cm3 of the chamber, and keep \
+             more than nine tenths of what flows in, so that it takes the inlet for shut and vents with the fault \
+             \"no inflow\"",
         ),
         (
             "[vessel]\nvolume_m3 = 0.1",

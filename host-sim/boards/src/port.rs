@@ -15,6 +15,10 @@ impl<P: Read + Write + Send> Port for P {}
 pub fn open(name: &str) -> Result<Box<dyn Port>, BoardError> {
     match name {
         EMULATED => Ok(Box::new(service::connect()?)),
+        _ if name.trim().is_empty() => {
+            let reason = "is no name of a port".to_owned();
+            Err(BoardError::NoPort { port: format!("{name:?}"), reason })
+        }
         _ => Ok(Box::new(serial_port::open(name)?)),
     }
 }

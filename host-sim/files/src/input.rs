@@ -35,6 +35,15 @@ pub enum Problem {
     /// A pipe or device: it has no end or cannot be read twice.
     #[error("is a pipe or a device; a regular file is needed")]
     NotRegular,
+    /// "-", as other programs name their standard input.
+    #[error("standard input is not read: name a file")]
+    StandardInput,
+    /// TOML where a table is needed.
+    #[error("is TOML: must be a CSV file, whose first line names the columns")]
+    NotCsv,
+    /// It can be read, and not used.
+    #[error("{0}")]
+    Unusable(String),
     /// Too large for the memory.
     #[error("has more than {most} bytes: must be at most {} MiB", most >> 20)]
     TooLarge {
@@ -348,6 +357,9 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
             _ => Problem::Unreadable(error.to_string()),
         })
     };
+    if path.as_os_str() == "-" {
+        return Err(because(Problem::StandardInput));
+    }
     // Checked before opening: opening a pipe waits until something is written to it.
     let about = fs::metadata(path).map_err(unreadable)?;
     if about.is_dir() {

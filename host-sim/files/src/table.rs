@@ -150,6 +150,9 @@ impl Table {
         if is_utf16(bytes) {
             return Err(InputError::file(file, Problem::Utf16));
         }
+        if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
+            return Err(InputError::file(file, Problem::NotCsv));
+        }
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
             .flexible(true)

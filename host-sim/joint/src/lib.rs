@@ -12,6 +12,7 @@ mod rig;
 mod run;
 mod summary;
 pub mod trace;
+mod warnings;
 
 pub use faults::{named, venting};
 pub use from_config::to_scenario;
@@ -21,3 +22,4 @@ pub use rig::{Inputs, Rig, Row, RunError};
 pub use run::{Run, SET_POINT_INTERVAL_S, run};
 pub use summary::{Accumulator, Figures, Summary, angle_text, pulses};
 pub use trace::COLUMNS;
+pub use warnings::{load_with_warnings, warnings};

@@ -13,9 +13,9 @@ use thermyo_scenario::joint::{
 };
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::Limits;
-use thermyo_scenario::{Document, PlantKind};
+use thermyo_scenario::{Document, Load, LoadKind};
 use thermyo_setup::core_config::core_config;
-use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files};
+use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
 
 /// Interval over which the motion of a profile is taken \[s\].
 const DIFFERENCE_S: f64 = 0.01;
@@ -232,22 +232,15 @@ fn absolute(document: &JointDocument) -> JointDrive {
 fn muscle(joint: &JointDocument, own: &Document, length_m: f64) -> Result<Loaded, InputError> {
     let mut document = own.clone();
     let wrong = |problem| joint.blame("joint.mid_length_a_m", problem);
-    document.set_word("load.kind", "isometric").map_err(wrong)?;
+    // Without force: the length is the mechanism's, and checked with it.
+    document.set("load.force_n", 0.0).map_err(wrong)?;
     document.set_word("drive.kind", "closed").map_err(wrong)?;
     let loaded = assemble(&document)?;
-    if loaded.plant.plant.kind == PlantKind::Vessel {
-        let entry = own.plant.get("plant.kind");
-        let problem = Problem::NotAllowed {
-            key: "plant.kind".to_owned(),
-            value: "\"vessel\"".to_owned(),
-            allowed: "\"muscle\", \"cylinder\" or \"table\" in a joint".to_owned(),
-        };
-        let line = entry.and_then(|entry| entry.line);
-        return Err(InputError { file: own.origin.clone(), line, problem: Box::new(problem) });
-    }
+    refuse_vessel(own, &loaded, "in a joint")?;
     let mut held = loaded;
-    held.plant.load.length_m = length_m;
-    held.believed.load.length_m = length_m;
+    for scenario in [&mut held.plant, &mut held.believed] {
+        scenario.load = Load { kind: LoadKind::Isometric, length_m, ..Load::default() };
+    }
     Ok(held)
 }
 
@@ -282,18 +275,42 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
     Ok(())
 }
 
+/// Keys that limit another one, which the file need not have.
+const PARTNERS: [(&str, &[&str]); 5] = [
+    ("joint.maximum_rad", &["joint.minimum_rad"]),
+    ("joint.sensor_minimum_rad", &["joint.minimum_rad"]),
+    ("joint.sensor_maximum_rad", &["joint.maximum_rad"]),
+    ("joint.mid_length_a_m", &LENGTHS),
+    ("joint.mid_length_b_m", &LENGTHS),
+];
+const LENGTHS: [&str; 7] = [
+    "joint.radius_m",
+    "joint.minimum_rad",
+    "joint.maximum_rad",
+    "muscle.rest_length_m",
+    "muscle.slack_m",
+    "muscle.braid_angle_deg",
+    "plant.kind",
+];
+
 /// The core's refusal, in the words of the file.
 fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> InputError {
     let ConfigError { field, value, minimum, maximum } = *error;
     let (key, note) = field.split_once(' ').unwrap_or((field, ""));
     let note = if note.is_empty() { String::new() } else { format!(" {note}") };
-    let allowed = format!("from {minimum} to {maximum}");
+    let partners = PARTNERS.iter().find(|(of, _)| *of == key).map_or(&[][..], |(_, keys)| *keys);
+    let given = [key].iter().chain(partners).find_map(|key| document.given(key));
+    let by = match &given {
+        Some((_, given, _)) if given != key => format!(", by {given}"),
+        _ => String::new(),
+    };
     let problem = Problem::NotAllowed {
         key: format!("{prefix}{key}{note}"),
         value: value.to_string(),
-        allowed,
+        allowed: format!("from {minimum} to {maximum}{by}"),
     };
-    document.blame(key, problem)
+    let line = given.and_then(|(line, ..)| line);
+    InputError { file: document.muscles[0].origin.clone(), line, problem: Box::new(problem) }
 }
 
 /// The columns of a profile: angle \[rad\], between the joint's stops, and stiffness \[N m/rad\].
@@ -369,8 +386,21 @@ mod tests {
         ));
         let other = refusal("[joint]\n[believed.joint]\nsensor_kind = \"as5600\"\n");
         assert!(other.starts_with("joint.toml:3: believed.joint.sensor_kind = "), "{other}");
+        let reach =
+            refusal("[joint]\nmid_length_a_m = 0.1\n[joint.a.muscle]\nrest_length_m = 0.1\n");
+        assert!(reach.starts_with("joint.toml:2: joint.mid_length_a_m (less"), "{reach}");
         let profile = refusal("[joint]\n[drive]\nprofile_csv = \"no.csv\"\n");
         assert!(profile.starts_with("joint.toml:3: drive.profile_csv: no.csv"), "{profile}");
+    }
+
+    /// The length of a held load is the mechanism's, not the key of a single muscle.
+    #[test]
+    fn a_joint_may_be_smaller_than_the_default_load() {
+        let small = parse(
+            "[muscle]\nrest_length_m = 0.2\n[joint]\nradius_m = 0.01\nmid_length_a_m = 0.17\nmid_length_b_m = 0.17\n",
+            "joint.toml".as_ref(),
+        );
+        assert_eq!(small.unwrap().muscles[0].plant.load.length_m, 0.17);
     }
 
     #[test]

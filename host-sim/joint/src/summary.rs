@@ -11,6 +11,8 @@ use thermyo_plant::joint::ArmLedger;
 
 /// Part of the run at its end that counts as rest \[s\].
 const REST_S: f64 = 0.5;
+/// An error is a share of stiffnesses above this one only \[N m/rad\].
+const LEAST_STIFFNESS_N_M_RAD: f64 = 0.1;
 
 /// How a joint moved: of a run by its plant, of a board by its readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -115,7 +117,7 @@ impl Accumulator {
         if let Some([angle_rad, stiffness]) = row.wanted() {
             let error = truth.angle_rad - angle_rad;
             self.squared_rad2 += error * error;
-            if stiffness > 0.0 {
+            if stiffness > LEAST_STIFFNESS_N_M_RAD {
                 let off = row.stiffness_n_m_rad / stiffness - 1.0;
                 self.squared_stiffness += off * off;
                 self.stiff += 1.0;

@@ -275,7 +275,10 @@ impl<C: Chamber> Constants<C> {
             let tube_rate = tube_heat
                 + per_flow * (valves * piping.steepest(hottest) + beside_tube) / self.tube_m3;
             let joined = [
-                (tube_rate, "tube.volume_m3 is too small for the conductances of valve and tube"),
+                (
+                    tube_rate,
+                    "tube.volume_m3 is too small for valve.conductance_m3_s_pa and tube.conductance_m3_s_pa",
+                ),
                 (
                     chamber_rate,
                     "the chamber's smallest volume is too small for tube.conductance_m3_s_pa",
@@ -316,7 +319,7 @@ impl<C: Chamber> Constants<C> {
             (STEP_TIMES_RATE / STEP_TIMES_SWING * swing, too_stiff),
             (
                 self.turnover(scenario, start, least_pa),
-                "the chamber's smallest volume is too small for the conductances of valve and tube, or plant.initial_pressure_pa is too low, or there are too many zones",
+                "the chamber's smallest volume is too small for valve.conductance_m3_s_pa and tube.conductance_m3_s_pa, or plant.initial_pressure_pa or ambient.pressure_pa is too low, or there are too many zones",
             ),
             (self.heat.fastest_rate(gas, still, space, (largest_inflow, &shares)), HEAT_TOO_LARGE),
             (

@@ -333,12 +333,14 @@ fn exchange(arm: &Arm, scenarios: [&Scenario; 2]) -> Result<(u32, f64), BuildErr
     let swing = scenarios.map(spring_n_m).iter().sum::<f64>() * arm.radius_m * arm.radius_m;
     let bearing = arm.friction_n_m / PRESLIDING_RAD;
     let gravity = arm.gravity_n_m;
-    let fastest = ((swing + bearing + gravity) / arm.inertia_kg_m2).sqrt();
+    let spring_n_m_rad = swing + bearing + gravity;
+    let fastest = (spring_n_m_rad / arm.inertia_kg_m2).sqrt();
     let exchanges = (step_s * fastest / STEP_TIMES_SWING).ceil().max(1.0);
     if exchanges > MOST_EXCHANGES {
-        let asked_s = STEP_TIMES_SWING / fastest;
-        let because = "joint.inertia_kg_m2 is too small for the muscles' stiffness and friction";
-        return Err(BuildError::TooFast { asked_s, because });
+        let most = MOST_EXCHANGES * STEP_TIMES_SWING / step_s;
+        // Printed with two digits, rounded up.
+        let least_kg_m2 = 1.05 * spring_n_m_rad / (most * most);
+        return Err(BuildError::TooLight { least_kg_m2 });
     }
     Ok((exchanges as u32, step_s / exchanges))
 }

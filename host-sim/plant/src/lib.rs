@@ -17,7 +17,7 @@ pub mod heat;
 pub mod hysteresis;
 pub mod joint;
 mod lag;
-mod line;
+pub mod line;
 mod local_power;
 mod lumped;
 mod ode;
@@ -251,6 +251,11 @@ pub enum BuildError {
     },
     /// A vessel has no end that a mechanism could move.
     NoEnd,
+    /// The arm of a joint swings faster than it is integrated.
+    TooLight {
+        /// Least inertia \[kg m2\].
+        least_kg_m2: f64,
+    },
     /// The plant is so fast that a run would not end.
     TooFast {
         /// Required integration step, below 1e-7 \[s\].
@@ -269,6 +274,11 @@ impl fmt::Display for BuildError {
                     "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
                 )
             }
+            Self::TooLight { least_kg_m2 } => write!(
+                f,
+                "joint.inertia_kg_m2: must be at least {least_kg_m2:.1e} kg m2, by run.step_s and the stiffness of gas, \
+                 joint.gravity_n_m, joint.friction_n_m, friction.presliding_stiffness_n_m and muscle.slip_stiffness_n_m"
+            ),
             Self::NoEnd => f.write_str("plant.kind = \"vessel\" has no end that moves"),
             Self::TooFast { asked_s, because } => write!(
                 f,

@@ -72,6 +72,31 @@ impl Bore {
         (64.0 + share * (blasius - 64.0), LAMINAR_NUSSELT + share * (colburn - LAMINAR_NUSSELT))
     }
 
+    /// Volume of that length \[m3\].
+    pub fn volume_m3(&self, length_m: f64) -> f64 {
+        self.section_m2 * length_m
+    }
+
+    /// Steady flow \[kg/s\] through that length from the higher to the lower of two pressures \[Pa\], at the wall's
+    /// temperature: the momentum above without its time derivative, m f Re = A D^2 (p1^2 - p2^2)/(R T mu L).
+    pub fn steady_kg_s(&self, gas: &IdealGas, length_m: f64, [from_pa, to_pa]: [f64; 2]) -> f64 {
+        let squares = (from_pa * from_pa - to_pa * to_pa).max(0.0);
+        let driving = squares * self.diameter_m * self.diameter_m;
+        let resisting = gas.r * self.wall_k * self.viscosity_pa_s * length_m;
+        let wanted = self.section_m2 * driving / resisting;
+        // f Re never falls with the flow, and is least in laminar flow.
+        let [mut least, mut most] = [0.0, wanted / self.friction(0.0).0];
+        for _ in 0..60 {
+            let middle = 0.5 * (least + most);
+            if middle * self.friction(middle).0 < wanted {
+                least = middle;
+            } else {
+                most = middle;
+            }
+        }
+        most
+    }
+
     /// Conductance to the wall \[W/K\] of gas of that volume \[m3\], at a Nusselt number.
     fn conductance(&self, volume_m3: f64, nusselt: f64) -> f64 {
         PI * self.conductivity_w_m_k * nusselt * volume_m3 / self.section_m2
@@ -285,6 +310,8 @@ mod tests {
                 );
                 assert!(off.abs() < 1e-6, "{off}");
                 assert!(tube_pa - end_pa > 100.0, "something is lost");
+                let steady = line.bore.steady_kg_s(&line.gas, length_m, [tube_pa, 2.0e5]);
+                assert!((steady / flow - 1.0).abs() < 1e-6, "{steady} kg/s");
             }
         }
     }

@@ -214,5 +214,5 @@ fn an_arm_that_is_too_light_is_refused() {
     let scenario = Scenario::default();
     let arm = Arm { inertia_kg_m2: 1e-7, ..ARM };
     let error = Joint::new(arm, [&scenario; 2], 0.0).err().unwrap();
-    assert!(error.to_string().starts_with("joint.inertia_kg_m2 is too small"), "{error}");
+    assert!(error.to_string().starts_with("joint.inertia_kg_m2: must be at least "), "{error}");
 }

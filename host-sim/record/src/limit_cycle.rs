@@ -10,11 +10,15 @@ const SWINGS: usize = 10;
 const MANY_SWINGS: usize = 40;
 /// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
+/// Half cycles for which an oscillation that has no further turning point still lasts \[-\].
+const LAST_HALVES: f64 = 4.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitCycle {
     /// Its end: that of the set point, unless it ended by itself \[s\].
     pub time_s: f64,
+    /// It lasted until the set point ended.
+    pub lasts: bool,
     pub frequency_hz: f64,
     /// Amplitude: half of the distance between turning points, in the unit of the set point.
     pub amplitude: f64,
@@ -31,6 +35,9 @@ pub struct Detector {
     rising: Option<bool>,
     /// The last turning points.
     turns: VecDeque<(f64, f64)>,
+    /// The one around the present set point.
+    present: Option<LimitCycle>,
+    /// The largest one of earlier set points.
     largest: Option<LimitCycle>,
 }
 
@@ -44,6 +51,7 @@ impl Detector {
             extreme: (0.0, 0.0),
             rising: None,
             turns: VecDeque::new(),
+            present: None,
             largest: None,
         }
     }
@@ -72,7 +80,7 @@ impl Detector {
                 } else if -further > self.least_swing {
                     self.turns.push_back(self.extreme);
                     if self.turns.len() > MANY_SWINGS {
-                        self.found(MANY_SWINGS);
+                        self.find(MANY_SWINGS, false);
                         self.turns.pop_front();
                     }
                     self.rising = Some(!rising);
@@ -84,27 +92,34 @@ impl Detector {
 
     /// The set point has ended. A cycle that lasted to its end counts.
     fn end_set_point(&mut self) {
-        self.found(SWINGS);
+        self.find(SWINGS, true);
+        let Some(mut found) = self.present.take() else { return };
+        if self.time_s - found.time_s <= LAST_HALVES * 0.5 / found.frequency_hz {
+            found = LimitCycle { time_s: self.time_s, lasts: true, ..found };
+        }
+        if self.largest.is_none_or(|largest| found.amplitude > largest.amplitude) {
+            self.largest = Some(found);
+        }
     }
 
-    /// Keeps the last so many swings if they are a limit cycle that lasts until now, and the largest.
-    fn found(&mut self, count: usize) {
+    /// Keeps the last so many swings if they are a limit cycle that lasts until now.
+    fn find(&mut self, count: usize, set_point_ends: bool) {
         let Some(skipped) = self.turns.len().checked_sub(count + 1) else { return };
         let turns: Vec<(f64, f64)> = self.turns.iter().skip(skipped).copied().collect();
         let half_s = (turns[count].0 - turns[0].0) / count as f64;
         let swings: Vec<f64> = turns.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).collect();
-        let lasts = swings[count - 1] >= LASTS * swings[0];
-        if !lasts || self.time_s - turns[count].0 > 4.0 * half_s {
+        let swings_on = swings[count - 1] >= LASTS * swings[0];
+        if !swings_on || self.time_s - turns[count].0 > LAST_HALVES * half_s {
             return;
         }
-        let found = LimitCycle {
+        let amplitude = 0.5 * swings.iter().sum::<f64>() / count as f64;
+        let before = self.present.filter(|present| present.amplitude > amplitude);
+        self.present = Some(LimitCycle {
             time_s: self.time_s,
-            frequency_hz: 0.5 / half_s,
-            amplitude: 0.5 * swings.iter().sum::<f64>() / count as f64,
-        };
-        if self.largest.is_none_or(|largest| found.amplitude > largest.amplitude) {
-            self.largest = Some(found);
-        }
+            lasts: set_point_ends,
+            frequency_hz: before.map_or(0.5 / half_s, |before| before.frequency_hz),
+            amplitude: before.map_or(amplitude, |before| before.amplitude),
+        });
     }
 
     /// The largest limit cycle at the end of a run.
@@ -134,14 +149,15 @@ mod tests {
         let swing = |t: f64| 5.0 + 0.5 * math::sin(TAU * 19.0 * t);
         let cycle = found(swing, |_| 5.0).unwrap();
         assert!((cycle.frequency_hz - 19.0).abs() < 0.2, "{cycle:?}");
-        assert!((cycle.amplitude - 0.5).abs() < 0.01, "{cycle:?}");
+        assert!((cycle.amplitude - 0.5).abs() < 0.01 && cycle.lasts, "{cycle:?}");
         // It ended with its set point, not with the run.
         let until = |t: f64| if t < 1.0 { swing(t) } else { 5.0 };
         let cycle = found(until, |t| if t < 1.0 { 5.0 } else { 6.0 }).unwrap();
-        assert!((cycle.time_s - 0.999).abs() < 1e-9, "{cycle:?}");
+        assert!((cycle.time_s - 0.999).abs() < 1e-9 && cycle.lasts, "{cycle:?}");
         // It ended by itself, after 28 cycles.
         let cycle = found(|t| swing(t.min(1.5)), |_| 5.0).unwrap();
         assert!((cycle.amplitude - 0.5).abs() < 0.01 && cycle.time_s < 1.51, "{cycle:?}");
+        assert!(!cycle.lasts, "{cycle:?}");
     }
 
     #[test]

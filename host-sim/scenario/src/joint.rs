@@ -309,6 +309,20 @@ impl JointDocument {
             .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
     }
 
+    /// Line, path and value of a key that the file has, of the joint or of a muscle.
+    pub fn given(&self, path: &str) -> Option<(Option<u64>, String, String)> {
+        if let Some((_, line)) = self.given.iter().find(|(given, _)| given == path) {
+            let values = toml::Table::try_from(&self.joint).ok()?;
+            let value = values.get(path.strip_prefix("joint.").unwrap_or_default());
+            let value = value
+                .and_then(Value::as_float)
+                .map_or_else(String::new, |value| format!("{value:?}"));
+            return Some((Some(*line), path.to_owned(), value));
+        }
+        let entry = self.muscles.iter().find_map(|muscle| muscle.plant.get(path))?;
+        Some((entry.line, entry.path(), entry.written.clone()))
+    }
+
     /// The error for a key of the joint, at its line if the file has it.
     pub fn blame(&self, key: &str, problem: Problem) -> InputError {
         let line = self.given.iter().find(|(given, _)| given == key).map(|(_, line)| *line);

@@ -6,11 +6,12 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_boards::subject::Subject;
 use thermyo_boards::{port, service};
-use thermyo_files::input::InputError;
+use thermyo_files::input::{InputError, read_text};
 use thermyo_joint::JointLoaded;
 use thermyo_protocol::Refusal;
-use thermyo_setup::Loaded;
+use thermyo_scenario::Document;
 use thermyo_setup::core_config::core_config;
+use thermyo_setup::{Loaded, assemble, refuse_vessel};
 use thermyo_simulation::board::BoardError;
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -58,7 +59,9 @@ impl Target {
             board.configure(&joint.config(), &self.muscle_name())?;
             return Ok(Opened::Joint(Box::new(board)));
         }
-        let muscle = thermyo_setup::load(path)?;
+        let document = Document::parse(&read_text(path)?, path)?;
+        let muscle = assemble(&document)?;
+        refuse_vessel(&document, &muscle, "at a board's page")?;
         drop(service::plug(Variant::Standard, Some(path))?);
         let mut board = LiveBoard::open(port::EMULATED)?;
         board.configure(&core_config(&muscle.believed), &self.muscle_name())?;

@@ -280,11 +280,17 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     }
 }
 
-/// Dead time of a valve at the muscle's end of a line \[s\], with the travel time of sound. The
-/// core compensates a dead time that ends within a period.
+/// Dead time of a valve at the muscle's end of a line \[s\], with the travel time of sound.
 fn dead_time_s(s: &Scenario) -> f64 {
+    let [late_s, compensated_s] = flow_late_s(s);
+    late_s.min(compensated_s)
+}
+
+/// Time by which a flow comes late at the muscle's end of a line, and how much of that the core compensates \[s\]: a
+/// dead time that ends within a period.
+pub(super) fn flow_late_s(s: &Scenario) -> [f64; 2] {
     let valve = &s.valve;
-    let Some([length_m, _]) = s.tube.line() else { return valve.dead_time_s };
+    let Some([length_m, _]) = s.tube.line() else { return [valve.dead_time_s; 2] };
     let gas = IdealGas::new(&s.gas);
     let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
     let period_s = f64::from(pwm_period_steps(s)) * s.run.step_s;
@@ -293,7 +299,7 @@ fn dead_time_s(s: &Scenario) -> f64 {
         thermyo_scenario::ValveKind::Proportional => 0.0,
     };
     let longest_s = (period_s - stroke_s).min(limits("valve.dead_time_s").max);
-    (valve.dead_time_s + length_m / sound_m_s).min(longest_s.max(valve.dead_time_s))
+    [valve.dead_time_s + length_m / sound_m_s, longest_s.max(valve.dead_time_s)]
 }
 
 /// The PWM's period, in steps of the core.

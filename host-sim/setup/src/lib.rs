@@ -14,13 +14,15 @@ mod presets;
 mod render;
 mod rules;
 mod tree;
+mod unrest;
 mod warnings;
 
 pub use load::{
     SET_POINT_COLUMNS, assemble, load, load_with_warnings, no_file, parse, parse_alone,
-    parse_with_warnings, profile_in, refuse_files, set_points_in,
+    parse_with_warnings, paths_in, profile_in, refuse_files, refuse_vessel, set_points_in,
 };
 pub use loaded::Loaded;
 pub use render::render;
 pub use rules::{OBSERVABLE, highest_pa, set_points};
+pub use unrest::{Unrest, valves_and_line};
 pub use warnings::warnings;

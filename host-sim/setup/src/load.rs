@@ -138,6 +138,23 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     Ok(Loaded { plant, believed, volume_profile, drive_profile, shut_s: Vec::new() })
 }
 
+/// Refuses a vessel, which a joint or a page cannot move.
+///
+/// # Errors
+/// At the line of `plant.kind`.
+pub fn refuse_vessel(document: &Document, loaded: &Loaded, place: &str) -> Result<(), InputError> {
+    if loaded.plant.plant.kind != PlantKind::Vessel {
+        return Ok(());
+    }
+    let problem = Problem::NotAllowed {
+        key: "plant.kind".to_owned(),
+        value: "\"vessel\"".to_owned(),
+        allowed: format!("\"muscle\", \"cylinder\" or \"table\" {place}"),
+    };
+    let line = document.plant.get("plant.kind").and_then(|entry| entry.line);
+    Err(InputError { file: document.origin.clone(), line, problem: Box::new(problem) })
+}
+
 /// Makes paths of files absolute, so that the scenario that `check` prints works in any folder.
 fn name_files_absolutely(
     plant: &mut Scenario,
@@ -235,7 +252,11 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
         Fault::NotAllowed { value, allowed } => {
             let value = match entry {
                 Some(entry) => entry.written.clone(),
-                None => format!("{value} (not given)"),
+                None => {
+                    // The key that it does not go with may be in the file.
+                    entry = paths_in(&allowed).find_map(|path| entries.get(path));
+                    format!("{value} (not given)")
+                }
             };
             Problem::NotAllowed { key, value, allowed }
         }
@@ -248,6 +269,12 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
         Some(entry) => at(entry, origin, problem),
         None => InputError::file(origin, problem),
     }
+}
+
+/// Paths of keys in a text, in its order.
+pub fn paths_in(text: &str) -> impl Iterator<Item = &str> {
+    let is_path = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '.';
+    text.split(move |c| !is_path(c)).filter(|word| word.contains('.'))
 }
 
 /// The error for an entry of the file `origin`.

@@ -3,14 +3,11 @@
 use super::loaded::Loaded;
 use super::presets::presets_of;
 use super::tree::{same, value};
-use crate::core_config::{core_config, pressure_limit_pa};
-use model_core::Config;
+use super::unrest::unrest;
+use crate::core_config::pressure_limit_pa;
 use std::collections::BTreeMap;
 use thermyo_files::input::{InputError, Problem};
-use thermyo_plant::chamber::{self, Chamber};
-use thermyo_plant::flow::Iso6358;
-use thermyo_plant::gas::IdealGas;
-use thermyo_plant::load_n;
+use thermyo_plant::chamber;
 use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
@@ -233,7 +230,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     }));
     all.extend(unused_keys(document, loaded));
     all.extend(contradicted(document));
-    all.extend(restless(&loaded.believed).map(|(key, value, why)| {
+    all.extend(unrest(loaded).into_iter().map(|(key, value, why)| {
         let line = document.plant.get(key).and_then(|entry| entry.line);
         let problem = Problem::NoSense { key: key.to_owned(), value, why };
         problem_at(document, line, problem)
@@ -256,7 +253,6 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
             short_of_pressure(scenario),
         ),
         ("sensor.length.range_m", scenario.sensor.length.range_m, short_of_length(scenario)),
-        ("tube.length_m", scenario.tube.length_m.unwrap_or(0.0), resonance(scenario)),
     ]
     .map(|(path, value, why)| (path.to_owned(), value, why));
     let end_s = scenario.run.duration_s;
@@ -274,116 +270,6 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     }));
     all.sort_by_key(|warning| warning.line);
     all
-}
-
-/// The loop wakes at this many dead zones of contraction from its goal:
-/// `model-core/src/control/contraction.rs`.
-const WAKES_AT_ZONES: f64 = 1.5;
-
-/// Why a loop cannot come to rest: `docs/background/control.md`, "Where the loop cannot come to rest", derives the
-/// condition.
-///
-/// The shortest pulse moves a mass dm, which changes the pressure by k R T dm/V and moves the end
-/// by A dP over the stiffness of gas and spring, k P A^2/V + K. If that leads from one end of the
-/// zone in which the loop rests beyond the other, the loop never rests.
-fn restless(s: &Scenario) -> Option<Unrest> {
-    let moving = chamber::of(s)?;
-    let config = core_config(s);
-    match s.drive.kind {
-        DriveKind::Pressure => coarse_pressure(s, &config, moving.as_ref()),
-        DriveKind::Contraction => {
-            let spring = Spring::at_the_goal(s, &config, moving.as_ref());
-            coarse_contraction(s, &spring)
-        }
-        _ => None,
-    }
-}
-
-/// Key, value, and why the loop may not come to rest with it.
-type Unrest = (&'static str, String, String);
-
-/// Change of pressure, times the volume, by the shortest pulse \[J\].
-fn shortest_pulse_j(s: &Scenario, config: &Config) -> f64 {
-    let (tuning, valve) = (&config.controller, &config.valve);
-    let [pulse_s, switch_s] = [tuning.minimum_pulse_s, valve.switch_time_s].map(f64::from);
-    let opening_s = if s.valve.kind == ValveKind::Proportional {
-        // It opens by as little as is wanted.
-        0.0
-    } else if pulse_s < switch_s {
-        pulse_s * pulse_s / switch_s
-    } else {
-        pulse_s
-    };
-    let gas = IdealGas::new(&s.gas);
-    let conductance = f64::from(valve.conductance_m3_s_pa);
-    let open = Iso6358::valve(conductance, s.valve.critical_ratio, &gas);
-    let (supply_pa, supply_k) = (s.supply.pressure_pa, s.supply.temperature_k);
-    let moved_kg = opening_s * open.mass_flow(supply_pa, supply_k, 0.0);
-    gas.k * gas.r * supply_k * moved_kg
-}
-
-fn with_tube_m3(s: &Scenario, volume_m3: f64) -> f64 {
-    if s.moves_in_full() { volume_m3 + s.tube.volume_m3 } else { volume_m3 }
-}
-
-fn too_large_a_valve(s: &Scenario, why: String) -> Unrest {
-    ("valve.conductance_m3_s_pa", format!("{:e}", s.valve.conductance_m3_s_pa), why)
-}
-
-fn coarse_pressure(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
-    let volume_m3 = with_tube_m3(s, moving.volume(moving.rest_length()));
-    let step_pa = shortest_pulse_j(s, config) / volume_m3;
-    let zone_pa = f64::from(config.controller.pressure_dead_zone_pa);
-    (step_pa > 2.0 * zone_pa).then(|| {
-        let why = format!(
-            "the shortest pulse, controller.minimum_pulse_s, moves the pressure by {step_pa:.0} Pa, beyond both ends of \
-             controller.pressure_dead_zone_pa = {zone_pa:.0}: the loop may never come to rest"
-        );
-        too_large_a_valve(s, why)
-    })
-}
-
-/// The gas and the elastic forces as a spring, where the loop of contraction rests.
-struct Spring {
-    /// Movement by the shortest pulse.
-    step_m: f64,
-    zone_m: f64,
-}
-
-impl Spring {
-    fn at_the_goal(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Self {
-        let rest_m = moving.rest_length();
-        let [shortest, longest] = moving.lengths();
-        let length_m = if s.drive.profile_csv.is_some() {
-            0.5 * (shortest + longest)
-        } else {
-            rest_m * (1.0 - s.drive.middle())
-        };
-        let area_m2 = moving.force_area(length_m);
-        let volume_m3 = with_tube_m3(s, moving.volume(length_m));
-        let gauge_pa = (load_n(s, moving) - moving.elastic(length_m)) / area_m2;
-        let pressure_pa = s.ambient.pressure_pa + gauge_pa.max(0.0);
-        let gas_n_m = IdealGas::new(&s.gas).k * pressure_pa * area_m2 * area_m2 / volume_m3;
-        let stiffness_n_m = gas_n_m + moving.elastic_slope(length_m).abs();
-        let step_pa = shortest_pulse_j(s, config) / volume_m3;
-        Self {
-            step_m: (step_pa * area_m2).abs() / stiffness_n_m,
-            zone_m: f64::from(config.controller.contraction_dead_zone) * rest_m,
-        }
-    }
-}
-
-fn coarse_contraction(s: &Scenario, spring: &Spring) -> Option<Unrest> {
-    let Spring { step_m, zone_m, .. } = *spring;
-    (step_m > 2.0 * WAKES_AT_ZONES * zone_m).then(|| {
-        let why = format!(
-            "the shortest pulse, controller.minimum_pulse_s, moves the end by {:.2} mm, beyond both ends of \
-             controller.contraction_dead_zone, {:.2} mm: the loop may never come to rest",
-            1e3 * step_m,
-            1e3 * zone_m
-        );
-        too_large_a_valve(s, why)
-    })
 }
 
 /// Whether the drive should let gas in.
@@ -425,27 +311,6 @@ fn short_of_length(scenario: &Scenario) -> Option<String> {
         _ => ("the rest length", rest_m),
     };
     (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
-}
-
-/// PWM frequencies, in quarter-wave frequencies of the line, that drive it: measured on `full`
-/// (`docs/background/model.md`, "Limits").
-const DRIVES_A_LINE: [f64; 2] = [0.25, 1.6];
-
-/// Why a line swings with the valve's pulses.
-///
-/// Shut at the valve and open at the muscle, its gas swings at c/(4 L). Pulses below that frequency have a harmonic near it.
-fn resonance(scenario: &Scenario) -> Option<String> {
-    let [length_m, _] = scenario.tube.line().filter(|_| scenario.moves_in_full())?;
-    let gas = IdealGas::new(&scenario.gas);
-    let quarter_hz = (gas.k * gas.r * scenario.ambient.temperature_k).sqrt() / (4.0 * length_m);
-    let pwm_hz = scenario.valve.pwm_hz;
-    let [from, to] = DRIVES_A_LINE.map(|share| share * quarter_hz);
-    (from..to).contains(&pwm_hz).then(|| {
-        format!(
-            "its gas swings at {quarter_hz:.0} Hz, and valve.pwm_hz = {pwm_hz:?} drives it: gas goes to and fro \
-             through the port and takes heat along, which the estimate does not know; from {to:.0} Hz on it does not"
-        )
-    })
 }
 
 /// Why no gas enters although the drive should let gas in.

@@ -190,7 +190,7 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     )
 }
 
-/// A value outside of its range, in a practical unit, and how to write it if per cent were meant.
+/// A value outside of its range, in a practical unit.
 fn outside(field: SetPointField, value: f32, [least, most]: [f32; 2]) -> String {
     let (name, unit, factor) = match field {
         SetPointField::Inlet => ("a duty of the inlet", "%", 100.0),
@@ -202,12 +202,10 @@ fn outside(field: SetPointField, value: f32, [least, most]: [f32; 2]) -> String 
         SetPointField::Armed => ("a highest pressure", "kPa", 1e-3),
         other => (other.key(), "", 1.0),
     };
-    let in_per_cent = unit == "%" && value >= 1.0 && (least..=most).contains(&(value / 100.0));
-    let meant = if in_per_cent { format!("; use {value}%") } else { String::new() };
     // Rounded inwards: what is printed is allowed.
     let lowest = (f64::from(least) * f64::from(factor) * 1e3).ceil() / 1e3;
     let highest = (f64::from(most) * f64::from(factor) * 1e3).floor() / 1e3;
-    format!("{name} of {} {unit}: must be from {lowest} to {highest} {unit}{meant}", value * factor)
+    format!("{name} of {} {unit}: must be from {lowest} to {highest} {unit}", value * factor)
 }
 
 fn refused(refusal: &Refusal) -> String {
@@ -317,7 +315,7 @@ mod tests {
             said(SetPointField::Contraction, 0.9, 0.0, 0.372_789_53),
             "a contraction of 90 %: must be from 0 to 37.278 %"
         );
-        assert!(said(SetPointField::Contraction, 5.0, 0.0, 0.372_789_53).ends_with(" %; use 5%"));
+        assert!(said(SetPointField::Contraction, 5.0, 0.0, 0.372_789_53).ends_with(" 37.278 %"));
         assert!(said(SetPointField::Inlet, -0.1, 0.0, 1.0).ends_with("must be from 0 to 100 %"));
         assert_eq!(
             said(SetPointField::Flow, 0.9, -0.001_234_9, 0.001_234_9),

@@ -61,6 +61,37 @@ fn control(text: &str) -> serde_json::Value {
     serde_json::to_value(summary.control.unwrap()).unwrap()
 }
 
+/// The warning about a loop that swings, of a run.
+fn unrest(text: &str) -> Option<String> {
+    let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
+    let mut observer = |_: &Row| Ok(());
+    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap().unrest()
+}
+
+#[test]
+fn a_loop_that_swings_is_said_to_rest_only_if_it_does() {
+    let held = "[drive]\nkind = \"pressure\"\npressure_pa = \"2.5 bar\"\n[run]\nduration_s = 3\n";
+    assert_eq!(unrest(held), None);
+    let frictionless = "[run]\nduration_s = 3\n[friction]\nforce_n = 0\nviscous_n_s_m = 0\n\
+                        stribeck_force_n = 0\n[load]\nmass_kg = 5\n[drive]\nkind = \"contraction\"\n\
+                        contraction = 0.1\n";
+    for text in [frictionless, &format!("{held}[leak]\nconductance_m3_s_pa = 3e-9\n")] {
+        let swings = unrest(text).unwrap();
+        assert!(swings.contains("until its set point ends at 3.0 s, and does not "), "{swings}");
+    }
+}
+
+#[test]
+fn an_estimate_that_is_worse_than_it_states_is_reported() {
+    let text = "[run]\nduration_s = 10\n[muscle]\ndiameter_m = 0.004\nrest_length_m = 0.05\n\
+                dead_volume_m3 = 1e-7\n[load]\nforce_n = 3\n";
+    let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
+    let mut observer = |_: &Row| Ok(());
+    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    let warning = summary.overconfidence().unwrap();
+    assert!(warning.contains("its RMS error is ") && warning.contains(" K, and it states "));
+}
+
 #[test]
 fn a_slow_sine_is_followed_and_a_fast_one_is_late() {
     let sine = |period_s: f64| {

@@ -112,15 +112,22 @@ impl Dialogue for Terminal<'_> {
         if self.failed.is_some() {
             return Ok(None);
         }
-        let mut typed = None;
+        let (mut typed, mut ended) = (None, false);
         calibrate::wait(self.board, &interrupt::is_requested, |_| match self.lines.try_recv() {
             Ok(line) => {
                 typed = Some(line);
                 true
             }
-            Err(TryRecvError::Disconnected) => true,
+            Err(TryRecvError::Disconnected) => {
+                ended = true;
+                true
+            }
             Err(TryRecvError::Empty) => false,
         })?;
+        if ended {
+            // The message that follows has a line of its own.
+            self.print("\n");
+        }
         Ok(typed)
     }
 

@@ -57,16 +57,16 @@ struct EstimatorArgs {
     #[command(flatten)]
     nominal: NominalArgs,
     /// Evaluate N random muscles (full model) instead of the table
-    #[arg(long, value_name = "N", conflicts_with = "scenario", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "scenario", value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: Option<u64>,
     /// Seed of the random muscles; with --random
-    #[arg(long, value_name = "S", default_value_t = 1, requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, default_value_t = 1, requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: u64,
     /// Evaluate a board's recording in this folder, with a reference sensor's column
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
     /// Lag of that reference sensor in seconds
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
     reference_lag: f64,
     #[command(flatten)]
     format: FormatArgs,
@@ -88,7 +88,7 @@ struct FaultsArgs {
     #[command(flatten)]
     nominal: NominalArgs,
     /// Simulated hours of healthy muscles
-    #[arg(long, value_name = "HOURS", default_value_t = faults::HOURS, value_parser = hours)]
+    #[arg(long, value_name = "HOURS", allow_negative_numbers = true, default_value_t = faults::HOURS, value_parser = hours)]
     hours: f64,
     /// Folder for report.html
     #[arg(long, value_name = "DIR")]
@@ -100,10 +100,10 @@ struct FaultsArgs {
 #[derive(Debug, Args)]
 struct PlantsArgs {
     /// Number of random plants
-    #[arg(long, value_name = "N", default_value_t = plants::COUNT, value_parser = |text: &str| whole(text, 1..=10_000_u64))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = plants::COUNT, value_parser = |text: &str| whole(text, 1..=10_000_u64))]
     random: u64,
     /// Seed of the random plants
-    #[arg(long, value_name = "S", default_value_t = 1, value_parser = |text: &str| whole(text, 0..=u64::MAX))]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, default_value_t = 1, value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: u64,
     #[command(flatten)]
     format: FormatArgs,

@@ -1,7 +1,7 @@
 //! `thermyo run` and `thermyo check` of a joint of two muscles.
 
 use super::progress::Bar;
-use super::{Failure, FormatArgs, RunArgs, interrupt, print, publish, stopped, title_of};
+use super::{Failure, FormatArgs, RunArgs, interrupt, print, publish, stopped, title_of, unbuilt};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
@@ -15,12 +15,11 @@ use thermyo_record::board_trace::Recorder;
 /// Validates it and prints it with every default.
 pub(super) fn check(
     loaded: &JointLoaded,
+    path: &Path,
     format: FormatArgs,
     out: &mut dyn Write,
 ) -> Result<(), Failure> {
-    // Steps that would be too short are found only when the plant is built.
-    thermyo_joint::Rig::new(loaded, thermyo_joint::Inputs::of(loaded.motion(0.0)))
-        .map_err(Failure::Joint)?;
+    unbuilt::refuse_joint(loaded, path)?;
     let [a, b] = &loaded.muscles;
     let json = serde_json::json!({
         "joint": loaded.joint,
@@ -47,6 +46,7 @@ pub(super) fn run(
                        --image and --measured";
         return Err(Failure::Usage(message.to_owned()));
     }
+    unbuilt::refuse_joint(loaded, &args.scenario)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
     let mut out = OutputDir::create(&folder)?;
     let mut recorder = PageRecorder::default();

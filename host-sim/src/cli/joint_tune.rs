@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::tune::{Done, TuneArgs, interrupted};
-use super::{Failure, interrupt, title_of};
+use super::{Failure, interrupt, title_of, unbuilt};
 use model_core::joint::{JointConfig, JointTelemetry};
 use std::io::Write;
 use std::path::PathBuf;
@@ -76,6 +76,7 @@ pub(super) fn run(
                        muscle alone";
         return Err(Failure::Usage(message.to_owned()));
     }
+    unbuilt::refuse_joint(loaded, &args.scenario)?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = joint_tune::highest_pa(&loaded.config(), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;

@@ -2,7 +2,8 @@
 
 use super::progress::Bar;
 use super::{
-    Failure, FormatArgs, UnitArgs, interrupt, load, print, publish, quantity, title_of, tune, whole,
+    Failure, FormatArgs, UnitArgs, interrupt, load, print, publish, quantity, title_of, tune,
+    unbuilt, whole,
 };
 use clap::{Args, Subcommand};
 use model_core::{Config, SetPointError};
@@ -41,7 +42,7 @@ struct StopArgs {
     /// Serial port, such as /dev/ttyACM0, or "emulated"; or a scenario (TOML), which is simulated
     target: String,
     /// Number of stops [default: 8]
-    #[arg(long, value_name = "N", default_value = "8", hide_default_value = true, value_parser = stops)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "8", hide_default_value = true, value_parser = stops)]
     stops: usize,
     /// Time for which the valves stay shut, such as 30 (s) or 2min [default: four time constants of
     /// gas and sensor]
@@ -54,7 +55,7 @@ struct StopArgs {
     #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = tune::pressure)]
     max_pressure: Option<f64>,
     /// Seed of the random phases [default: 1]
-    #[arg(long, value_name = "N", default_value = "1", hide_default_value = true)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "1", hide_default_value = true, value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: u64,
     /// Arm the board first, up to the highest pressure
     #[arg(long)]
@@ -107,6 +108,7 @@ pub(super) fn run(
     let path = Path::new(&args.target);
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
         let loaded = load(path, args.format, err)?;
+        unbuilt::refuse(&loaded, path)?;
         let config = core_config(&loaded.believed);
         allowed(&config)?;
         let plan = Plan::new(&loaded, &config, &asked, None).map_err(refused)?;

@@ -30,6 +30,7 @@ mod set;
 mod shell;
 mod sweep;
 mod tune;
+mod unbuilt;
 
 use self::board::BoardArgs;
 use self::failure::Failure;
@@ -124,7 +125,7 @@ enum Task {
         #[command(flatten)]
         units: UnitArgs,
         /// Record every N-th step; `thermyo replay` needs every step
-        #[arg(long, value_name = "N", default_value_t = monitor::EVERY, value_parser = |text: &str| whole(text, 1..=1000_u16))]
+        #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = monitor::EVERY, value_parser = |text: &str| whole(text, 1..=1000_u16))]
         every: u16,
         #[command(flatten)]
         log: LogArgs,
@@ -304,7 +305,11 @@ fn quantity(si: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
 
 /// As [`quantity`], in the core's f32.
 fn core_quantity(si: &'static str) -> impl Fn(&str) -> Result<f32, String> + Clone {
-    move |text| quantity(si)(text).map(|value| value as f32)
+    move |text| {
+        let value = quantity(si)(text)? as f32;
+        let too_large = || format!("must be less than {:e} {si}", f32::MAX).trim_end().to_owned();
+        value.is_finite().then_some(value).ok_or_else(too_large)
+    }
 }
 
 fn whole<T: FromStr + PartialOrd + Display>(
@@ -434,27 +439,26 @@ fn check_command(
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
     if let Some(joint) = joint_in(path, format, err)? {
-        return joint::check(&joint, format, out);
+        return joint::check(&joint, path, format, out);
     }
     let loaded = load(path, format, err)?;
-    // Steps that would be too short are found only when the plant is built.
-    thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
-        .map_err(|error| Failure::Run(RunError::Build(error)))?;
+    unbuilt::refuse(&loaded, path)?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
     format.done(out, &both, &thermyo_setup::render(&loaded))
 }
 
-/// The scenario of a joint, if the file is one.
+/// The scenario of a joint, if the file is one; prints its warnings.
 fn joint_in(
     path: &Path,
     format: FormatArgs,
     stderr: &mut dyn Write,
 ) -> Result<Option<JointLoaded>, Failure> {
-    let loaded = thermyo_joint::load(path)?;
-    if loaded.is_some() {
-        note_shipped(path, format, stderr);
-    }
-    Ok(loaded)
+    let Some((loaded, warnings)) = thermyo_joint::load_with_warnings(path)? else {
+        return Ok(None);
+    };
+    note_shipped(path, format, stderr);
+    print_warnings(&warnings, stderr);
+    Ok(Some(loaded))
 }
 
 /// Prints a note if the built-in file is used.
@@ -466,13 +470,17 @@ fn note_shipped(path: &Path, format: FormatArgs, stderr: &mut dyn Write) {
     }
 }
 
+fn print_warnings(warnings: &[InputError], stderr: &mut dyn Write) {
+    for warning in warnings {
+        let _ = writeln!(stderr, "thermyo: warning: {warning}");
+    }
+}
+
 /// Loads a scenario; prints its warnings, and a note if the built-in file is used.
 fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
     let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
     note_shipped(path, format, stderr);
-    for warning in warnings {
-        let _ = writeln!(stderr, "thermyo: warning: {warning}");
-    }
+    print_warnings(&warnings, stderr);
     Ok(loaded)
 }
 
@@ -485,6 +493,7 @@ fn run_command(
         return joint::run(&joint, args, stdout, stderr);
     }
     let loaded = load(&args.scenario, args.output.format, stderr)?;
+    unbuilt::refuse(&loaded, &args.scenario)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
         Some(path) => Some(read_to_compare(path, duration_s, stderr)?),
@@ -883,6 +892,93 @@ mod tests {
             assert!(!other, "{path}takes --json or --quiet, not both");
         }
         command.get_subcommands().for_each(|command| assert_takes_both(command, &path));
+    }
+
+    /// Exit code and message of arguments.
+    fn refused(arguments: &[&str]) -> String {
+        let (mut out, mut err) = (Vec::new(), Vec::new());
+        let all = ["thermyo"].iter().chain(arguments);
+        assert_eq!(super::run(all, &mut out, &mut err), 2, "{arguments:?}");
+        String::from_utf8(err).unwrap()
+    }
+
+    #[test]
+    fn a_negative_number_is_a_wrong_value_and_no_option() {
+        for (arguments, allowed) in [
+            (&["evaluate", "estimator", "--random", "-1"][..], "a whole number from 1 to 10000"),
+            (&["evaluate", "plants", "--seed", "-1"], "a whole number from 0 to "),
+            (&["evaluate", "faults", "--hours", "-1"], "hours from 0 to 10000"),
+            (
+                &["evaluate", "estimator", "--recording", "x", "--reference-lag", "-1"],
+                "seconds from 0 to 10",
+            ),
+            (&["monitor", "emulated", "--every", "-3"], "a whole number from 1 to 1000"),
+            (&["serve", "--port", "-1"], "a whole number from 1 to 65535"),
+            (&["measure", "stop", "x", "--stops", "-1"], "a whole number from 3 to 100"),
+            (&["measure", "stop", "x", "--seed", "-1"], "a whole number from 0 to "),
+            (&["sweep", "x", "--vary", "a.b=1:2", "--lhs", "-1"], "a whole number from 1 to "),
+            (&["sweep", "x", "--vary", "a.b=1:2:3", "--within", "-1"], "a number above 0"),
+        ] {
+            let message = refused(arguments);
+            assert!(message.contains(&format!("must be {allowed}")), "{arguments:?}: {message}");
+        }
+    }
+
+    #[test]
+    fn a_set_point_that_no_board_has_is_refused_before_it_is_sent() {
+        let message = refused(&["board", "emulated", "set", "pressure", "1e300"]);
+        assert!(message.contains("must be less than 3.4028235e38 Pa"), "{message}");
+        for name in ["", " "] {
+            let message = refused(&["board", name, "info"]);
+            assert!(message.contains(&format!("{name:?}: is no name of a port: ")), "{message}");
+        }
+    }
+
+    #[test]
+    fn a_file_of_another_kind_is_named_as_one() {
+        let message = refused(&["check", "-"]);
+        assert_eq!(message, "thermyo: -: standard input is not read: name a file\n");
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, text: &str| {
+            std::fs::write(folder.path().join(name), text).unwrap();
+            folder.path().join(name).display().to_string()
+        };
+        let scenario = file("s.toml", "[run]\nduration_s = 1\n");
+        let message = refused(&["run", &scenario, "--measured", &scenario]);
+        let toml = "s.toml: is TOML: must be a CSV file, whose first line names the columns\n";
+        assert!(message.ends_with(toml), "{message}");
+        let vessel = file("v.toml", "[run]\n[plant]\nkind = \"vessel\"\n");
+        let message = refused(&["serve", &vessel]);
+        let allowed = "v.toml:3: plant.kind = \"vessel\": must be \"muscle\", \"cylinder\" or \"table\" at a \
+                       board's page\n";
+        assert!(message.ends_with(allowed), "{message}");
+    }
+
+    #[test]
+    fn a_plant_that_is_too_fast_is_refused_at_its_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let check = |text: &str| {
+            let path = folder.path().join("s.toml");
+            std::fs::write(&path, text).unwrap();
+            refused(&["check", &path.display().to_string()])
+        };
+        for (text, start) in [
+            (
+                "[joint]\n\ninertia_kg_m2 = 1e-6\n",
+                "s.toml:3: joint.inertia_kg_m2 = 1e-6: must be at least ",
+            ),
+            (
+                "[tube]\nlength_m = 1e-4\ndiameter_m = 0.004\n",
+                "s.toml:2: tube.length_m = 1e-4: tube.length_m is too short",
+            ),
+            (
+                "[ambient]\npressure_pa = 1\n[plant]\ninitial_pressure_pa = 1e4\n",
+                "s.toml:4: plant.initial_pressure_pa = 1e4: the chamber's smallest volume is too small",
+            ),
+        ] {
+            let message = check(text);
+            assert!(message.contains(start), "{message}");
+        }
     }
 
     #[test]

@@ -15,7 +15,7 @@ pub(super) struct ServeArgs {
     #[arg(default_value = "emulated")]
     board: String,
     /// TCP port of the page on this machine [default: a free one]
-    #[arg(long, value_name = "NUMBER", value_parser = |text: &str| whole(text, 1..=u16::MAX))]
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true, value_parser = |text: &str| whole(text, 1..=u16::MAX))]
     port: Option<u16>,
     #[command(flatten)]
     output: OutputArgs,
@@ -42,7 +42,13 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     drop(OutputDir::create(&folder)?);
     let target = Target::new(&args.board);
     let operate = Operate { args, target: &target, folder: &folder, logs };
-    match target.open()? {
+    // A firmware that is built, and a board that starts, take their time.
+    interrupt::watch();
+    let opened = target.open();
+    if interrupt::is_requested() {
+        return Err(Failure::Interrupted);
+    }
+    match opened? {
         Opened::Muscle(board) => operate.run(*board, (listener, address), out),
         Opened::Joint(board) => operate.run(*board, (listener, address), out),
     }
@@ -64,7 +70,6 @@ impl Operate<'_> {
         out: &mut dyn Write,
     ) -> Result<(), Failure> {
         let Self { args, target, folder, logs } = self;
-        interrupt::watch();
         let operator = Operator::new(target.clone(), board, folder, logs)?;
         if args.output.format.json {
             let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });

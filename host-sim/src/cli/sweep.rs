@@ -21,12 +21,13 @@ pub(super) struct SweepArgs {
     #[arg(long, value_name = "KEY=FROM:TO:COUNT[:log]", required_unless_present = "merge")]
     vary: Vec<Range>,
     /// Run N points of a Latin hypercube instead of a grid
-    #[arg(long, value_name = "N", value_parser = |text: &str| whole(text, 1..=MOST_POINTS))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = |text: &str| whole(text, 1..=MOST_POINTS))]
     lhs: Option<usize>,
     /// Seed of the Latin hypercube
     #[arg(
         long,
         value_name = "S",
+        allow_negative_numbers = true,
         default_value_t = 1,
         requires = "lhs",
         value_parser = |text: &str| whole(text, 0..=u64::MAX)
@@ -44,7 +45,7 @@ pub(super) struct SweepArgs {
     )]
     merge: Vec<PathBuf>,
     /// Tolerated root-mean-square error, in kelvin
-    #[arg(long, value_name = "K", default_value_t = 1.0, value_parser = tolerance)]
+    #[arg(long, value_name = "K", allow_negative_numbers = true, default_value_t = 1.0, value_parser = tolerance)]
     within: f64,
     #[command(flatten)]
     output: OutputArgs,

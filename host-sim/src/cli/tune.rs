@@ -1,5 +1,7 @@
 use super::progress::Bar;
-use super::{BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity, title_of};
+use super::{
+    BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity, title_of, unbuilt,
+};
 use clap::{Args, ValueEnum};
 use model_core::{Config, Telemetry};
 use serde::Serialize;
@@ -124,6 +126,7 @@ pub(super) fn run(
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
+    unbuilt::refuse(&loaded, &args.scenario)?;
     interrupt::watch();
     let mut out = OutputDir::create(&folder)?;
     let done = match args.plan {

@@ -55,6 +55,8 @@ const WRONG: f32 = 4.0;
 const WRONG_LOAD: f32 = 3.0;
 /// A proportional valve's dead band may be wider than believed by this factor (assumption) \[-\].
 const WIDER_DEAD_BAND: f32 = 1.5;
+/// Time constants after which a proportional valve has closed: e^-5 is 0.7 % \[-\].
+const CLOSED_AFTER: f32 = 5.0;
 /// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
 const EMPTY: f32 = 1.15;
 /// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
@@ -83,8 +85,10 @@ struct Limits {
     part_s: f32,
     /// Parts of a duty whose pulse is as long as the valve's stroke \[-\].
     stroke_parts: u32,
-    /// Parts of a command that open no valve \[-\].
+    /// Parts of a command that need not open a valve \[-\].
     dead_parts: u32,
+    /// Windows after its last command in which a valve may still be open, the first included.
+    closing_windows: u16,
     /// The load, and what friction may add \[N\]; none where the force is not known.
     load_n: Option<(f32, f32)>,
 }
@@ -121,10 +125,10 @@ impl Limits {
 struct ValveBalance {
     /// Parts of a step for which it stood open in this window.
     parts: u32,
-    /// It was driven in this window ...
+    /// It has had a command in this window.
     driven: bool,
-    /// ... and in the one before.
-    driven_before: bool,
+    /// Windows, this one included, for which it may still be open.
+    open_windows: u16,
     /// Gas that the valve must have passed and that is missing, as a fraction of the gas \[-\].
     missing: f32,
     /// Requested flow, smoothed \[1/s\].
@@ -134,18 +138,29 @@ struct ValveBalance {
 impl ValveBalance {
     /// One of which nothing is known: it may have been driven.
     const UNKNOWN: Self =
-        Self { parts: 0, driven: true, driven_before: true, missing: 0.0, asked_per_s: 0.0 };
+        Self { parts: 0, driven: true, open_windows: 0, missing: 0.0, asked_per_s: 0.0 };
 
-    /// Ends a window; returns the parts of a step for which the valve stood open.
-    fn end_window(&mut self) -> u32 {
-        let parts = core::mem::take(&mut self.parts);
-        self.driven_before = core::mem::replace(&mut self.driven, parts > 0);
-        parts
+    /// Takes the command of a step, which opens it for so many parts of the step at least.
+    fn drive(&mut self, duty: Duty, parts: u32) {
+        // A window of 65 535 steps stays below 2^32.
+        self.parts = self.parts.wrapping_add(parts);
+        self.driven |= duty != Duty::ZERO;
     }
 
-    /// A pulse of the window before may end in this one.
+    /// Ends a window; returns the parts of a step for which the valve stood open at least.
+    fn end_window(&mut self, closing_windows: u16) -> u32 {
+        let driven = core::mem::replace(&mut self.driven, false);
+        self.open_windows = if driven {
+            closing_windows.saturating_add(1)
+        } else {
+            self.open_windows.saturating_sub(1)
+        };
+        core::mem::take(&mut self.parts)
+    }
+
+    /// A pulse of the window before may end in this one, and a slow valve closes later.
     fn driven_lately(&self) -> bool {
-        self.driven || self.driven_before
+        self.open_windows > 0
     }
 
     /// Counts a window in which it was asked for one share of the gas and passed another, if gas
@@ -208,13 +223,16 @@ impl PlausibilityMonitor {
             Load::Isometric { .. } => None,
         };
         let counts = StepCounts::new(config.step_s);
-        let dead_band = match config.valve_kind {
-            ValveKind::Switching => 0.0,
-            ValveKind::Proportional(spool) => limit(WIDER_DEAD_BAND * spool.dead_band, 0.0, 0.95),
+        let window_s = f32::from(counts.interval_steps) * config.step_s;
+        let (dead_band, lag_s) = match config.valve_kind {
+            ValveKind::Switching => (0.0, 0.0),
+            ValveKind::Proportional(spool) => {
+                (limit(WIDER_DEAD_BAND * spool.dead_band, 0.0, 0.95), spool.lag_s())
+            }
         };
         Self {
             limits: Limits {
-                window_s: f32::from(counts.interval_steps) * config.step_s,
+                window_s,
                 rate_share: 1.0 / f32::from(counts.tenth_intervals),
                 impossible_windows: counts.second_intervals,
                 shown_windows: counts.ten_seconds_intervals,
@@ -229,6 +247,8 @@ impl PlausibilityMonitor {
                     / (f32::from(config.pwm_period_steps) * config.step_s))
                     as u32,
                 dead_parts: u32::from(Duty::from_share(dead_band).0),
+                // The pulse of a switching valve may end in the window after it.
+                closing_windows: ((CLOSED_AFTER * lag_s / window_s) as u16).saturating_add(1),
                 load_n,
             },
             command: Command::CLOSED,
@@ -257,9 +277,8 @@ impl PlausibilityMonitor {
                 [command.inlet, command.outlet].map(|duty| self.limits.opened_parts(duty));
         }
         let [inlet, outlet] = self.opened_parts;
-        // A window of 65 535 steps stays below 2^32.
-        self.inlet.parts = self.inlet.parts.wrapping_add(inlet);
-        self.outlet.parts = self.outlet.parts.wrapping_add(outlet);
+        self.inlet.drive(command.inlet, inlet);
+        self.outlet.drive(command.outlet, outlet);
     }
 
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
@@ -272,8 +291,9 @@ impl PlausibilityMonitor {
         balance: &Balance,
         length_m: Option<f32>,
     ) -> Faults {
-        let inlet_parts = self.inlet.end_window();
-        let outlet_parts = self.outlet.end_window();
+        let closing_windows = self.limits.closing_windows;
+        let inlet_parts = self.inlet.end_window(closing_windows);
+        let outlet_parts = self.outlet.end_window(closing_windows);
         let Some(length_m) = length_m else {
             self.blind = true;
             self.found = Faults::NONE;
@@ -375,6 +395,7 @@ impl PlausibilityMonitor {
 mod tests {
     use super::*;
     use crate::physics::chamber::{AnyChamber, ChamberConfig, Vessel};
+    use crate::physics::valve::Spool;
 
     const MASS_KG: f32 = 6.0e-4;
     const PRESSURE_PA: f32 = 3.0e5;
@@ -678,6 +699,37 @@ mod tests {
             let known = |monitor: &PlausibilityMonitor| monitor == &monitor.clone();
             assert!(known(&bench.monitor), "{gained}, {mass_kg} kg");
         }
+    }
+
+    fn proportional(dead_band: f32, bandwidth_hz: f32) -> Bench {
+        let spool = Spool { dead_band, bandwidth_hz };
+        let valve_kind = ValveKind::Proportional(spool);
+        Bench::new(&Config { valve_kind, ..Config::default() })
+    }
+
+    /// A dead band may be wider than believed, or not: a command a little beyond it opens the valve.
+    #[test]
+    fn gas_that_a_small_command_may_let_in_has_not_come_through_a_shut_valve() {
+        for (dead_band, command) in [(0.2, 0.25), (0.5, 0.7), (0.8, 0.94)] {
+            let filled = gas(0.02, PRESSURE_PA);
+            assert_eq!(proportional(dead_band, 50.0).finds(inlet(command), filled), None);
+            let found = proportional(dead_band, 50.0).finds(Command::CLOSED, filled);
+            close(found, windows_to_trip(0.02, FORGOTTEN_PER_S), Faults::GAS_GAINED);
+        }
+    }
+
+    /// A valve of 2 Hz closes with a time constant of 80 ms, four windows.
+    #[test]
+    fn gas_that_a_slow_valve_lets_in_while_it_closes_is_its_own() {
+        let mut bench = proportional(0.2, 2.0);
+        bench.windows(5, inlet(1.0), gas(0.2, PRESSURE_PA));
+        for closing in 0..20_u8 {
+            let left = (-f32::from(closing) / 4.0).exp();
+            let found = bench.window(Command::CLOSED, gas(0.2 * left, PRESSURE_PA), Some(STILL_M));
+            assert_eq!(found, Faults::NONE, "{closing} windows after its command");
+        }
+        let (_, found) = bench.finds(Command::CLOSED, gas(0.02, PRESSURE_PA)).unwrap();
+        assert_eq!(found, Faults::GAS_GAINED, "it has not closed");
     }
 
     /// Both valves open: what comes and goes is anybody's guess.

@@ -96,7 +96,7 @@ pub fn identify(loaded: &Loaded, table: &Table, data: &Path) -> Result<Identifie
     let rows = Rows::of(table)?;
     let analysis = analyse_with(loaded, &rows);
     if analysis.stops.len() < FEWEST {
-        let problem = Problem::Unreadable(format!(
+        let problem = Problem::Unusable(format!(
             "{} stops of at least {} s with both valves shut: at least {FEWEST} are needed",
             analysis.stops.len(),
             find::SHORTEST_S

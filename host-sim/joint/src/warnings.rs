@@ -1,0 +1,291 @@
+//! Warnings: scenarios of a joint that are valid and run, but are hardly meant so.
+
+use crate::load::{JointLoaded, joint};
+use model_core::joint::allocation::{Line, allocate, stiffness_n_m_rad, torque_n_m};
+use model_core::physics::chamber::AnyChamber;
+use std::f64::consts::TAU;
+use std::path::Path;
+use thermyo_compute::math;
+use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_scenario::joint::{JointDocument, JointShape, is_joint};
+use thermyo_setup::valves_and_line;
+
+/// How wrong an inertia may be believed: on `scenarios/joint.toml` twice and half of it step well, four times of it
+/// swings from stop to stop, a quarter overshoots by 39 % \[-\].
+const WRONG_INERTIA: f64 = 3.0;
+/// A stiffness that is missed by less is met: the controller leaves 2 % alone \[-\].
+const STIFFNESS_MET: f64 = 0.05;
+
+/// Key, value, and the consequence.
+type Warning = (String, String, String);
+
+/// Loads the scenario of a joint with its warnings, if the file is one.
+///
+/// # Errors
+/// As [`crate::load`].
+pub fn load_with_warnings(
+    path: &Path,
+) -> Result<Option<(JointLoaded, Vec<InputError>)>, InputError> {
+    let text = read_text(path)?;
+    if !is_joint(&text) {
+        return Ok(None);
+    }
+    let document = JointDocument::parse(&text, path)?;
+    let loaded = joint(&document)?;
+    let found = warnings(&document, &loaded);
+    Ok(Some((loaded, found)))
+}
+
+/// All warnings of a valid scenario, by line.
+pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputError> {
+    let mut found: Vec<Warning> = Vec::new();
+    for muscle in &loaded.muscles {
+        let of_muscle = valves_and_line(muscle, true).into_iter();
+        found.extend(of_muscle.map(|(key, value, why)| (key.to_owned(), value, why)));
+    }
+    found.extend(believed_inertia(loaded));
+    found.extend(slow_step(loaded));
+    found.extend(beyond_the_muscles(loaded));
+    // Both muscles have most keys in common.
+    found.dedup();
+    let mut all: Vec<InputError> = found
+        .into_iter()
+        .map(|(key, value, why)| InputError {
+            file: document.muscles[0].origin.clone(),
+            line: document.given(&key).and_then(|(line, ..)| line),
+            problem: Box::new(Problem::NoSense { key, value, why }),
+        })
+        .collect();
+    all.sort_by_key(|warning| warning.line);
+    all
+}
+
+fn believed_inertia(loaded: &JointLoaded) -> Option<Warning> {
+    let (is, believed) = (loaded.joint.inertia_kg_m2, loaded.believed.inertia_kg_m2);
+    let allowed = is / WRONG_INERTIA..=is * WRONG_INERTIA;
+    (!allowed.contains(&believed)).then(|| {
+        let why = format!(
+            "the arm has joint.inertia_kg_m2 = {is:?}: beyond three times of it, or below a third, the joint swings or \
+             overshoots; `thermyo tune` finds it"
+        );
+        ("believed.joint.inertia_kg_m2".to_owned(), format!("{believed:?}"), why)
+    })
+}
+
+/// A step takes 2 sqrt(q I/torque) at the least, half of it to gain speed and half of it to brake.
+fn slow_step(loaded: &JointLoaded) -> Option<Warning> {
+    let drive = &loaded.drive;
+    if loaded.profile.is_some() || drive.shape != JointShape::Step {
+        return None;
+    }
+    let inertia = loaded.believed.inertia_kg_m2;
+    let most_n_m = loaded.controller.reference_torque_n_m;
+    let least_s = 2.0 * (drive.amplitude_rad.abs() * inertia / most_n_m).sqrt();
+    (least_s > 0.5 * drive.period_s).then(|| {
+        let why = format!(
+            "a step of drive.amplitude_rad takes {least_s:.1} s with joint.controller.reference_torque_n_m = \
+             {most_n_m:?}, and the set point jumps back before, after half of drive.period_s"
+        );
+        ("joint.inertia_kg_m2".to_owned(), format!("{inertia:?}"), why)
+    })
+}
+
+/// A set point at one time.
+struct Asked {
+    angle_rad: f64,
+    acceleration_rad_s2: f64,
+    stiffness_n_m_rad: f64,
+}
+
+/// Set points at the ends of the way, or of a profile.
+fn asked(loaded: &JointLoaded) -> Vec<Asked> {
+    let drive = &loaded.drive;
+    let still = |angle_rad, stiffness_n_m_rad| Asked {
+        angle_rad,
+        acceleration_rad_s2: 0.0,
+        stiffness_n_m_rad,
+    };
+    if let Some([angle, stiffness]) = &loaded.profile {
+        let points = angle.points().iter();
+        return points.map(|(time_s, angle)| still(*angle, stiffness.value(*time_s))).collect();
+    }
+    let (middle, amplitude) = (drive.angle_rad, drive.amplitude_rad);
+    let at = |angle_rad| still(angle_rad, drive.stiffness_n_m_rad);
+    match drive.shape {
+        JointShape::Constant => vec![at(middle)],
+        JointShape::Step => vec![at(middle), at(middle + amplitude)],
+        JointShape::Sine => {
+            let w = TAU / drive.period_s;
+            let end = |way: f64| Asked { acceleration_rad_s2: -way * w * w, ..at(middle + way) };
+            vec![end(amplitude), end(-amplitude)]
+        }
+    }
+}
+
+/// Torque and stiffness that the muscles do not reach, each at the first set point that asks for it.
+fn beyond_the_muscles(loaded: &JointLoaded) -> Vec<Warning> {
+    let (mut torque, mut stiffness) = (None, None);
+    for asked in asked(loaded) {
+        let pair = Pair::at(loaded, asked.angle_rad);
+        let held_n_m = pair.held_n_m(loaded);
+        let moved_n_m = held_n_m + loaded.joint.inertia_kg_m2 * asked.acceleration_rad_s2;
+        if !pair.reaches(moved_n_m) {
+            torque = torque.or_else(|| Some(pair.torque_missed(loaded, held_n_m, moved_n_m)));
+        } else {
+            stiffness =
+                stiffness.or_else(|| pair.stiffness_missed(held_n_m, asked.stiffness_n_m_rad));
+        }
+    }
+    [torque, stiffness].into_iter().flatten().collect()
+}
+
+/// The muscles as the core has them, at an angle.
+struct Pair {
+    angle_rad: f64,
+    radius_m: f32,
+    lines: [Line; 2],
+    /// Highest gauge pressures \[Pa\].
+    most_pa: [f32; 2],
+}
+
+impl Pair {
+    fn at(loaded: &JointLoaded, angle_rad: f64) -> Self {
+        let config = loaded.config();
+        let lengths_m = config.mechanism.lengths_m(angle_rad as f32);
+        let line = |i: usize| {
+            let muscle = &config.muscles[i];
+            Line::new(muscle, &AnyChamber::new(&muscle.chamber), lengths_m[i], 0.0)
+        };
+        let most_pa = config.muscles.each_ref().map(|muscle| {
+            muscle.working_limit_pa().min(muscle.supply.pressure_pa) - muscle.ambient.pressure_pa
+        });
+        Self { angle_rad, radius_m: config.mechanism.radius_m, lines: [line(0), line(1)], most_pa }
+    }
+
+    /// Torque of the muscles that holds the arm \[N m\].
+    fn held_n_m(&self, loaded: &JointLoaded) -> f64 {
+        let arm = &loaded.joint;
+        let gravity_n_m = arm.gravity_n_m * math::sin(arm.gravity_angle_rad - self.angle_rad);
+        -gravity_n_m - loaded.drive.load_n_m
+    }
+
+    /// Least and largest torque \[N m\].
+    fn torques_n_m(&self) -> [f64; 2] {
+        let [a, b] = self.most_pa;
+        [[0.0, b], [a, 0.0]]
+            .map(|gauge_pa| f64::from(torque_n_m(self.radius_m, &self.lines, gauge_pa)))
+    }
+
+    fn reaches(&self, torque_n_m: f64) -> bool {
+        let [least, most] = self.torques_n_m();
+        (least..=most).contains(&torque_n_m)
+    }
+
+    fn torque_missed(&self, loaded: &JointLoaded, held_n_m: f64, moved_n_m: f64) -> Warning {
+        let [least, most] = self.torques_n_m();
+        let (arm, load_n_m) = (&loaded.joint, loaded.drive.load_n_m);
+        let (key, value) = if self.reaches(held_n_m) {
+            ("joint.inertia_kg_m2", arm.inertia_kg_m2)
+        } else if load_n_m.abs() > arm.gravity_n_m {
+            ("drive.load_n_m", load_n_m)
+        } else {
+            ("joint.gravity_n_m", arm.gravity_n_m)
+        };
+        let why = format!(
+            "at {:.2} rad the drive asks for a torque of {moved_n_m:.1} N m, and the muscles reach {least:.1} to {most:.1} \
+             N m: the arm does not follow",
+            self.angle_rad
+        );
+        (key.to_owned(), format!("{value:?}"), why)
+    }
+
+    fn stiffness_missed(&self, held_n_m: f64, wanted_n_m_rad: f64) -> Option<Warning> {
+        let wanted = [held_n_m as f32, wanted_n_m_rad as f32];
+        let found = allocate(self.radius_m, &self.lines, wanted, self.most_pa);
+        let reached = f64::from(stiffness_n_m_rad(self.radius_m, &self.lines, found.gauge_pa));
+        let off = (reached - wanted_n_m_rad).abs();
+        (found.limited && off > STIFFNESS_MET * reached).then(|| {
+            let most = if reached < wanted_n_m_rad { "most" } else { "least" };
+            let why = format!(
+                "at {:.2} rad the muscles have {reached:.1} N m/rad at {most} with the torque that the arm needs",
+                self.angle_rad
+            );
+            ("drive.stiffness_n_m_rad".to_owned(), format!("{wanted_n_m_rad:?}"), why)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn warned(text: &str) -> Vec<String> {
+        let document = JointDocument::parse(text, "joint.toml".as_ref()).unwrap();
+        let loaded = joint(&document).unwrap();
+        warnings(&document, &loaded).iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn a_joint_that_cannot_follow_is_named_by_its_key() {
+        for (text, start, end) in [
+            (
+                "[joint]\n[believed.joint]\ninertia_kg_m2 = 20\n",
+                "joint.toml:3: believed.joint.inertia_kg_m2 = 20.0: the arm has joint.inertia_kg_m2 = 0.02: ",
+                "`thermyo tune` finds it",
+            ),
+            (
+                "[joint]\n[drive]\nstiffness_n_m_rad = 1e6\n",
+                "joint.toml:3: drive.stiffness_n_m_rad = 1000000.0: at 0.00 rad the muscles have ",
+                " N m/rad at most with the torque that the arm needs",
+            ),
+            (
+                "[joint]\n[drive]\nstiffness_n_m_rad = 0\n",
+                "joint.toml:3: drive.stiffness_n_m_rad = 0.0: at 0.00 rad the muscles have ",
+                " N m/rad at least with the torque that the arm needs",
+            ),
+            (
+                "[joint]\ngravity_n_m = 500\n[drive]\nangle_rad = 0.3\n",
+                "joint.toml:2: joint.gravity_n_m = 500.0: at 0.30 rad the drive asks for a torque of 147.8 N m, and the \
+                 muscles reach -",
+                ": the arm does not follow",
+            ),
+            (
+                "[joint]\n[drive]\nload_n_m = 100\n",
+                "joint.toml:3: drive.load_n_m = 100.0: at 0.00 rad the drive asks for a torque of -100.0 N m",
+                ": the arm does not follow",
+            ),
+            (
+                "[joint]\ninertia_kg_m2 = 50\n[drive]\nshape = \"sine\"\namplitude_rad = 0.3\nperiod_s = 2\n",
+                "joint.toml:2: joint.inertia_kg_m2 = 50.0: at 0.30 rad the drive asks for a torque of -148.0 N m",
+                ": the arm does not follow",
+            ),
+            (
+                "[joint]\ninertia_kg_m2 = 50\n[drive]\nshape = \"step\"\namplitude_rad = 0.3\nperiod_s = 2\n",
+                "joint.toml:2: joint.inertia_kg_m2 = 50.0: a step of drive.amplitude_rad takes 4.9 s",
+                "after half of drive.period_s",
+            ),
+            (
+                "[joint]\n[valve]\npwm_hz = 5\n",
+                "joint.toml:3: valve.pwm_hz = 5.0: the loops act once in 200 ms",
+                "from 30 Hz on by less",
+            ),
+        ] {
+            let found = warned(text);
+            assert_eq!(found.len(), 1, "{text}: {found:?}");
+            assert!(found[0].starts_with(start) && found[0].ends_with(end), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn the_shipped_joints_have_no_warning() {
+        for name in ["joint.toml", "joint_board.toml"] {
+            let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios").join(name);
+            let (_, found) = load_with_warnings(&path).unwrap().unwrap();
+            assert!(found.is_empty(), "{name}: {found:?}");
+        }
+        for inertia in ["0.007", "0.05"] {
+            let text = format!("[joint]\n[believed.joint]\ninertia_kg_m2 = {inertia}\n");
+            assert!(warned(&text).is_empty(), "{inertia}");
+        }
+    }
+}

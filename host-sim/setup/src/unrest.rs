@@ -1,0 +1,280 @@
+//! Warnings about control: loops that cannot come to rest, that act too late or too seldom, and a line through which
+//! the core takes healthy valves for faulty ones.
+//!
+//! `docs/background/control.md`, "Where the loop cannot come to rest", derives the conditions.
+
+use super::core_config::{core_config, flow_late_s};
+use super::loaded::Loaded;
+use model_core::Config;
+use thermyo_plant::chamber::{self, Chamber};
+use thermyo_plant::flow::Iso6358;
+use thermyo_plant::gas::IdealGas;
+use thermyo_plant::line::Bore;
+use thermyo_plant::load_n;
+use thermyo_scenario::{DriveKind, LoadKind, Scenario, ValveKind};
+
+/// Key, value, and the consequence.
+pub type Unrest = (&'static str, String, String);
+
+/// The loop wakes at this many dead zones of contraction from its goal:
+/// `model-core/src/control/contraction.rs`.
+const WAKES_AT_ZONES: f64 = 1.5;
+/// PWM frequencies, in quarter-wave frequencies of the line, that drive it: measured on `full`
+/// (`docs/background/model.md`, "Limits").
+const DRIVES_A_LINE: [f64; 2] = [0.25, 1.6];
+/// Below this frequency of the valves' pulses steps overshoot and settle late: measured on `full`
+/// (`docs/background/control.md`) \[Hz\].
+const SLOW_PWM_HZ: f64 = 30.0;
+/// Way by which a load flies past its goal, share of the rest length: a step overshoots by as much without it
+/// (`docs/background/control.md`) \[-\].
+const THROWN: f64 = 0.01;
+/// How wrong a flow may be before the core finds a fault: `model-core/src/safety/plausibility.rs` \[-\].
+const WRONG_FLOW: f64 = 4.0;
+/// Below this share of the volume of chamber and line the chamber gets too little of what flows in: measured on `full`,
+/// behind 8 m of 10 mm, with 0.14, there is no fault, behind 10 m of 12 mm, with 0.08, there is \[-\].
+const LEAST_SHARE: f64 = 0.1;
+
+/// Warnings for a scenario of one chamber.
+pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
+    let (plant, believed) = (&loaded.plant, &loaded.believed);
+    let is_controlled = matches!(plant.drive.kind, DriveKind::Pressure | DriveKind::Contraction);
+    let mut found = valves_and_line(loaded, is_controlled);
+    found.extend(resonance(plant));
+    let Some(moving) = chamber::of(believed).filter(|_| is_controlled) else { return found };
+    let config = core_config(believed);
+    let rest = Rest::at_the_goal(believed, &config, moving.as_ref());
+    found.extend(coarse(believed, &config, &rest));
+    found.extend(leaking(plant, &rest));
+    found.extend(thrown(believed, &config, moving.as_ref()));
+    found
+}
+
+/// Warnings about valves and line, of one chamber or of a joint's muscle.
+pub fn valves_and_line(loaded: &Loaded, is_controlled: bool) -> Vec<Unrest> {
+    let believed = &loaded.believed;
+    let loops = is_controlled.then(|| [seldom(believed), late(believed)]);
+    let found = loops.into_iter().flatten().chain([starved(loaded)]);
+    found.flatten().collect()
+}
+
+/// Where a loop has to rest.
+///
+/// A mass dm changes the pressure by k R T dm/V and moves the end by A dP over the stiffness of gas and spring,
+/// k P A^2/V + K. If that leads from one end of the zone in which the loop rests beyond the other, the loop never rests.
+struct Rest {
+    pressure_pa: f64,
+    volume_m3: f64,
+    /// Length by pressure, where the contraction is controlled \[m/Pa\].
+    moved_m_pa: Option<f64>,
+    /// Width of the zone \[Pa\], or \[m\].
+    zone: f64,
+}
+
+impl Rest {
+    fn at_the_goal(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Self {
+        let rest_m = moving.rest_length();
+        if s.drive.kind == DriveKind::Pressure {
+            return Self {
+                pressure_pa: s.drive.middle(),
+                volume_m3: with_tube_m3(s, moving.volume(rest_m)),
+                moved_m_pa: None,
+                zone: 2.0 * f64::from(config.controller.pressure_dead_zone_pa),
+            };
+        }
+        let [shortest, longest] = moving.lengths();
+        let length_m = if s.drive.profile_csv.is_some() {
+            0.5 * (shortest + longest)
+        } else {
+            rest_m * (1.0 - s.drive.middle())
+        };
+        let area_m2 = moving.force_area(length_m);
+        let volume_m3 = with_tube_m3(s, moving.volume(length_m));
+        let gauge_pa = (load_n(s, moving) - moving.elastic(length_m)) / area_m2;
+        let pressure_pa = s.ambient.pressure_pa + gauge_pa.max(0.0);
+        let gas_n_m = IdealGas::new(&s.gas).k * pressure_pa * area_m2 * area_m2 / volume_m3;
+        let stiffness_n_m = gas_n_m + moving.elastic_slope(length_m).abs();
+        let dead_zone = f64::from(config.controller.contraction_dead_zone);
+        Self {
+            pressure_pa,
+            volume_m3,
+            moved_m_pa: Some(area_m2.abs() / stiffness_n_m),
+            zone: 2.0 * WAKES_AT_ZONES * dead_zone * rest_m,
+        }
+    }
+
+    /// The change by k R T dm \[J\] in words, where it leads beyond the zone.
+    fn beyond(&self, changed_j: f64) -> Option<String> {
+        let changed_pa = changed_j / self.volume_m3;
+        let Some(moved_m_pa) = self.moved_m_pa else {
+            let zone_pa = self.zone;
+            return (changed_pa > zone_pa).then(|| {
+                format!(
+                    "the pressure by {changed_pa:.0} Pa, and the loop rests within {zone_pa:.0} Pa, \
+                     controller.pressure_dead_zone_pa to either side: the loop may never come to rest"
+                )
+            });
+        };
+        let (moved_m, zone_m) = (changed_pa * moved_m_pa, self.zone);
+        (moved_m > zone_m).then(|| {
+            format!(
+                "the end by {:.2} mm, and the loop rests within {:.2} mm, one and a half \
+                 controller.contraction_dead_zone to either side: the loop may never come to rest",
+                1e3 * moved_m,
+                1e3 * zone_m
+            )
+        })
+    }
+}
+
+fn with_tube_m3(s: &Scenario, volume_m3: f64) -> f64 {
+    if s.moves_in_full() { volume_m3 + s.tube.volume_m3 } else { volume_m3 }
+}
+
+/// The core's valve, open to the supply \[kg/s\].
+fn open_kg_s(s: &Scenario, config: &Config) -> f64 {
+    let conductance = f64::from(config.valve.conductance_m3_s_pa);
+    let open = Iso6358::valve(conductance, s.valve.critical_ratio, &IdealGas::new(&s.gas));
+    open.mass_flow(s.supply.pressure_pa, s.supply.temperature_k, 0.0)
+}
+
+/// The shortest pulse is too large.
+fn coarse(s: &Scenario, config: &Config, rest: &Rest) -> Option<Unrest> {
+    let (tuning, valve) = (&config.controller, &config.valve);
+    let [pulse_s, switch_s] = [tuning.minimum_pulse_s, valve.switch_time_s].map(f64::from);
+    let opening_s = if s.valve.kind == ValveKind::Proportional {
+        // It opens by as little as is wanted.
+        0.0
+    } else if pulse_s < switch_s {
+        pulse_s * pulse_s / switch_s
+    } else {
+        pulse_s
+    };
+    let gas = IdealGas::new(&s.gas);
+    let moved_kg = opening_s * open_kg_s(s, config);
+    let beyond = rest.beyond(gas.k * gas.r * s.supply.temperature_k * moved_kg)?;
+    let why = format!("the shortest pulse, controller.minimum_pulse_s, moves {beyond}");
+    Some(("valve.conductance_m3_s_pa", format!("{:e}", s.valve.conductance_m3_s_pa), why))
+}
+
+/// A leak takes so much from one pulse to the next.
+fn leaking(s: &Scenario, rest: &Rest) -> Option<Unrest> {
+    let gas = IdealGas::new(&s.gas);
+    let leak_m3_s_pa = s.leak.conductance_m3_s_pa;
+    let leak = Iso6358::leak(leak_m3_s_pa, s.valve.critical_ratio, &gas)?;
+    let wall_k = s.ambient.temperature_k;
+    let lost_kg = leak.mass_flow(rest.pressure_pa, wall_k, s.ambient.pressure_pa) / s.valve.pwm_hz;
+    let beyond = rest.beyond(gas.k * gas.r * wall_k * lost_kg)?;
+    let why = format!("in a period of valve.pwm_hz it moves {beyond}");
+    Some(("leak.conductance_m3_s_pa", format!("{leak_m3_s_pa:e}"), why))
+}
+
+/// A muscle pulls, and cannot push: a load that flies on is braked by its own force, by friction and by the bladder.
+fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
+    let mass_kg = f64::from(config.moving_mass_kg);
+    if s.drive.kind != DriveKind::Contraction || mass_kg <= 0.0 {
+        return None;
+    }
+    let rest_m = moving.rest_length();
+    let load = load_n(s, moving).abs();
+    let held_n = moving.elastic(rest_m * (1.0 - s.drive.middle())).abs() + s.friction.force_n;
+    let speed_m_s = f64::from(config.controller.contraction_rate_per_s) * rest_m;
+    let way_m = 0.5 * speed_m_s * speed_m_s * mass_kg / (load + held_n);
+    (way_m > THROWN * rest_m).then(|| {
+        let by = if s.load.kind == LoadKind::Mass { "its weight" } else { "load.force_n" };
+        let why = format!(
+            "it flies {:.0} mm past a goal that it comes to at controller.contraction_rate_per_s, since only {by} and \
+             friction brake it, and may swing on; a lower rate lets it stop",
+            1e3 * way_m
+        );
+        ("load.mass_kg", format!("{mass_kg:?}"), why)
+    })
+}
+
+/// The loops work once in a period.
+fn seldom(s: &Scenario) -> Option<Unrest> {
+    let pwm_hz = s.valve.pwm_hz;
+    (pwm_hz < SLOW_PWM_HZ).then(|| {
+        let why = format!(
+            "the loops act once in {:.0} ms: steps overshoot by a tenth and more, and settle late; from \
+             {SLOW_PWM_HZ:.0} Hz on by less",
+            1e3 / pwm_hz
+        );
+        ("valve.pwm_hz", format!("{pwm_hz:?}"), why)
+    })
+}
+
+/// The flow through a line comes later than the core compensates.
+fn late(s: &Scenario) -> Option<Unrest> {
+    let [length_m, _] = s.tube.line().filter(|_| s.moves_in_full())?;
+    let [late_s, compensated_s] = flow_late_s(s);
+    (late_s > compensated_s).then(|| {
+        let why = format!(
+            "with valve.dead_time_s its flow comes {:.1} ms late, and the loops compensate {:.1} ms, a period of \
+             valve.pwm_hz less the valve's stroke: steps overshoot, and a pressure may swing on",
+            1e3 * late_s,
+            1e3 * compensated_s
+        );
+        ("tube.length_m", format!("{length_m:?}"), why)
+    })
+}
+
+/// Speed of sound in the line \[m/s\].
+fn sound_m_s(s: &Scenario) -> f64 {
+    let gas = IdealGas::new(&s.gas);
+    (gas.k * gas.r * s.ambient.temperature_k).sqrt()
+}
+
+/// The line swings with the valve's pulses.
+///
+/// Shut at the valve and open at the muscle, its gas swings at c/(4 L). Pulses below that frequency have a harmonic near it.
+fn resonance(s: &Scenario) -> Option<Unrest> {
+    let [length_m, _] = s.tube.line().filter(|_| s.moves_in_full())?;
+    let quarter_hz = sound_m_s(s) / (4.0 * length_m);
+    let pwm_hz = s.valve.pwm_hz;
+    let [from, to] = DRIVES_A_LINE.map(|share| share * quarter_hz);
+    (from..to).contains(&pwm_hz).then(|| {
+        let why = format!(
+            "its gas swings at {quarter_hz:.0} Hz, and valve.pwm_hz = {pwm_hz:?} drives it: gas goes to and fro \
+             through the port and takes heat along, which the estimate does not know; from {to:.0} Hz on it does not"
+        );
+        ("tube.length_m", format!("{length_m:?}"), why)
+    })
+}
+
+/// The core has no line: gas that does not come, or comes late, is to it an inlet that does not open.
+///
+/// It expects at least 1/4 of its valve's flow m_v, and finds a fault where a quarter of the gas m in the chamber is
+/// missing. A line passes less in steady flow by friction, and it keeps V_line/(V + V_line) of what flows in once waves
+/// have died away.
+fn starved(loaded: &Loaded) -> Option<Unrest> {
+    let s = &loaded.plant;
+    let [length_m, diameter_m] = s.tube.line().filter(|_| s.moves_in_full())?;
+    let fills = !matches!(s.drive.kind, DriveKind::Discharge);
+    let chamber = chamber::of(s).filter(|_| fills)?;
+    let gas = IdealGas::new(&s.gas);
+    let volume_m3 = chamber.volume(chamber.rest_length());
+    let believed_kg_s = open_kg_s(&loaded.believed, &core_config(&loaded.believed));
+    let bore = Bore::new(diameter_m, s.ambient.temperature_k);
+    let pressures_pa = [s.supply.pressure_pa, s.plant.initial_pressure_pa];
+    let passed_kg_s = bore.steady_kg_s(&gas, length_m, pressures_pa);
+    let vents = "so that it takes the inlet for shut and vents with the fault \"no inflow\"";
+    if WRONG_FLOW * passed_kg_s < believed_kg_s {
+        let why = format!(
+            "{length_m} m of it pass {:.2} g/s by friction, below a quarter of the {:.2} g/s that the core expects of \
+             valve.conductance_m3_s_pa, {vents}",
+            1e3 * passed_kg_s,
+            1e3 * believed_kg_s
+        );
+        return Some(("tube.diameter_m", format!("{diameter_m:?}"), why));
+    }
+    let line_m3 = bore.volume_m3(length_m);
+    (volume_m3 < LEAST_SHARE * (volume_m3 + line_m3)).then(|| {
+        let why = format!(
+            "{length_m} m of it have {:.0} cm3 beside the {:.0} cm3 of the chamber, and keep more than nine tenths of what \
+             flows in, {vents}",
+            1e6 * line_m3,
+            1e6 * volume_m3
+        );
+        ("tube.diameter_m", format!("{diameter_m:?}"), why)
+    })
+}

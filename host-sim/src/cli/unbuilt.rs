@@ -1,0 +1,73 @@
+//! The message about a plant that cannot be simulated, at the key of its file that makes it so.
+
+use super::Failure;
+use std::path::Path;
+use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_joint::{Inputs, JointLoaded, Rig};
+use thermyo_scenario::document::Document;
+use thermyo_scenario::joint::JointDocument;
+use thermyo_setup::{Loaded, paths_in};
+
+/// Keys of a chamber's size, for messages about its volume.
+const SIZES: [&str; 7] = [
+    "muscle.dead_volume_m3",
+    "muscle.diameter_m",
+    "muscle.rest_length_m",
+    "cylinder.dead_volume_m3",
+    "cylinder.area_m2",
+    "table.dead_volume_m3",
+    "table.csv",
+];
+
+/// Steps that would be too short are found only when the plant is built.
+pub(super) fn refuse(loaded: &Loaded, path: &Path) -> Result<(), Failure> {
+    thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone()).map(drop).map_err(|error| {
+        let reason = error.to_string();
+        let document = read_text(path).and_then(|text| Document::parse(&text, path)).ok();
+        let entry = keys(&reason).find_map(|key| document.as_ref()?.plant.get(key)).or_else(|| {
+            let mut entries = document.as_ref()?.plant.iter();
+            entries.find(|entry| reason.starts_with(entry.key.name))
+        });
+        let given = entry.map(|entry| (entry.line, entry.path(), entry.written.clone()));
+        located(path, given, reason).into()
+    })
+}
+
+/// The same for a joint.
+pub(super) fn refuse_joint(loaded: &JointLoaded, path: &Path) -> Result<(), Failure> {
+    Rig::new(loaded, Inputs::of(loaded.motion(0.0))).map(drop).map_err(|error| {
+        let reason = error.to_string();
+        let document = read_text(path).and_then(|text| JointDocument::parse(&text, path)).ok();
+        let given = keys(&reason).find_map(|key| document.as_ref()?.given(key)).or_else(|| {
+            let mut entries = document.as_ref()?.muscles.iter().flat_map(|one| one.plant.iter());
+            let entry = entries.find(|entry| reason.starts_with(entry.key.name))?;
+            Some((entry.line, entry.path(), entry.written.clone()))
+        });
+        // An allowed range behind its key, and a reason otherwise.
+        let of_inertia = |(_, key, _): &Given| key == "joint.inertia_kg_m2";
+        let why = match reason.strip_prefix("joint.inertia_kg_m2: ") {
+            Some(allowed) if given.as_ref().is_some_and(of_inertia) => allowed.to_owned(),
+            _ => reason,
+        };
+        located(path, given, why).into()
+    })
+}
+
+/// Keys that a reason names, in its order.
+fn keys(reason: &str) -> impl Iterator<Item = &str> {
+    let sizes = SIZES.into_iter().filter(|_| reason.contains("smallest volume"));
+    sizes.chain(paths_in(reason))
+}
+
+type Given = (Option<u64>, String, String);
+
+fn located(path: &Path, given: Option<Given>, why: String) -> InputError {
+    match given {
+        Some((line, key, value)) => InputError {
+            file: path.to_path_buf(),
+            line,
+            problem: Box::new(Problem::NoSense { key, value, why }),
+        },
+        None => InputError::file(path, Problem::Unusable(why)),
+    }
+}
