@@ -266,7 +266,14 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert_a_lock_ends(&bench);
     let info = bench.ok("thermyo board emulated info");
     assert!(info.contains(", a joint\n") && info.contains("; 0 missed of "), "{info}");
-    assert!(bench.refused("thermyo board emulated calibrate gas").contains("takes info"));
+    for (sensor, why) in [
+        ("gas", "give --muscle a or --muscle b"),
+        ("length --muscle a", "calibrate angle"),
+        ("angle --muscle a", "leave out --muscle"),
+    ] {
+        let refused = bench.refused(&format!("thermyo board emulated calibrate {sensor}"));
+        assert!(refused.contains(why), "{refused}");
+    }
     let history = bench.ok("thermyo board emulated history");
     assert!(history.contains("neither vented by itself nor"), "{history}");
     assert_a_configuration_comes_back(&bench);
@@ -278,6 +285,8 @@ fn a_joint_is_plugged_in_by_its_scenario() {
 
     bench.ok("thermyo board emulated plug");
     assert!(!bench.ok("thermyo board emulated info").contains("a joint"));
+    let angle = bench.refused("thermyo board emulated calibrate angle");
+    assert!(angle.contains("the board drives one muscle"), "{angle}");
     let joint = bench.refused(&format!("thermyo board emulated config write {scenario}"));
     assert!(joint.contains("has a [joint]") && joint.contains("emulated plug"), "{joint}");
     assert!(bench.refused(set).contains("thermyo flash --joint"));

@@ -127,6 +127,32 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
     assert!(summary["control"]["rms_error"].as_f64().unwrap() < 2.5e3, "{summary}");
 }
 
+/// The pressure of one muscle, with both held; an arm that hangs still gives no two angles.
+#[test]
+fn a_joints_sensors_are_calibrated_by_what_is_typed() {
+    if skip_emulator() {
+        return;
+    }
+    firmware(Variant::Joint).unwrap();
+    let bench = Bench::new();
+    bench.ok("thermyo board emulated plug scenarios/joint_board.toml");
+    bench.ok("thermyo board emulated config write scenarios/joint_board.toml");
+    let same = typed(&bench, "thermyo board emulated calibrate angle", "0deg\n1deg\n");
+    assert_eq!(same.status.code(), Some(2), "{}", message(&same));
+    assert!(message(&same).contains("the two points are "), "{}", message(&same));
+    bench.ok("thermyo board emulated arm");
+    let calibrate = "thermyo board emulated calibrate pressure --muscle b --hold 2bar";
+    let done = typed(&bench, calibrate, "101.325 kPa\n2.02 bar\n");
+    let text = String::from_utf8_lossy(&done.stdout).into_owned();
+    assert!(done.status.success(), "{text}{}", message(&done));
+    assert!(text.contains("it holds 200.0 kPa") && text.contains("put right by"), "{text}");
+    let file = bench.path("calibrated.toml").display().to_string();
+    bench.ok(&format!("thermyo board emulated config read {file}"));
+    let scenario = fs::read_to_string(&file).unwrap();
+    let of_b = scenario.split("[joint.b.sensor.pressure]").nth(1).expect("b differs from a");
+    assert!(of_b.split("\n[").next().unwrap().contains("gain = 1.0"), "{scenario}");
+}
+
 #[test]
 fn a_calibration_that_is_interrupted_vents() {
     if skip_emulator() {

@@ -532,7 +532,7 @@ fn a_sensor_is_calibrated_step_by_step() {
     page.drive(3.0e5);
     page.order(json!({ "reference": "101.3 kPa" }));
     page.until("driven", HANGS_S, |page| {
-        page.state["guide"]["text"].as_str().unwrap().contains("the muscle does not vent")
+        page.state["guide"]["text"].as_str().unwrap().contains("it does not vent")
     });
     page.order(json!({ "set": "Vent" }));
     page.until("vented", HANGS_S, |page| {

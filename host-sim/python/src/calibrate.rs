@@ -66,6 +66,8 @@ struct Reader<'a, 'py> {
 }
 
 impl Dialogue for Reader<'_, '_> {
+    type Board = LiveBoard;
+
     fn board<T: Send>(
         &mut self,
         using: impl FnOnce(&mut LiveBoard, &dyn Fn() -> bool) -> Result<T, board::BoardError> + Send,

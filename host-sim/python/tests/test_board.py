@@ -170,7 +170,7 @@ def test_a_calibration_that_ends_vents(board):
         return 101325.0
 
     # The muscle does not vent, and it does not get better.
-    with pytest.raises(thermyo.BoardError, match="^not calibrated: the muscle does not vent: "):
+    with pytest.raises(thermyo.BoardError, match="^not calibrated: it does not vent: "):
         board.calibrate("pressure", wrong)
     assert len(asked) == 3
     vented = board.read()

@@ -2,7 +2,7 @@
 
 use super::state;
 use model_core::{Config, Sample};
-use thermyo_studies::calibrate::{Guide, Sensor};
+use thermyo_studies::calibrate::{Gauge, Guide, Sensor};
 
 #[derive(Debug)]
 pub enum Guided {

@@ -6,16 +6,23 @@ use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_protocol::Side;
 use thermyo_simulation::board::BoardError;
-use thermyo_studies::calibrate::{self, CalibrateError, Calibrated, Dialogue, Sensor};
+use thermyo_studies::calibrate::{
+    self, Bench, CalibrateError, Calibrated, Dialogue, Gauge, JointSensor, Sensor,
+};
 
 #[derive(Debug, Args)]
 pub(super) struct CalibrateArgs {
     /// Sensor to calibrate
     #[arg(value_enum)]
     sensor: Which,
-    /// Absolute pressure that the board holds for the second point, such as 2.5bar or 250000 (Pa);
-    /// the board must be armed
+    /// Muscle of a joint whose pressure or gas is calibrated
+    #[arg(long, value_enum, value_name = "a|b")]
+    muscle: Option<OfJoint>,
+    /// Absolute pressure that the board holds for the second point, such as 2.5bar or 250000 (Pa), in
+    /// both muscles of a joint; the board must be armed
     #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = core_quantity("Pa"))]
     hold: Option<f32>,
 }
@@ -28,21 +35,73 @@ enum Which {
     Length,
     /// Gas temperature, in K
     Gas,
+    /// Angle of a joint, in rad
+    Angle,
 }
 
-impl From<Which> for Sensor {
-    fn from(which: Which) -> Self {
-        match which {
-            Which::Pressure => Self::Pressure,
-            Which::Length => Self::Length,
-            Which::Gas => Self::Gas,
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum OfJoint {
+    A,
+    B,
+}
+
+impl CalibrateArgs {
+    /// The sensor of a board for one muscle.
+    fn of_muscle(&self) -> Result<Sensor, Failure> {
+        match (self.sensor, self.muscle) {
+            (Which::Pressure, None) => Ok(Sensor::Pressure),
+            (Which::Length, None) => Ok(Sensor::Length),
+            (Which::Gas, None) => Ok(Sensor::Gas),
+            (Which::Angle, _) | (_, Some(_)) => {
+                let why = "the board drives one muscle: calibrate pressure, length or gas, without --muscle";
+                Err(Failure::Usage(why.to_owned()))
+            }
         }
+    }
+
+    /// The sensor of a joint's board.
+    fn of_joint(&self) -> Result<JointSensor, Failure> {
+        let side = self.muscle.map(|muscle| match muscle {
+            OfJoint::A => Side::A,
+            OfJoint::B => Side::B,
+        });
+        let why = match (self.sensor, side) {
+            (Which::Pressure, Some(side)) => return Ok(JointSensor::Pressure(side)),
+            (Which::Gas, Some(side)) => return Ok(JointSensor::Gas(side)),
+            (Which::Angle, None) => return Ok(JointSensor::Angle),
+            (Which::Angle, Some(_)) => "a joint has one angle: leave out --muscle",
+            (Which::Length, _) => "a joint's lengths follow from its angle: calibrate angle",
+            (_, None) => "a joint has two muscles: give --muscle a or --muscle b",
+        };
+        Err(Failure::Usage(why.to_owned()))
     }
 }
 
+/// Calibrates a muscle's board.
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &CalibrateArgs,
+    format: FormatArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    ask(board, (args.of_muscle()?, args.hold), format, out, err)
+}
+
+/// Calibrates a joint's board.
+pub(super) fn run_joint(
+    board: &mut LiveJoint,
+    args: &CalibrateArgs,
+    format: FormatArgs,
+    out: &mut dyn Write,
+    err: &mut dyn Write,
+) -> Result<(), Failure> {
+    ask(board, (args.of_joint()?, args.hold), format, out, err)
+}
+
+fn ask<B: Bench>(
+    board: &mut B,
+    (sensor, hold_pa): (B::Gauge, Option<f32>),
     format: FormatArgs,
     out: &mut dyn Write,
     err: &mut dyn Write,
@@ -51,12 +110,12 @@ pub(super) fn run(
     let asks: &mut dyn Write = if format.json { err } else { &mut *out };
     interrupt::watch();
     let mut terminal = Terminal { board, lines: typed(), asks, failed: None };
-    let calibrated = calibrate::calibrate(&mut terminal, args.sensor.into(), args.hold);
+    let calibrated = calibrate::calibrate(&mut terminal, sensor, hold_pa);
     if let Some(failure) = terminal.failed {
         return Err(failure);
     }
     let calibrated = calibrated?;
-    let Calibrated { sensor, shifts, config_name, config_checksum, .. } = &calibrated;
+    let Calibrated { shifts, config_name, config_checksum, .. } = &calibrated;
     format.done(
         out,
         &serde_json::json!(calibrated),
@@ -79,15 +138,15 @@ impl From<CalibrateError> for Failure {
 }
 
 /// A person who types, and reads what is asked.
-struct Terminal<'a> {
-    board: &'a mut LiveBoard,
+struct Terminal<'a, B> {
+    board: &'a mut B,
     lines: Receiver<String>,
     asks: &'a mut dyn Write,
     /// The output cannot be written.
     failed: Option<Failure>,
 }
 
-impl Terminal<'_> {
+impl<B> Terminal<'_, B> {
     fn print(&mut self, text: &str) {
         if let Err(failure) = print(self.asks, text) {
             self.failed.get_or_insert(failure);
@@ -95,10 +154,12 @@ impl Terminal<'_> {
     }
 }
 
-impl Dialogue for Terminal<'_> {
+impl<B: Bench> Dialogue for Terminal<'_, B> {
+    type Board = B;
+
     fn board<T: Send>(
         &mut self,
-        using: impl FnOnce(&mut LiveBoard, &dyn Fn() -> bool) -> Result<T, BoardError> + Send,
+        using: impl FnOnce(&mut B, &dyn Fn() -> bool) -> Result<T, BoardError> + Send,
     ) -> Result<T, BoardError> {
         using(self.board, &interrupt::is_requested)
     }

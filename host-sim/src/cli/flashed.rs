@@ -98,7 +98,7 @@ enum ConfigTask {
 }
 
 impl BoardTask {
-    /// The same for a joint's board, if it has it.
+    /// The same for a joint's board; none for what needs no board.
     fn of_joint(self) -> Option<JointTask> {
         Some(match self {
             Self::Info => JointTask::Info,
@@ -112,7 +112,8 @@ impl BoardTask {
             Self::Config(ConfigTask::Write { file }) => JointTask::Write { file },
             Self::Config(ConfigTask::Save) => JointTask::Save,
             Self::Config(ConfigTask::Forget) => JointTask::Forget,
-            Self::Calibrate(_) | Self::Plug { .. } | Self::Unplug => return None,
+            Self::Calibrate(args) => JointTask::Calibrate(args),
+            Self::Plug { .. } | Self::Unplug => return None,
         })
     }
 }
@@ -129,7 +130,8 @@ pub(super) fn run(
     }
     let mut board = match LiveBoard::open(&port) {
         Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
-            return joint_board::run(&port, task.of_joint(), (format, units), out, err);
+            let Some(task) = task.of_joint() else { return Ok(()) };
+            return joint_board::run(&port, task, (format, units), out, err);
         }
         Err(BoardError::Taken { port }) if matches!(task, BoardTask::Stop) => {
             let usage = format!(

@@ -3,11 +3,12 @@
 use super::board_status::{
     Overview, armed, cleared, config_file, configuration, configuration_json, history,
 };
+use super::calibrate::CalibrateArgs;
 use super::drive::{DriveArgs, Summed, drove, ended, say_record};
 use super::joint::faulty;
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
-use super::{Failure, FormatArgs, interrupt, print};
+use super::{Failure, FormatArgs, calibrate, interrupt, print};
 use crate::commands::joint::line;
 use model_core::Faults;
 use model_core::joint::{JointError, JointField, JointMode, JointSetPoint, JointTelemetry, Motion};
@@ -36,6 +37,7 @@ pub(super) enum JointTask {
     Stop,
     Clear,
     History,
+    Calibrate(CalibrateArgs),
     Drive(DriveArgs),
     Read { file: PathBuf },
     Write { file: PathBuf },
@@ -57,19 +59,13 @@ pub(super) fn at_pins(
     })
 }
 
-/// `None`: a task that only a board for one muscle has.
 pub(super) fn run(
     port: &str,
-    task: Option<JointTask>,
+    task: JointTask,
     (format, units): (FormatArgs, UnitSystem),
     out: &mut dyn Write,
     err: &mut dyn Write,
 ) -> Result<(), Failure> {
-    let Some(task) = task else {
-        let usage = "a joint's board takes info, arm, set, stop, clear, history, drive and config; its sensors are \
-                     calibrated by keys of the scenario";
-        return Err(Failure::Usage(usage.to_owned()));
-    };
     let mut board = LiveJoint::open(port)?;
     match task {
         JointTask::Info => info(&mut board, (format, units), out),
@@ -93,6 +89,7 @@ pub(super) fn run(
             say_record(&driven, record, err);
             driven
         }
+        JointTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, format, out, err),
         JointTask::History => history(&board.history()?, (format, units), out),
         JointTask::Read { file } => read(&mut board, &file, format, (out, err)),
         JointTask::Write { file } => write(&mut board, &file, format, out),

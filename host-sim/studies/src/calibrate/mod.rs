@@ -1,9 +1,11 @@
 //! `thermyo board PORT calibrate`, also in Python and on the page of `thermyo serve`: gain and offset
 //! of a sensor from two points with a reference reading.
 
+mod joint;
 mod procedure;
 
-pub use procedure::{CalibrateError, Calibrated, Dialogue, calibrate, wait};
+pub use joint::JointSensor;
+pub use procedure::{Bench, CalibrateError, Calibrated, Dialogue, calibrate, wait};
 
 use model_core::control::Mode;
 use model_core::{Config, Sample};
@@ -35,7 +37,7 @@ const MOST_SCATTER: f64 = 0.005;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum Implausible {
     /// The first point is not at ambient pressure.
-    #[error("the muscle does not vent: the first point is read vented; vent it, then type again")]
+    #[error("it does not vent: the first point is read vented; vent it, then type again")]
     NotVented,
     /// The points are too close to each other.
     #[error("the two points are {found} apart: must be at least {least}")]
@@ -65,51 +67,34 @@ pub struct Point {
     pub reference: f64,
 }
 
-impl Sensor {
+/// A sensor of a muscle or of a joint, whose readings are put right by a gain and an offset.
+pub trait Gauge: Copy + Send {
+    /// Of the board.
+    type Config: Copy + Send;
+    /// Readings of one step.
+    type Sample: Copy + Send;
+
     /// SI symbol.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Pressure => "Pa",
-            Self::Length => "m",
-            Self::Gas => "K",
-        }
-    }
+    fn unit(self) -> &'static str;
 
     /// A value or difference for a reader.
-    pub fn text(self, value: f64) -> String {
-        let Unit { symbol, factor } = match self {
-            Self::Pressure => Unit::of_column("pressure_pa"),
-            Self::Length => Unit::of_column("length_m"),
-            Self::Gas => Unit::of_column("sensor_gas_k"),
-        };
-        format!("{:.2} {symbol}", value * factor)
-    }
+    fn text(self, value: f64) -> String;
 
     /// Range of the sensor, in its unit.
-    fn range(self, config: &Config) -> f64 {
-        let sensors = &config.sensors;
-        f64::from(match self {
-            Self::Pressure => sensors.pressure.range_pa,
-            Self::Length => sensors.length.range_m,
-            Self::Gas => {
-                let sensing = uncalibrated(config).sensing();
-                let at = |code| sensing.gas_k(model_core::AdcCode(code));
-                at(31_122) - at(1_638)
-            }
-        })
-    }
+    fn range(self, config: &Self::Config) -> f64;
+
+    /// Reading without any calibration.
+    fn read(self, config: &Self::Config, sample: &Self::Sample) -> f64;
+
+    /// The configuration that puts the readings of [`read`](Self::read) right: gain times the reading, and the offset.
+    fn corrected(self, config: &Self::Config, gain: f64, offset: f64) -> Self::Config;
 
     /// Mean of the uncalibrated readings.
-    pub fn reading(self, config: &Config, samples: &[Sample]) -> Result<f64, Implausible> {
-        let sensing = uncalibrated(config).sensing();
-        let readings = samples.iter().map(|sample| {
-            f64::from(match self {
-                Self::Pressure => sensing.pressure_pa(sample.pressure),
-                Self::Length => sensing.length_m(sample.length),
-                Self::Gas => sensing.gas_k(sample.gas),
-            })
-        });
-        let readings: Vec<f64> = readings.collect();
+    ///
+    /// # Errors
+    /// [`Implausible::Restless`].
+    fn reading(self, config: &Self::Config, samples: &[Self::Sample]) -> Result<f64, Implausible> {
+        let readings: Vec<f64> = samples.iter().map(|sample| self.read(config, sample)).collect();
         let count = readings.len().max(1) as f64;
         let mean = readings.iter().sum::<f64>() / count;
         let found = (readings.iter().map(|r| (r - mean).powi(2)).sum::<f64>() / count).sqrt();
@@ -123,7 +108,10 @@ impl Sensor {
     }
 
     /// Refuses a point whose reference is far from the sensor's reading.
-    fn check_shift(self, config: &Config, point: Point) -> Result<(), Implausible> {
+    ///
+    /// # Errors
+    /// [`Implausible::Shift`].
+    fn check_shift(self, config: &Self::Config, point: Point) -> Result<(), Implausible> {
         let most = MOST_SHIFT * self.range(config);
         // NaN is refused too.
         if (point.reference - point.reading).abs() <= most {
@@ -136,7 +124,14 @@ impl Sensor {
 
     /// The configuration with the sensor calibrated so that its readings match the reference at
     /// both points.
-    pub fn calibrated(self, config: &Config, [a, b]: [Point; 2]) -> Result<Config, Implausible> {
+    ///
+    /// # Errors
+    /// [`Implausible`].
+    fn calibrated(
+        self,
+        config: &Self::Config,
+        [a, b]: [Point; 2],
+    ) -> Result<Self::Config, Implausible> {
         let range = self.range(config);
         let span = |of: fn(&Point) -> f64| of(&b) - of(&a);
         let found = span(|point| point.reference).abs().min(span(|point| point.reading).abs());
@@ -152,7 +147,55 @@ impl Sensor {
         for point in [a, b] {
             self.check_shift(config, point)?;
         }
-        let (gain, offset) = (gain as f32, (a.reference - gain * a.reading) as f32);
+        Ok(self.corrected(config, gain, a.reference - gain * a.reading))
+    }
+}
+
+impl Gauge for Sensor {
+    type Config = Config;
+    type Sample = Sample;
+
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Pressure => "Pa",
+            Self::Length => "m",
+            Self::Gas => "K",
+        }
+    }
+
+    fn text(self, value: f64) -> String {
+        let Unit { symbol, factor } = match self {
+            Self::Pressure => Unit::of_column("pressure_pa"),
+            Self::Length => Unit::of_column("length_m"),
+            Self::Gas => Unit::of_column("sensor_gas_k"),
+        };
+        format!("{:.2} {symbol}", value * factor)
+    }
+
+    fn range(self, config: &Config) -> f64 {
+        let sensors = &config.sensors;
+        f64::from(match self {
+            Self::Pressure => sensors.pressure.range_pa,
+            Self::Length => sensors.length.range_m,
+            Self::Gas => {
+                let sensing = uncalibrated(config).sensing();
+                let at = |code| sensing.gas_k(model_core::AdcCode(code));
+                at(31_122) - at(1_638)
+            }
+        })
+    }
+
+    fn read(self, config: &Config, sample: &Sample) -> f64 {
+        let sensing = uncalibrated(config).sensing();
+        f64::from(match self {
+            Self::Pressure => sensing.pressure_pa(sample.pressure),
+            Self::Length => sensing.length_m(sample.length),
+            Self::Gas => sensing.gas_k(sample.gas),
+        })
+    }
+
+    fn corrected(self, config: &Config, gain: f64, offset: f64) -> Config {
+        let (gain, offset) = (gain as f32, offset as f32);
         let mut config = *config;
         let sensors = &mut config.sensors;
         match self {
@@ -160,24 +203,24 @@ impl Sensor {
             Self::Length => (sensors.length.gain, sensors.length.offset_m) = (gain, offset),
             Self::Gas => (sensors.gas.gain, sensors.gas.offset_k) = (gain, offset),
         }
-        Ok(config)
+        config
     }
 }
 
 /// Guides through the two points: asks for the reference, then averages the sensor's readings.
 #[derive(Debug, Clone)]
-pub struct Guide {
-    sensor: Sensor,
-    config: Config,
+pub struct Guide<G: Gauge = Sensor> {
+    sensor: G,
+    config: G::Config,
     points: Vec<Point>,
     /// Reference reading of the current point.
     reference: Option<f64>,
-    samples: Vec<Sample>,
+    samples: Vec<G::Sample>,
 }
 
-impl Guide {
+impl<G: Gauge> Guide<G> {
     /// `config` is the board's configuration.
-    pub fn new(sensor: Sensor, config: Config) -> Self {
+    pub fn new(sensor: G, config: G::Config) -> Self {
         Self { sensor, config, points: Vec::new(), reference: None, samples: Vec::new() }
     }
 
@@ -214,7 +257,7 @@ impl Guide {
     ///
     /// # Errors
     /// [`Implausible`]; the point is then asked for again.
-    pub fn see(&mut self, sample: &Sample, vents: bool) -> Result<Option<Point>, Implausible> {
+    pub fn see(&mut self, sample: &G::Sample, vents: bool) -> Result<Option<Point>, Implausible> {
         let Some(reference) = self.reference else { return Ok(None) };
         if self.points.is_empty() && !vents {
             self.reference = None;
@@ -237,7 +280,7 @@ impl Guide {
 
     /// The configuration with the calibrated sensor, and the corrections at the two points; none
     /// before both points are known.
-    pub fn calibrated(&self) -> Option<(Config, [f64; 2])> {
+    pub fn calibrated(&self) -> Option<(G::Config, [f64; 2])> {
         let [a, b] = self.points[..] else { return None };
         let config = self.sensor.calibrated(&self.config, [a, b]).ok()?;
         Some((config, [a, b].map(|point| point.reference - point.reading)))

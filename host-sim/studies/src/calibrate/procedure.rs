@@ -1,22 +1,85 @@
 //! The calibration of a board's sensor, from the first question to the board's new configuration.
 
-use super::{Guide, Implausible, Point, Sensor, vents};
-use model_core::safety::supervisor::VENTING;
-use model_core::{Faults, SetPoint, SetPointError, Telemetry};
+use super::{Gauge, Guide, Implausible, JointSensor, Point, Sensor, vents};
+use model_core::joint::{JointMode, JointSetPoint, JointTelemetry};
+use model_core::{Faults, Sample, SetPoint, SetPointError, Telemetry};
 use serde::Serialize;
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::subject::Subject;
 use thermyo_protocol::{ConfigSource, Refusal};
 use thermyo_simulation::board::BoardError;
 
 /// Steps that the muscle gets to settle at a held pressure.
 const SETTLING_STEPS: u32 = 3000;
 
+/// A board whose sensors are calibrated.
+pub trait Bench: Subject {
+    /// Its sensors.
+    type Gauge: Gauge<Config = Self::Config>;
+
+    /// Readings of a step.
+    fn sample(telemetry: &Self::Telemetry) -> <Self::Gauge as Gauge>::Sample;
+
+    /// Whether a first point may be read.
+    fn vents(telemetry: &Self::Telemetry) -> bool;
+
+    /// The set point that holds a pressure \[Pa\], in both muscles of a joint, whose arm then stays where it is.
+    fn holding(pressure_pa: f32) -> Self::SetPoint;
+
+    /// Telemetry of that many steps, of now.
+    fn telemetry_of_now(&mut self, every: u16) -> Result<(), BoardError>;
+}
+
+impl Bench for LiveBoard {
+    type Gauge = Sensor;
+
+    fn sample(telemetry: &Telemetry) -> Sample {
+        telemetry.sample
+    }
+
+    fn vents(telemetry: &Telemetry) -> bool {
+        vents(telemetry.mode)
+    }
+
+    fn holding(pressure_pa: f32) -> SetPoint {
+        SetPoint::Pressure { pressure_pa }
+    }
+
+    fn telemetry_of_now(&mut self, every: u16) -> Result<(), BoardError> {
+        self.telemetry_anew(every)
+    }
+}
+
+impl Bench for LiveJoint {
+    type Gauge = JointSensor;
+
+    fn sample(telemetry: &JointTelemetry) -> JointTelemetry {
+        *telemetry
+    }
+
+    fn vents(telemetry: &JointTelemetry) -> bool {
+        matches!(telemetry.mode, JointMode::Vent | JointMode::StartupCheck)
+    }
+
+    fn holding(pressure_pa: f32) -> JointSetPoint {
+        JointSetPoint::Pressures { pressure_pa: [pressure_pa; 2] }
+    }
+
+    fn telemetry_of_now(&mut self, every: u16) -> Result<(), BoardError> {
+        self.telemetry_every(every)?;
+        self.fresh_telemetry().map(drop)
+    }
+}
+
 /// The board, and the person who reads the reference.
 pub trait Dialogue {
+    type Board: Bench;
+
     /// Uses the board. The closure gets the board, and whether it has to stop early.
     fn board<T: Send>(
         &mut self,
-        using: impl FnOnce(&mut LiveBoard, &dyn Fn() -> bool) -> Result<T, BoardError> + Send,
+        using: impl FnOnce(&mut Self::Board, &dyn Fn() -> bool) -> Result<T, BoardError> + Send,
     ) -> Result<T, BoardError>;
 
     /// Asks what the reference reads, and keeps the board alive until the answer. `refused` is why
@@ -29,8 +92,6 @@ pub trait Dialogue {
 /// Result of a calibration, which the board has, unsaved.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibrated {
-    #[serde(skip)]
-    pub sensor: Sensor,
     /// Corrections at the two points, in `unit`.
     pub shifts: [f64; 2],
     /// SI symbol.
@@ -38,6 +99,11 @@ pub struct Calibrated {
     pub config_name: String,
     pub config_checksum: u32,
 }
+
+/// Sensors of a dialogue's board.
+type GaugeOf<D> = <<D as Dialogue>::Board as Bench>::Gauge;
+/// Its telemetry.
+type TelemetryOf<D> = <<D as Dialogue>::Board as Subject>::Telemetry;
 
 #[derive(Debug, thiserror::Error)]
 pub enum CalibrateError {
@@ -53,9 +119,9 @@ pub enum CalibrateError {
 ///
 /// # Errors
 /// [`CalibrateError`]. The board may still drive: the caller vents it.
-pub fn calibrate(
-    dialogue: &mut impl Dialogue,
-    sensor: Sensor,
+pub fn calibrate<D: Dialogue>(
+    dialogue: &mut D,
+    sensor: GaugeOf<D>,
     hold_pa: Option<f32>,
 ) -> Result<Calibrated, CalibrateError> {
     let (before, config) = dialogue.board(|board, _| {
@@ -71,12 +137,11 @@ pub fn calibrate(
     let mut guide = Guide::new(sensor, config);
     two_points(dialogue, &mut guide, hold_pa)?;
     let (calibrated, shifts) = guide.calibrated().unwrap_or((config, [0.0; 2]));
-    let status = dialogue.board(|board, _| {
+    let status = dialogue.board(move |board, _| {
         board.stop()?;
         board.configure(&calibrated, before.config_name.as_str())
     })?;
     Ok(Calibrated {
-        sensor,
         shifts,
         unit: sensor.unit(),
         config_name: status.config_name.as_str().to_owned(),
@@ -85,9 +150,9 @@ pub fn calibrate(
 }
 
 /// Asks until both points are known.
-fn two_points(
-    dialogue: &mut impl Dialogue,
-    guide: &mut Guide,
+fn two_points<D: Dialogue>(
+    dialogue: &mut D,
+    guide: &mut Guide<GaugeOf<D>>,
     mut hold_pa: Option<f32>,
 ) -> Result<(), CalibrateError> {
     let mut refused: Option<String> = None;
@@ -117,26 +182,27 @@ fn two_points(
     Ok(())
 }
 
-fn hold(dialogue: &mut impl Dialogue, pressure_pa: f32) -> Result<(), BoardError> {
-    let first = dialogue.board(|board, _| board.set(SetPoint::Pressure { pressure_pa }))?;
+fn hold<D: Dialogue>(dialogue: &mut D, pressure_pa: f32) -> Result<(), BoardError> {
+    let first = dialogue.board(|board, _| board.set(D::Board::holding(pressure_pa)))?;
     dialogue.say(&format!("it holds {:.1} kPa", pressure_pa / 1e3));
     dialogue.board(|board, stopped| {
-        wait(board, stopped, |now| now.step.saturating_sub(first) >= SETTLING_STEPS)
+        let settled = |now: &TelemetryOf<D>| D::Board::step(now).saturating_sub(first);
+        wait(board, stopped, |now| settled(now) >= SETTLING_STEPS)
     })
 }
 
 /// The point that the guide averages, or why it is refused.
-fn averaged(
-    board: &mut LiveBoard,
-    guide: &mut Guide,
+fn averaged<B: Bench>(
+    board: &mut B,
+    guide: &mut Guide<B::Gauge>,
     stopped: &dyn Fn() -> bool,
 ) -> Result<Result<Point, Implausible>, BoardError> {
     // Another rate may have been requested meanwhile, and what was sent before is not of now.
-    board.telemetry_anew(VIEW_DIVIDER)?;
+    board.telemetry_of_now(VIEW_DIVIDER)?;
     loop {
         let mut point = None;
         wait(board, stopped, |telemetry| {
-            point = guide.see(&telemetry.sample, vents(telemetry.mode)).transpose();
+            point = guide.see(&B::sample(telemetry), B::vents(telemetry)).transpose();
             point.is_some()
         })?;
         if let Some(point) = point {
@@ -149,17 +215,17 @@ fn averaged(
 ///
 /// # Errors
 /// [`BoardError::Interrupted`] once `stopped`, [`BoardError::Vented`] where a fault vents.
-pub fn wait(
-    board: &mut LiveBoard,
+pub fn wait<B: Subject>(
+    board: &mut B,
     stopped: &dyn Fn() -> bool,
-    mut done: impl FnMut(&Telemetry) -> bool,
+    mut done: impl FnMut(&B::Telemetry) -> bool,
 ) -> Result<(), BoardError> {
     loop {
         if stopped() {
             return Err(BoardError::Interrupted);
         }
         let Some(telemetry) = board.poll()? else { continue };
-        let faults = telemetry.faults.of(VENTING);
+        let faults = B::venting(&telemetry);
         if faults != Faults::NONE {
             return Err(BoardError::Vented(faults));
         }

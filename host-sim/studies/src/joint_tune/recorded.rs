@@ -23,7 +23,7 @@ pub enum RecordError {
     Refused(#[from] Refusal),
 }
 
-/// What a record tells of a joint.
+/// Values of a joint from its record.
 #[derive(Debug)]
 pub struct Identified {
     pub values: Values,
