@@ -215,7 +215,6 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         if restarted {
             self.next_step = 0;
             self.fresh = true;
-            #[cfg(feature = "parts")]
             shared.parts.enable(core.config());
         }
         if restarted || core.armed_pa() != shared.status().armed_pa {

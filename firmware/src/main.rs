@@ -16,7 +16,6 @@ mod control;
 mod keeper;
 mod kind;
 mod link;
-#[cfg(feature = "parts")]
 #[cfg_attr(feature = "hil", allow(dead_code))]
 mod parts;
 mod shared;
@@ -32,17 +31,15 @@ use control::Control;
 use core::panic::PanicInfo;
 use cortex_m_rt::ExceptionFrame;
 use defmt_rtt as _;
-#[cfg(any(feature = "parts", feature = "usb"))]
-use embassy_executor::Spawner;
-use embassy_executor::{Executor, InterruptExecutor};
+use embassy_executor::{Executor, InterruptExecutor, Spawner};
 use embassy_time::Instant;
 use kind::{Config, Core, checksum};
 use shared::{Line, Shared};
 use static_cell::StaticCell;
 use thermyo_protocol::LastReset;
 
-#[cfg(all(feature = "joint", any(feature = "hil", not(feature = "parts"))))]
-compile_error!("`joint` is for a Pico or a Pico 2, and without `hil`");
+#[cfg(all(feature = "joint", feature = "hil"))]
+compile_error!("`joint` is without `hil`");
 
 type Valves = <Chosen as Board>::Valves;
 type Flash = <Chosen as Board>::Flash;
@@ -112,7 +109,6 @@ fn main() -> ! {
         thread.spawn(keep);
         thread.spawn(supervise);
         control.spawn(step);
-        #[cfg(feature = "parts")]
         start_parts(thread, parts.gas_buses, parts.i2c);
         #[cfg(feature = "usb")]
         start_usb(thread, parts.usb, usb_line, identity);
@@ -130,7 +126,6 @@ fn core(remembered: Remembered) -> &'static mut Core {
     core
 }
 
-#[cfg(feature = "parts")]
 fn start_parts(
     thread: Spawner,
     gas_buses: [(<Chosen as Board>::GasBus, <Chosen as Board>::Input); kind::MUSCLES],
@@ -207,7 +202,6 @@ async fn receive_usb(
     link::receive(receiver, line, identity, &SHARED).await
 }
 
-#[cfg(feature = "parts")]
 #[embassy_executor::task(pool_size = kind::MUSCLES)]
 async fn read_gas(
     bus: <Chosen as Board>::GasBus,
@@ -217,7 +211,6 @@ async fn read_gas(
     parts::read_gas(bus, ready, part).await
 }
 
-#[cfg(feature = "parts")]
 #[embassy_executor::task]
 async fn read_i2c(bus: <Chosen as Board>::I2c) -> ! {
     parts::read_i2c(bus, &SHARED.parts.on_i2c).await

@@ -178,7 +178,6 @@ pub struct Shared {
     pub store_requests: Channel<CriticalSectionRawMutex, (Requester, StoreRequest), 1>,
     /// First failure, for the keeper.
     pub failed: Signal<CriticalSectionRawMutex, FirstFailure>,
-    #[cfg(feature = "parts")]
     pub parts: crate::parts::Parts,
     /// Steps for which the busy flash may still block the thread: control feeds the watchdog
     /// meanwhile.
@@ -218,7 +217,6 @@ impl Shared {
             orders: Channel::new(),
             store_requests: Channel::new(),
             failed: Signal::new(),
-            #[cfg(feature = "parts")]
             parts: crate::parts::Parts::new(),
             flash_busy_steps: AtomicU32::new(0),
             flash: mutex::Mutex::new(()),

@@ -340,8 +340,6 @@ pub enum Refusal {
     Flash,
     /// The board has no boot loader that it could start by itself.
     NoBootLoader,
-    /// A sensor of the configuration is a part that this board has no bus for.
-    NoSuchPart,
     /// A [`HostCommand::Stop`] of another line came after it was sent: [`arbiter`].
     Overtaken,
     /// A joint's request to an image for one muscle, or the other way round.
@@ -395,11 +393,6 @@ impl core::fmt::Display for Refusal {
             Self::NotVented => write!(f, "the board does that while it vents: stop it first"),
             Self::Flash => write!(f, "the flash does not take it: it is worn out or damaged"),
             Self::NoBootLoader => write!(f, "this board is flashed through its probe"),
-            Self::NoSuchPart => write!(
-                f,
-                "this board's firmware reads no such digital part (sensor.gas.kind = \"max31865\", \
-                 sensor.pressure.kind = \"mpr\"): a Pico's does"
-            ),
             Self::Overtaken => {
                 write!(f, "another host has stopped the board meanwhile: it is not carried out")
             }

@@ -56,10 +56,8 @@ pub trait Board: Sized {
     type Usb: embassy_usb::driver::Driver<'static>;
 
     /// SPI of a MAX31865: mode 1, 5 MHz at most.
-    #[cfg(feature = "parts")]
     type GasBus: embedded_hal_async::spi::SpiDevice;
     /// I2C of an MPR, or of a joint's AS5600: 400 kHz at most.
-    #[cfg(feature = "parts")]
     type I2c: embedded_hal_async::i2c::I2c;
 
     /// Called once, before all else. It takes the power from all coils first. The serial line runs
@@ -105,9 +103,7 @@ pub struct Parts<B: Board> {
     #[cfg(feature = "usb")]
     pub usb: (B::Usb, [u8; 8]),
     /// SPI of each muscle's MAX31865, and its DRDY, pulled up.
-    #[cfg(feature = "parts")]
     pub gas_buses: [(B::GasBus, B::Input); crate::kind::MUSCLES],
-    #[cfg(feature = "parts")]
     pub i2c: B::I2c,
 }
 

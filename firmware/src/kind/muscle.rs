@@ -12,7 +12,6 @@ use serde::{Serialize, Serializer};
 pub use thermyo_protocol::checksum;
 use thermyo_protocol::{ConfigSource, HostCommandWith, Image, Name, Refusal, RequestWith, Unread};
 
-#[cfg_attr(not(feature = "parts"), allow(dead_code))]
 pub const MUSCLES: usize = 1;
 pub const IMAGE: Image = if cfg!(feature = "hil") { Image::Hil } else { Image::Muscle };
 /// Bytes of the longest value in the store, and schema of the values: raised whenever their content
@@ -63,7 +62,6 @@ pub fn commands(telemetry: &Telemetry) -> Commands {
 }
 
 /// The commands by muscles.
-#[cfg_attr(feature = "nucleo-g474re", allow(dead_code))]
 pub fn each(commands: Commands) -> [Commands; MUSCLES] {
     [commands]
 }
@@ -125,14 +123,12 @@ pub fn sample([pressure, gas, length]: [AdcCode; 3]) -> Sample {
 }
 
 /// Whether the gas sensors, and the pressure sensor, are digital.
-#[cfg(feature = "parts")]
 pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
     let sensors = &config.sensors;
     ([sensors.gas_element.is_digital()], sensors.pressure_part.is_digital())
 }
 
 /// Puts the readings of digital sensors in place of the codes.
-#[cfg(feature = "parts")]
 #[cfg_attr(feature = "hil", allow(dead_code))]
 pub fn take_parts(
     config: &Config,
@@ -159,14 +155,7 @@ pub fn prepare(slot: &mut Slot, config: &Config) -> Result<(), Refusal> {
 
 /// Whether the board can run the configuration, its values left aside.
 pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
-    check_muscle(config, identity)?;
-    let sensors = &config.sensors;
-    let digital = sensors.gas_element.is_digital() || sensors.pressure_part.is_digital();
-    // With `hil`, the host's samples may come from any sensor.
-    if digital && !cfg!(any(feature = "parts", feature = "hil")) {
-        return Err(Refusal::NoSuchPart);
-    }
-    Ok(())
+    check_muscle(config, identity)
 }
 
 /// Requests about what the image drives.

@@ -23,20 +23,17 @@ pub struct Inputs<A, P> {
     /// Steps left out since the last one; a field, because an order may end a wait early.
     missed: u32,
     /// Digital sensors, and their last readings.
-    #[cfg(feature = "parts")]
     parts: (&'static crate::parts::Parts, crate::parts::Seen),
 }
 
 impl<A: Adc, P: InputPin> Inputs<A, P> {
     /// `run_line` is high while the emergency stop is not pressed and its wire not broken.
-    #[cfg_attr(not(feature = "parts"), allow(unused_variables))]
     pub fn new(adc: A, run_line: P, shared: &'static Shared) -> Self {
         Self {
             adc,
             run_line,
             due: None,
             missed: 0,
-            #[cfg(feature = "parts")]
             parts: (&shared.parts, crate::parts::Seen::default()),
         }
     }
@@ -73,18 +70,14 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
         Some((due, core::mem::take(&mut self.missed)))
     }
 
-    #[cfg_attr(not(feature = "parts"), allow(unused_mut, unused_variables))]
     fn sample(&mut self, config: &Config) -> Sample {
         let mut codes = kind::sample([
             self.code(Channel::Adc0),
             self.code(Channel::Adc1),
             self.code(Channel::Adc2),
         ]);
-        #[cfg(feature = "parts")]
-        {
-            let (parts, seen) = &mut self.parts;
-            kind::take_parts(config, parts, seen, &mut codes);
-        }
+        let (parts, seen) = &mut self.parts;
+        kind::take_parts(config, parts, seen, &mut codes);
         self.adc.hold_others(false);
         // An input that cannot be read counts as open.
         Sample { emergency_stop: !self.run_line.is_high().unwrap_or(false), ..codes }

@@ -3,8 +3,13 @@
 //!
 //! | pin | Arduino | signal |
 //! |---|---|---|
-//! | PA0, PA1, PB0 | A0, A1, A3 | ADC1: pressure, Pt1000, length |
-//! | PA6, PA7 | D12, D11 | inlet and outlet coil, TIM3 |
+//! | PA0, PA1, PB0 | A0, A1, A3 | ADC1: pressure, Pt1000, length; of a joint: pressures of a and b, angle |
+//! | PA6, PA7 | D12, D11 | inlet and outlet coil, TIM3; of a joint: those of muscle a |
+//! | PC8, PC9 | | those of muscle b, TIM3 |
+//! | PB13, PB15, PB14, PB12, PC7 | | SPI2 of a MAX31865: SCK, MOSI, MISO, CS; its DRDY (D9), pulled up |
+//! | PB2, PB1 | | CS and DRDY of the MAX31865 of muscle b |
+//! | PA15, PB7 | | I2C1 of an MPR, or of a joint's AS5600: SCL, SDA; PB8 (D15) is BOOT0 |
+//! | PA9 | D8 | brake of a joint |
 //! | PA2, PA3 | | USART2, to the probe's serial port |
 //! | PB5 | D4 | emergency stop, pulled down: open or low is stop |
 //! | PA8 | D7 | fault output |
@@ -13,22 +18,33 @@
 mod valves;
 
 use super::{Adc, Board, Channel, Parts, Reset, WATCHDOG};
+use embassy_embedded_hal::adapter::BlockingAsync;
+use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_stm32::adc::{self, AdcChannel, AdcConfig, AnyAdcChannel, SampleTime};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
+use embassy_stm32::i2c::{self, I2c};
 use embassy_stm32::interrupt::{self, InterruptExt, Priority};
+use embassy_stm32::mode::Blocking;
+#[cfg(feature = "joint")]
+use embassy_stm32::pac::GPIOA;
 use embassy_stm32::pac::{DBGMCU, IWDG, RCC, iwdg};
 use embassy_stm32::peripherals::{ADC1, USART2};
 use embassy_stm32::rcc;
+use embassy_stm32::spi::mode::Master;
+use embassy_stm32::spi::{self, Spi};
 use embassy_stm32::time::Hertz;
 use embassy_stm32::usart::{
     BufferedInterruptHandler, BufferedUart, BufferedUartRx, BufferedUartTx, Config as UartConfig,
 };
 use embassy_stm32::wdg::IndependentWatchdog;
+use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
+use embassy_sync::mutex::Mutex;
+use embassy_time::Duration;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use static_cell::StaticCell;
 use thermyo_protocol::{BAUD, Chip};
-use valves::Timer3;
+use valves::{Coils, Timer3};
 
 embassy_stm32::bind_interrupts!(struct Irqs {
     USART2 => BufferedInterruptHandler<USART2>;
@@ -40,6 +56,17 @@ unsafe fn UART4() {
     // SAFETY: the interrupt that control's executor was started with.
     unsafe { crate::on_control_interrupt() }
 }
+
+/// SPI2, which the sensors' tasks share. A message of a few bytes blocks the thread, not control.
+type SpiBus = BlockingAsync<Spi<'static, Blocking, Master>>;
+/// The same of I2C, which gives up after [`I2C_TIMEOUT`]: the thread feeds the watchdog.
+type I2cBus = BlockingAsync<I2c<'static, Blocking, i2c::Master>>;
+
+/// Clock of SPI2: a MAX31865 takes up to 5 MHz.
+const SPI_HZ: Hertz = Hertz(1_000_000);
+const I2C_HZ: Hertz = Hertz(400_000);
+/// The longest message, 8 bytes, takes 0.2 ms.
+const I2C_TIMEOUT: Duration = Duration::from_millis(2);
 
 /// Clock of the system and of all timers \[Hz\]: a millisecond is a whole number of PWM ticks.
 const CLOCK_HZ: u32 = 150_000_000;
@@ -60,10 +87,17 @@ impl Board for NucleoG474re {
     type Output = Output<'static>;
     type Receiver = BufferedUartRx<'static>;
     type Sender = BufferedUartTx<'static>;
+    type GasBus = SpiDevice<'static, CriticalSectionRawMutex, SpiBus, Output<'static>>;
+    type I2c = I2cBus;
 
     fn start() -> Parts<Self> {
         let p = embassy_stm32::init(clocks());
-        let valves = Timer3::new(p.TIM3, p.PA6, p.PA7);
+        let coils = Coils {
+            a: (p.PA6, p.PA7),
+            #[cfg(feature = "joint")]
+            b: (p.PC8, p.PC9),
+        };
+        let valves = Timer3::new(p.TIM3, coils);
 
         let reset = reset();
         DBGMCU.apb1lfzr().modify(|halted| halted.set_iwdg(true));
@@ -91,6 +125,24 @@ impl Board for NucleoG474re {
         // Above control, whose step takes longer than the receiver can buffer.
         interrupt::USART2.set_priority(Priority::P0);
 
+        let mut spi_config = spi::Config::default();
+        spi_config.mode = spi::MODE_1;
+        spi_config.frequency = SPI_HZ;
+        let spi = Spi::new_blocking(p.SPI2, p.PB13, p.PB15, p.PB14, spi_config);
+        static SPI: StaticCell<Mutex<CriticalSectionRawMutex, SpiBus>> = StaticCell::new();
+        let spi: &'static Mutex<_, _> = SPI.init(Mutex::new(BlockingAsync::new(spi)));
+        let select = |pin| SpiDevice::new(spi, pin);
+        let high = Level::High;
+        let gas_buses = [
+            (select(Output::new(p.PB12, high, Speed::Low)), Input::new(p.PC7, Pull::Up)),
+            #[cfg(feature = "joint")]
+            (select(Output::new(p.PB2, high, Speed::Low)), Input::new(p.PB1, Pull::Up)),
+        ];
+        let mut i2c_config = i2c::Config::default();
+        i2c_config.frequency = I2C_HZ;
+        i2c_config.timeout = I2C_TIMEOUT;
+        let i2c = BlockingAsync::new(I2c::new_blocking(p.I2C1, p.PA15, p.PB7, i2c_config));
+
         Parts {
             reset,
             adc: Converter {
@@ -104,9 +156,14 @@ impl Board for NucleoG474re {
             flash: None,
             led: Output::new(p.PA5, Level::Low, Speed::Low),
             fault_output: Output::new(p.PA8, Level::Low, Speed::Low),
+            #[cfg(feature = "joint")]
+            brake_release: Some(Output::new(p.PA9, Level::Low, Speed::Low)),
+            #[cfg(not(feature = "joint"))]
             brake_release: None,
             receiver,
             sender,
+            gas_buses,
+            i2c,
         }
     }
 
@@ -120,7 +177,9 @@ impl Board for NucleoG474re {
     }
 
     fn vent() {
-        valves::force_low(true);
+        valves::vent();
+        #[cfg(feature = "joint")]
+        GPIOA.bsrr().write(|pins| pins.set_br(9, true));
     }
 
     fn restart() -> ! {

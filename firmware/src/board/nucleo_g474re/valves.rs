@@ -1,18 +1,22 @@
-//! Both valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1, or over the clocks of a period of the
+//! All valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1, or over the clocks of a period of the
 //! carrier: the full duty is above the counter's top, always on.
 
 use super::CLOCK_HZ;
 use crate::board::{CARRIER_HZ, Modulation, Valves};
-use crate::kind::PWM_DELAY;
+use crate::kind::{Commands, MUSCLES, PWM_DELAY, each};
 use crate::source::STEP_US;
 use embassy_stm32::Peri;
 use embassy_stm32::gpio::OutputType;
-use embassy_stm32::pac::GPIOA;
 use embassy_stm32::pac::gpio::vals::Moder;
+use embassy_stm32::pac::{GPIOA, GPIOC};
 use embassy_stm32::peripherals::{PA6, PA7, TIM3};
+#[cfg(feature = "joint")]
+use embassy_stm32::peripherals::{PC8, PC9};
 use embassy_stm32::timer::low_level::{OutputCompareMode, Timer};
 use embassy_stm32::timer::simple_pwm::PwmPin;
 use embassy_stm32::timer::{Ch1, Ch2, Channel};
+#[cfg(feature = "joint")]
+use embassy_stm32::timer::{Ch3, Ch4};
 use model_core::Command;
 
 /// Counts of the timer per PWM period.
@@ -29,60 +33,81 @@ const CLOCKS_PER_STEP: u32 = {
 /// The prescaler divides by up to 65 536.
 pub const MAXIMUM_PERIOD_STEPS: u16 = (65_536 / CLOCKS_PER_STEP) as u16;
 
-// PA6 and PA7.
-const COIL_PINS: [usize; 2] = [6, 7];
+/// Channels of inlet and outlet of each muscle: PA6 and PA7, PC8 and PC9.
+const CHANNELS: [[Channel; 2]; 2] = [[Channel::Ch1, Channel::Ch2], [Channel::Ch3, Channel::Ch4]];
 
-/// Forces both pins low at once, or gives them back to the timer. A level forced in the timer
+/// Forces both pins of a muscle low at once, or gives them back to the timer. A level forced in the timer
 /// itself would end only when its comparison changes: never, for a coil that is always on.
-pub fn force_low(low: bool) {
+fn force_low(muscle: usize, low: bool) {
     // Their output registers are low since reset.
     let mode = if low { Moder::OUTPUT } else { Moder::ALTERNATE };
-    GPIOA.moder().modify(|pins| COIL_PINS.iter().for_each(|&pin| pins.set_moder(pin, mode)));
+    let (port, coils) = if muscle == 0 { (GPIOA, [6, 7]) } else { (GPIOC, [8, 9]) };
+    port.moder().modify(|pins| coils.iter().for_each(|&pin| pins.set_moder(pin, mode)));
+}
+
+/// Forces the pins of all muscles low.
+pub fn vent() {
+    (0..MUSCLES).for_each(|muscle| force_low(muscle, true));
+}
+
+/// Kept, because dropping them releases the pins.
+struct Pins {
+    _a: (PwmPin<'static, TIM3, Ch1>, PwmPin<'static, TIM3, Ch2>),
+    #[cfg(feature = "joint")]
+    _b: (PwmPin<'static, TIM3, Ch3>, PwmPin<'static, TIM3, Ch4>),
+}
+
+/// Pins of inlet and outlet of muscle a, and of muscle b.
+pub struct Coils {
+    pub a: (Peri<'static, PA6>, Peri<'static, PA7>),
+    #[cfg(feature = "joint")]
+    pub b: (Peri<'static, PC8>, Peri<'static, PC9>),
 }
 
 pub struct Timer3 {
     timer: Timer<'static, TIM3>,
-    /// Kept, because dropping them releases the pins.
-    _pins: (PwmPin<'static, TIM3, Ch1>, PwmPin<'static, TIM3, Ch2>),
-    forced_low: bool,
+    _pins: Pins,
+    forced_low: [bool; MUSCLES],
     /// Counts per period.
     ticks: u16,
 }
 
 impl Timer3 {
-    /// The timer is stopped, and both coils are without power.
-    pub fn new(
-        timer: Peri<'static, TIM3>,
-        inlet: Peri<'static, PA6>,
-        outlet: Peri<'static, PA7>,
-    ) -> Self {
+    /// The timer is stopped, and all coils are without power.
+    pub fn new(timer: Peri<'static, TIM3>, coils: Coils) -> Self {
         let timer = Timer::new(timer);
         timer.regs_core().arr().write(|top| top.set_arr(TICKS - 1));
-        for channel in [Channel::Ch1, Channel::Ch2] {
+        for channel in CHANNELS.into_iter().take(MUSCLES).flatten() {
             timer.set_output_compare_mode(channel, OutputCompareMode::PwmMode1);
             // Compare values take effect where the counter wraps, so that no pulse is cut.
             timer.set_output_compare_preload(channel, true);
             timer.enable_channel(channel, true);
         }
         timer.generate_update_event();
-        let pins =
-            (PwmPin::new(inlet, OutputType::PushPull), PwmPin::new(outlet, OutputType::PushPull));
-        Self { timer, _pins: pins, forced_low: false, ticks: TICKS }
+        let output = OutputType::PushPull;
+        let pins = Pins {
+            _a: (PwmPin::new(coils.a.0, output), PwmPin::new(coils.a.1, output)),
+            #[cfg(feature = "joint")]
+            _b: (PwmPin::new(coils.b.0, output), PwmPin::new(coils.b.1, output)),
+        };
+        Self { timer, _pins: pins, forced_low: [false; MUSCLES], ticks: TICKS }
     }
 
-    /// Sets the compare values of both channels, which take effect together.
-    fn compare(&self, command: Command) {
-        let (inlet, outlet) = command.coils();
+    /// Sets the compare values of all channels, which take effect together.
+    fn compare(&self, commands: [Command; MUSCLES]) {
         let cr1 = self.timer.regs_core().cr1();
         cr1.modify(|cr1| cr1.set_udis(true));
-        self.timer.set_compare_value(Channel::Ch1, inlet.ticks(self.ticks));
-        self.timer.set_compare_value(Channel::Ch2, outlet.ticks(self.ticks));
+        for ([inlet, outlet], command) in CHANNELS.into_iter().zip(commands) {
+            let coils = command.coils();
+            self.timer.set_compare_value(inlet, coils.0.ticks(self.ticks));
+            self.timer.set_compare_value(outlet, coils.1.ticks(self.ticks));
+        }
         cr1.modify(|cr1| cr1.set_udis(false));
     }
 }
 
 impl Valves for Timer3 {
-    fn restart(&mut self, modulation: Modulation, command: Command) {
+    fn restart(&mut self, modulation: Modulation, commands: Commands) {
         let (full, clocks, delay) = match modulation {
             Modulation::Pulses { period_steps } => {
                 let steps = u32::from(period_steps.max(1));
@@ -100,16 +125,20 @@ impl Valves for Timer3 {
         self.timer.generate_update_event();
         registers.cnt().write(|counter| counter.set_cnt((full - delay.max(1)) as u16));
         self.timer.start();
-        self.drive(command);
+        self.drive(commands);
     }
 
-    fn drive(&mut self, command: Command) {
-        // The pin's mode acts at once and keeps the PWM's phase.
-        let low = command == Command::VENT;
-        if low != self.forced_low {
-            force_low(low);
-            self.forced_low = low;
+    fn drive(&mut self, commands: Commands) {
+        let commands = each(commands);
+        for (muscle, (command, forced_low)) in commands.iter().zip(&mut self.forced_low).enumerate()
+        {
+            // The pin's mode acts at once and keeps the PWM's phase.
+            let low = *command == Command::VENT;
+            if low != *forced_low {
+                force_low(muscle, low);
+                *forced_low = low;
+            }
         }
-        self.compare(command);
+        self.compare(commands);
     }
 }
