@@ -260,7 +260,7 @@ impl Walk<'_> {
         }
         if table.is_some() && path == "joint" {
             let why = "this takes one muscle; a joint, each table of it under a header of its own, is for \
-                       `thermyo run`, `check`, `sweep`, `tune`, `replay`, `monitor`, `fmu`, `evaluate joint` and `board`";
+                       `thermyo run`, `check`, `sweep`, `tune`, `identify`, `replay`, `monitor`, `fmu`, `evaluate joint` and `board`";
             return Err(Problem::UnusedTable { table: full_path.to_owned(), why });
         }
         let Some((_, key)) = schema::key(path) else {
