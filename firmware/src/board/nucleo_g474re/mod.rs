@@ -21,6 +21,7 @@ use super::{Adc, Board, Channel, Parts, Reset, WATCHDOG};
 use embassy_embedded_hal::adapter::BlockingAsync;
 use embassy_embedded_hal::shared_bus::asynch::spi::SpiDevice;
 use embassy_executor::{InterruptExecutor, SendSpawner};
+use embassy_stm32::Peri;
 use embassy_stm32::adc::{self, AdcChannel, AdcConfig, AnyAdcChannel, SampleTime};
 use embassy_stm32::gpio::{Input, Level, Output, Pull, Speed};
 use embassy_stm32::i2c::{self, I2c};
@@ -29,7 +30,7 @@ use embassy_stm32::mode::Blocking;
 #[cfg(feature = "joint")]
 use embassy_stm32::pac::GPIOA;
 use embassy_stm32::pac::{DBGMCU, IWDG, RCC, iwdg};
-use embassy_stm32::peripherals::{ADC1, USART2};
+use embassy_stm32::peripherals::{ADC1, PA2, PA3, USART2};
 use embassy_stm32::rcc;
 use embassy_stm32::spi::mode::Master;
 use embassy_stm32::spi::{self, Spi};
@@ -104,26 +105,7 @@ impl Board for NucleoG474re {
         let mut watchdog = IndependentWatchdog::new(p.IWDG, WATCHDOG.as_micros() as u32);
         watchdog.unleash();
 
-        static TX: StaticCell<[u8; 512]> = StaticCell::new();
-        static RX: StaticCell<[u8; 512]> = StaticCell::new();
-        let mut uart_config = UartConfig::default();
-        uart_config.baudrate = BAUD;
-        // Also delivers bytes that come without a pause.
-        uart_config.eager_reads = Some(32);
-        let Ok(uart) = BufferedUart::new(
-            p.USART2,
-            p.PA3,
-            p.PA2,
-            TX.init_with(|| [0; 512]),
-            RX.init_with(|| [0; 512]),
-            Irqs,
-            uart_config,
-        ) else {
-            panic!("the clock gives the line's rate");
-        };
-        let (sender, receiver) = uart.split();
-        // Above control, whose step takes longer than the receiver can buffer.
-        interrupt::USART2.set_priority(Priority::P0);
+        let (sender, receiver) = serial(p.USART2, p.PA3, p.PA2);
 
         let mut spi_config = spi::Config::default();
         spi_config.mode = spi::MODE_1;
@@ -188,6 +170,27 @@ impl Board for NucleoG474re {
 
     /// The debug probe flashes this board.
     const BOOT_LOADER: Option<fn() -> !> = None;
+}
+
+/// The serial line. To be called once.
+fn serial(
+    uart: Peri<'static, USART2>,
+    rx: Peri<'static, PA3>,
+    tx: Peri<'static, PA2>,
+) -> (BufferedUartTx<'static>, BufferedUartRx<'static>) {
+    static TX: StaticCell<[u8; 512]> = StaticCell::new();
+    static RX: StaticCell<[u8; 512]> = StaticCell::new();
+    let mut config = UartConfig::default();
+    config.baudrate = BAUD;
+    // Also delivers bytes that come without a pause.
+    config.eager_reads = Some(32);
+    let [tx_buffer, rx_buffer] = [&TX, &RX].map(|buffer| buffer.init_with(|| [0; 512]));
+    let Ok(uart) = BufferedUart::new(uart, rx, tx, tx_buffer, rx_buffer, Irqs, config) else {
+        panic!("the clock gives the line's rate");
+    };
+    // Above control, whose step takes longer than the receiver can buffer.
+    interrupt::USART2.set_priority(Priority::P0);
+    uart.split()
 }
 
 /// 150 MHz from the 24 MHz crystal, also for the converter.
