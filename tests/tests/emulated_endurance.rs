@@ -23,7 +23,7 @@ const JITTER_US: u32 = 20;
 const QUIET_JITTER_US: u32 = 5;
 /// Mean time of the core's step in contraction control, 129 us (98 aimed at), and over ten minutes, in
 /// which it moves more.
-const STEP_MEAN_NS: u32 = 135_000;
+const STEP_MEAN_NS: u32 = 135_500;
 const LONG_STEP_MEAN_NS: u32 = 138_000;
 /// Worst time of the core's step, 365 us (230 aimed at).
 const STEP_WORST_US: u32 = 390;

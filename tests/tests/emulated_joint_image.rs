@@ -439,5 +439,5 @@ fn the_command_configures_and_moves_a_joint() {
     let (code, text) = run(&["history"]);
     assert!(code == 0 && text.contains("no events"), "{code}: {text}");
     let (code, text) = run(&["calibrate", "gas"]);
-    assert!(code == 2 && text.contains("takes info"), "{code}: {text}");
+    assert!(code == 2 && text.contains("give --muscle a or --muscle b"), "{code}: {text}");
 }

@@ -101,14 +101,14 @@ impl Limits {
         let full = u32::from(Duty::FULL.0);
         let beyond = u32::from(duty.0).saturating_sub(self.dead_parts) * full;
         let parts = beyond.checked_div(full - self.dead_parts).unwrap_or(0);
-        if parts < self.stroke_parts {
+        let opened = if parts < self.stroke_parts {
             let nearest = parts.saturating_mul(parts).saturating_add(self.stroke_parts / 2);
-            let opened = nearest.checked_div(self.stroke_parts);
-            // Driven, however briefly.
-            opened.unwrap_or(parts).max(u32::from(parts > 0))
+            nearest.checked_div(self.stroke_parts).unwrap_or(parts)
         } else {
             parts
-        }
+        };
+        // Driven, however briefly or little.
+        opened.max(u32::from(duty != Duty::ZERO))
     }
 
     /// Upstream pressure times at least what a subsonic flow is of the choked one (ISO 6358): the root
@@ -123,10 +123,8 @@ impl Limits {
 /// State of one valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ValveBalance {
-    /// Parts of a step for which it stood open in this window.
+    /// Parts of a step for which it stood open in this window; 0 where it had no command.
     parts: u32,
-    /// It has had a command in this window.
-    driven: bool,
     /// Windows, this one included, for which it may still be open.
     open_windows: u16,
     /// Gas that the valve must have passed and that is missing, as a fraction of the gas \[-\].
@@ -137,25 +135,17 @@ struct ValveBalance {
 
 impl ValveBalance {
     /// One of which nothing is known: it may have been driven.
-    const UNKNOWN: Self =
-        Self { parts: 0, driven: true, open_windows: 0, missing: 0.0, asked_per_s: 0.0 };
-
-    /// Takes the command of a step, which opens it for so many parts of the step at least.
-    fn drive(&mut self, duty: Duty, parts: u32) {
-        // A window of 65 535 steps stays below 2^32.
-        self.parts = self.parts.wrapping_add(parts);
-        self.driven |= duty != Duty::ZERO;
-    }
+    const UNKNOWN: Self = Self { parts: 1, open_windows: 0, missing: 0.0, asked_per_s: 0.0 };
 
     /// Ends a window; returns the parts of a step for which the valve stood open at least.
     fn end_window(&mut self, closing_windows: u16) -> u32 {
-        let driven = core::mem::replace(&mut self.driven, false);
-        self.open_windows = if driven {
+        let parts = core::mem::take(&mut self.parts);
+        self.open_windows = if parts > 0 {
             closing_windows.saturating_add(1)
         } else {
             self.open_windows.saturating_sub(1)
         };
-        core::mem::take(&mut self.parts)
+        parts
     }
 
     /// A pulse of the window before may end in this one, and a slow valve closes later.
@@ -277,8 +267,9 @@ impl PlausibilityMonitor {
                 [command.inlet, command.outlet].map(|duty| self.limits.opened_parts(duty));
         }
         let [inlet, outlet] = self.opened_parts;
-        self.inlet.drive(command.inlet, inlet);
-        self.outlet.drive(command.outlet, outlet);
+        // A window of 65 535 steps stays below 2^32.
+        self.inlet.parts = self.inlet.parts.wrapping_add(inlet);
+        self.outlet.parts = self.outlet.parts.wrapping_add(outlet);
     }
 
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
