@@ -29,6 +29,15 @@ fn configured() -> Bench {
     bench
 }
 
+/// A bench with a configured joint.
+fn configured_joint() -> Bench {
+    firmware(Variant::Joint).unwrap();
+    let bench = Bench::new();
+    bench.ok("thermyo board emulated plug scenarios/joint_board.toml");
+    bench.ok("thermyo board emulated config write scenarios/joint_board.toml");
+    bench
+}
+
 /// Output of a calibration with these lines typed.
 fn typed(bench: &Bench, line: &str, text: &str) -> Output {
     let mut command = bench.command(line);
@@ -133,10 +142,7 @@ fn a_joints_sensors_are_calibrated_by_what_is_typed() {
     if skip_emulator() {
         return;
     }
-    firmware(Variant::Joint).unwrap();
-    let bench = Bench::new();
-    bench.ok("thermyo board emulated plug scenarios/joint_board.toml");
-    bench.ok("thermyo board emulated config write scenarios/joint_board.toml");
+    let bench = configured_joint();
     let same = typed(&bench, "thermyo board emulated calibrate angle", "0deg\n1deg\n");
     assert_eq!(same.status.code(), Some(2), "{}", message(&same));
     assert!(message(&same).contains("the two points are "), "{}", message(&same));
@@ -481,10 +487,7 @@ fn a_monitor_records_a_joint() {
     if skip_emulator() {
         return;
     }
-    firmware(Variant::Joint).unwrap();
-    let bench = Bench::new();
-    bench.ok("thermyo board emulated plug scenarios/joint_board.toml");
-    bench.ok("thermyo board emulated config write scenarios/joint_board.toml");
+    let bench = configured_joint();
     let unfinished = bench.path("out/monitor/unfinished-1/joint_trace.csv");
     let mut command = bench.command("thermyo monitor emulated --log mcap --out out/monitor");
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());

@@ -1,6 +1,6 @@
 //! `thermyo identify` of a joint's record.
 
-use super::{Failure, IdentifyArgs, print, publish, say_damage, title_of};
+use super::{Failure, IdentifyArgs, publish_and_print, say_damage, title_of};
 use std::io::Write;
 use std::path::PathBuf;
 use thermyo_files::output::OutputDir;
@@ -33,12 +33,6 @@ pub(super) fn run(
     out.text("identified.toml", &thermyo_joint::render(&found.scenario))?;
     out.text("report.html", &record_page(&found, &title))?;
     out.text("fit.svg", &record_plot(&found, &title))?;
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        print(stdout, &json)?;
-    } else {
-        print(stdout, &found.text())?;
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
-    }
+    publish_and_print(out, args.output.format, (&json, &found.text()), stdout, stderr)?;
     found.values.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }

@@ -579,13 +579,7 @@ fn identify_command(
     out.text("report.html", &found.page(&title))?;
     let (name, plot) = found.plot(&title);
     out.text(name, &plot)?;
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        print(stdout, &json)?;
-    } else {
-        print(stdout, &found.text())?;
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
-    }
+    publish_and_print(out, args.output.format, (&json, &found.text()), stdout, stderr)?;
     found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
@@ -781,6 +775,23 @@ fn publish(out: OutputDir, format: FormatArgs, stderr: &mut dyn Write) -> Result
         format.note(stderr, &note);
     }
     Ok(())
+}
+
+/// Publishes the results, and prints them: JSON, or text with the place of the report.
+fn publish_and_print(
+    out: OutputDir,
+    format: FormatArgs,
+    (json, text): (&str, &str),
+    stdout: &mut dyn Write,
+    stderr: &mut dyn Write,
+) -> Result<(), Failure> {
+    let report = out.path().join("report.html");
+    publish(out, format, stderr)?;
+    if format.json {
+        return print(stdout, json);
+    }
+    print(stdout, text)?;
+    print(stdout, &format!("report: {}\n", report.display()))
 }
 
 /// Trace of a run, given as a file or as its folder of results.

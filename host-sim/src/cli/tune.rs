@@ -1,6 +1,6 @@
 use super::progress::Bar;
 use super::{
-    BoardArgs, Failure, OutputArgs, interrupt, load, print, publish, quantity, title_of, unbuilt,
+    BoardArgs, Failure, OutputArgs, interrupt, load, publish_and_print, quantity, title_of, unbuilt,
 };
 use clap::{Args, ValueEnum};
 use model_core::{Config, Telemetry};
@@ -192,14 +192,8 @@ impl Done {
         stdout: &mut dyn Write,
         stderr: &mut dyn Write,
     ) -> Result<(), Failure> {
-        let report = out.path().join("report.html");
-        publish(out, args.output.format, stderr)?;
-        if args.output.format.json {
-            print(stdout, &self.json)?;
-        } else {
-            print(stdout, &self.text)?;
-            print(stdout, &format!("report: {}\n", report.display()))?;
-        }
+        let shown = (self.json.as_str(), self.text.as_str());
+        publish_and_print(out, args.output.format, shown, stdout, stderr)?;
         self.failed.map_or(Ok(()), |message| Err(Failure::Check(message)))
     }
 }
