@@ -6,7 +6,7 @@ use crate::source::STEP;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_futures::yield_now;
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_io_async::{Read, Write};
 use model_core::Config;
 use thermyo_protocol::{Chip, Decoder, Image, LastReset, PROTOCOL, Refusal, Version, encode};
@@ -62,6 +62,11 @@ impl Ration {
         }
         enough
     }
+
+    /// When a request that counts as `cost` requests may be carried out.
+    fn until(&self, cost: u32) -> Instant {
+        self.since + RATION_EVERY * cost.saturating_sub(self.left)
+    }
 }
 
 /// A new core takes a millisecond. The receiver's buffer is not full after four in a row.
@@ -80,10 +85,48 @@ fn cost(command: &HostCommand) -> u32 {
 /// Time to send an answer before the board restarts.
 const ANSWERING: Duration = Duration::from_millis(20);
 
-/// Carries out requests at a rate that leaves the other tasks their time. The rest is dropped and
-/// counted, but a stop is always carried out.
+/// Bytes of a port, as they arrive.
+struct Incoming<R> {
+    port: R,
+    line: &'static Line,
+    shared: &'static Shared,
+    chunk: [u8; 32],
+    next: usize,
+    end: usize,
+}
+
+impl<R: Read> Incoming<R> {
+    /// Waits until there is a byte to take; nothing is lost if it is dropped before.
+    async fn arrived(&mut self) {
+        let index = self.shared.index(self.line);
+        while self.next == self.end {
+            // `read` does not yield while bytes wait.
+            yield_now().await;
+            match select(self.port.read(&mut self.chunk), self.line.silence_check.wait()).await {
+                Either::First(count) => {
+                    // After an error of the port the current frame fails its checksum.
+                    (self.next, self.end) = (0, count.unwrap_or(0));
+                    self.shared.arbitrate(|arbiter| arbiter.read(index));
+                }
+                // `select` has polled `read` first.
+                Either::Second(()) => self.shared.arbitrate(|arbiter| arbiter.silent(index)),
+            }
+        }
+    }
+
+    /// Takes a byte that has arrived.
+    fn next(&mut self) -> Option<u8> {
+        let byte = *self.chunk.get(self.next..self.end)?.first()?;
+        self.next += 1;
+        Some(byte)
+    }
+}
+
+/// Carries out requests at a rate that leaves the other tasks their time. A request that comes too
+/// early waits, so that a host that waits for each answer is only slowed. If more comes meanwhile,
+/// it is dropped and counted, but a stop is always carried out.
 pub async fn receive<R: Read>(
-    mut port: R,
+    port: R,
     line: &'static Line,
     identity: Identity,
     shared: &'static Shared,
@@ -91,22 +134,14 @@ pub async fn receive<R: Read>(
     while !shared.recalled.load(Ordering::Relaxed) {
         Timer::after_millis(1).await;
     }
+    let mut incoming = Incoming { port, line, shared, chunk: [0; 32], next: 0, end: 0 };
     let mut decoder = Decoder::new();
-    let mut chunk = [0; 32];
     let mut ration = Ration { left: RATION, since: Instant::now() };
     let index = shared.index(line);
     let mut frame = None;
     loop {
-        let count = loop {
-            match select(port.read(&mut chunk), line.silence_check.wait()).await {
-                // After an error of the port the current frame fails its checksum.
-                Either::First(count) => break count.unwrap_or(0),
-                // `select` has polled `read` first.
-                Either::Second(()) => shared.arbitrate(|arbiter| arbiter.silent(index)),
-            }
-        };
-        shared.arbitrate(|arbiter| arbiter.read(index));
-        for &byte in chunk.iter().take(count) {
+        incoming.arrived().await;
+        while let Some(byte) = incoming.next() {
             let ticket =
                 *frame.get_or_insert_with(|| shared.arbitrate(|arbiter| arbiter.begin(index)));
             if byte == 0 {
@@ -125,11 +160,15 @@ pub async fn receive<R: Read>(
                 // Samples need no limit: each comes after the answer to the one before.
                 let unlimited = cfg!(feature = "hil") && matches!(command, HostCommand::Step(_));
                 if !unlimited && !ration.take(cost(&command)) {
-                    shared.dropped_requests.store(
-                        shared.dropped_requests.load(Ordering::Relaxed).wrapping_add(1),
-                        Ordering::Relaxed,
-                    );
-                    continue;
+                    let affordable = ration.until(cost(&command));
+                    if with_deadline(affordable, incoming.arrived()).await.is_ok() {
+                        shared.dropped_requests.store(
+                            shared.dropped_requests.load(Ordering::Relaxed).wrapping_add(1),
+                            Ordering::Relaxed,
+                        );
+                        continue;
+                    }
+                    ration.take(cost(&command));
                 }
                 let requester = Requester { line, sequence, ticket };
                 let outcome = carry_out(command, &identity, line, shared);
@@ -137,8 +176,6 @@ pub async fn receive<R: Read>(
             }
             line.malformed.store(decoder.malformed(), Ordering::Relaxed);
         }
-        // `read` does not yield while bytes wait.
-        yield_now().await;
     }
 }
 

@@ -5,7 +5,7 @@ use model_core::{Config, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
-use thermyo_protocol::{Answer, HostCommand};
+use thermyo_protocol::{Answer, HostCommand, Name};
 
 /// One microsecond \[ns\].
 const US: u32 = 1_000;
@@ -200,4 +200,33 @@ fn orders_after_a_stop_on_its_line_hold() {
         }
         assert!(rig.exchange_with(silent).outlet_coil > 0.9, "{port:?}");
     }
+}
+
+/// Commands of a script follow each other faster than the board's rate of requests.
+#[test]
+fn a_host_that_waits_for_each_answer_loses_no_request() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = plugged();
+    let config = *rig.muscle.config();
+    rig.exchange_with(silent);
+    for port in [Port::Uart, Port::Usb] {
+        rig.board.use_port(port);
+        for turn in 0..20 {
+            for command in [
+                HostCommand::Version,
+                HostCommand::TelemetryDivider(10),
+                HostCommand::Configure(config),
+                HostCommand::Name(Name::new("script")),
+                HostCommand::Status,
+                HostCommand::Stop,
+            ] {
+                let answer = rig.board.ask(command);
+                assert!(answer.is_ok(), "{port:?}, turn {turn}, {command:?}: {answer:?}");
+            }
+        }
+    }
+    let timing = rig.board.timing().unwrap();
+    assert_eq!((timing.dropped_requests, timing.missed_steps), (0, 0), "{timing:?}");
 }
