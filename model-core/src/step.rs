@@ -159,8 +159,8 @@ impl Core {
     }
 
     /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
-    /// supervisor stays: what is latched is latched, what it has counted counts, and the startup check
-    /// begins again. So does the arming, as far as the new configuration allows.
+    /// supervisor stays: what is latched or was found in the last step is latched, what it has counted
+    /// counts, and the startup check begins again. So does the arming, as far as the new configuration allows.
     pub fn restart_as(&mut self, other: Self) {
         let armed_pa = self.armed_pa;
         *self = Self {
@@ -168,6 +168,7 @@ impl Core {
             sensing: self.sensing.after_restart(&other.sensing),
             pressure_pa: self.pressure_pa,
             inlet_steps: self.inlet_steps,
+            found: self.found,
             ..other
         };
         let most_pa = self.config.working_limit_pa();
@@ -191,6 +192,15 @@ impl Core {
     /// [`SetPointError`] for a pressure below what the muscle has now or above the configuration's, and while
     /// faults vent; it is as armed as before.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), SetPointError> {
+        let armed_pa = self.may_arm(most_pa)?;
+        self.supervisor.forget_link();
+        self.controller.set(Target::VENT);
+        self.set_armed(Some(armed_pa));
+        Ok(())
+    }
+
+    /// The pressure that [`arm`](Self::arm) would arm for, or its error.
+    pub(crate) fn may_arm(&self, most_pa: Option<f32>) -> Result<f32, SetPointError> {
         let maximum = self.config.working_limit_pa();
         let value = most_pa.unwrap_or(maximum);
         let minimum = self.config.ambient.pressure_pa.max(self.pressure_pa);
@@ -203,14 +213,10 @@ impl Core {
                 maximum,
             });
         }
-        self.supervisor.forget_link();
-        let venting = self.supervisor.venting();
-        if venting != Faults::NONE {
-            return Err(SetPointError::Faults(venting));
+        match self.supervisor.venting_beside_link() {
+            Faults::NONE => Ok(value),
+            venting => Err(SetPointError::Faults(venting)),
         }
-        self.controller.set(Target::VENT);
-        self.set_armed(Some(value));
-        Ok(())
     }
 
     /// Vents, and takes no set point until it is [armed](Self::arm).
@@ -899,9 +905,12 @@ mod tests {
         assert_eq!(core.arm(None), Ok(()));
         assert_eq!(core.step(&HEALTHY).faults, Faults::NONE);
         assert_eq!(core.set(CLOSED), Ok(()));
+        while core.step(&silent).faults == Faults::NONE {}
         core.step(&Sample { emergency_stop: true, ..HEALTHY });
         core.step(&HEALTHY);
         assert_eq!(core.arm(None), Err(SetPointError::Faults(Faults::EMERGENCY_STOP)));
+        let both = Faults::EMERGENCY_STOP.with(Faults::LINK_LOST);
+        assert_eq!(core.supervisor().venting(), both, "what is refused forgets nothing");
         assert_eq!(core.armed_pa(), None);
     }
 
@@ -999,17 +1008,22 @@ mod tests {
 
     #[test]
     fn a_pressure_that_climbs_while_both_valves_are_shut_vents() {
+        let climbing = |step: u16| {
+            let pressure = AdcCode(12_688 + 10 * step).into();
+            Sample { pressure, ..INFLATED }
+        };
+        let gained = |telemetry: Telemetry| telemetry.faults.intersects(Faults::GAS_GAINED);
         let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
-        let faults: Vec<_> = (0..600_u16)
-            .map(|step| {
-                let pressure = AdcCode(12_688 + 10 * step).into();
-                core.step(&Sample { pressure, ..INFLATED }).faults
-            })
-            .collect();
         // 2 % of the pressure in every 20 ms, 1/k of it more gas.
-        let found = faults.iter().position(|faults| faults.intersects(Faults::GAS_GAINED));
-        assert!(found.is_some_and(|step| (300..600).contains(&step)), "{found:?}");
+        let found = (0..600).find(|step| gained(core.step(&climbing(*step)))).unwrap();
+        assert!((300..600).contains(&found), "{found}");
         assert_eq!(core.step(&INFLATED).command, Command::VENT);
+
+        // A restart between the step that finds it and the next one, which latches it.
+        let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
+        assert!((0..found).all(|step| !gained(core.step(&climbing(step)))));
+        core.restart_as(Core::new(&Config::default()).unwrap());
+        assert!(gained(core.step(&INFLATED)));
     }
 
     /// The monitor knows which valve is driven: gas that does not move has another fault for each.

@@ -33,6 +33,8 @@ pub struct Arbiter<const LINES: usize> {
     obeyed: Option<usize>,
     /// Stops so far, wrapping.
     stops: u32,
+    /// A stop has come that is not carried out yet.
+    stopping: bool,
     settling_steps: u8,
 }
 
@@ -69,7 +71,7 @@ impl<const LINES: usize> Arbiter<LINES> {
     /// Before the first request: no host is obeyed.
     pub const fn new() -> Self {
         let line = Line { heard: false, stops: 0, silent: false };
-        Self { lines: [line; LINES], obeyed: None, stops: 0, settling_steps: 0 }
+        Self { lines: [line; LINES], obeyed: None, stops: 0, stopping: false, settling_steps: 0 }
     }
 
     /// Bytes are read from a line.
@@ -104,6 +106,7 @@ impl<const LINES: usize> Arbiter<LINES> {
     pub fn stop(&mut self, line: usize) {
         let before = self.stops;
         self.stops = before.wrapping_add(1);
+        self.stopping = true;
         self.settling_steps = SETTLING_STEPS;
         for line in &mut self.lines {
             line.silent = false;
@@ -138,6 +141,11 @@ impl<const LINES: usize> Arbiter<LINES> {
         self.hear(order.line);
     }
 
+    /// Whether a stop has come since the last step, once: an order that follows it on its line is carried out after it.
+    pub fn take_stop(&mut self) -> bool {
+        core::mem::take(&mut self.stopping)
+    }
+
     /// Whether the host of a line is obeyed.
     pub fn obeys(&self, line: usize) -> bool {
         self.obeyed == Some(line)
@@ -150,7 +158,7 @@ impl<const LINES: usize> Arbiter<LINES> {
         for line in &mut self.lines {
             line.heard = false;
         }
-        let stop = self.settling_steps == SETTLING_STEPS;
+        let stop = self.take_stop();
         self.settling_steps = self.settling_steps.saturating_sub(1);
         let behind = self.lines.iter().any(|line| line.stops != self.stops);
         Turn { heard, stop, ask: behind && self.settling_steps == 0 }
@@ -213,6 +221,9 @@ mod tests {
         assert!(before.iter().all(|&order| !arbiter.admits(order)));
         assert!(arbiter.admits(arbiter.begin(1)), "it follows the stop on its line");
         assert!(!arbiter.admits(arbiter.begin(0)), "its bytes may have waited");
+        let mut followed = arbiter;
+        assert!(followed.take_stop(), "before an order that follows it");
+        assert!(!followed.step().stop, "and not again after it");
         for turn in [
             Turn { heard: false, stop: true, ask: false },
             Turn { heard: false, stop: false, ask: true },

@@ -322,21 +322,21 @@ impl Joint {
     ///
     /// # Errors
     /// [`JointError::Range`] for a pressure below what a muscle has now or above its configuration's, and
-    /// [`JointError::Faults`] while faults vent. It is not armed then.
+    /// [`JointError::Faults`] while faults vent; it is as armed as before.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), JointError> {
         let [a, b] = &mut self.muscles;
-        let armed = a.arm(most_pa).and_then(|()| b.arm(most_pa));
-        if self.latched == JointFaults::NONE && armed.is_ok() {
-            self.vent();
-            return Ok(());
-        }
-        self.disarm();
-        Err(match armed {
-            Err(SetPointError::Range { field: SetPointField::Armed, value, minimum, maximum }) => {
-                JointError::Range { field: JointField::Armed, value, minimum, maximum }
+        match a.may_arm(most_pa).and_then(|_| b.may_arm(most_pa)) {
+            Ok(_) if self.latched == JointFaults::NONE => {
+                // Neither fails now.
+                let _ = a.arm(most_pa).and_then(|()| b.arm(most_pa));
+                self.vent();
+                Ok(())
             }
-            _ => JointError::Faults(self.venting(), self.latched),
-        })
+            Err(SetPointError::Range { field: SetPointField::Armed, value, minimum, maximum }) => {
+                Err(JointError::Range { field: JointField::Armed, value, minimum, maximum })
+            }
+            _ => Err(JointError::Faults(self.venting(), self.latched)),
+        }
     }
 
     /// Vents, and takes no set point until it is [armed](Self::arm).
@@ -400,8 +400,17 @@ impl Joint {
         if faults != [Faults::NONE; 2] || self.latched != JointFaults::NONE {
             return Err(JointError::Faults(faults, self.latched));
         }
-        if !self.is_armed() {
+        let Some(maximum) = self.armed_pa() else {
             return Err(JointError::NotArmed);
+        };
+        if let JointSetPoint::Pressures { pressure_pa } = set_point {
+            for (value, muscle) in pressure_pa.into_iter().zip(&self.muscles) {
+                // As for one muscle: what the configuration allows is allowed in full.
+                if value > maximum && maximum < muscle.config().working_limit_pa() {
+                    let field = JointField::Pressure;
+                    return Err(JointError::Range { field, value, minimum: 0.0, maximum });
+                }
+            }
         }
         for muscle in &mut self.muscles {
             // Driven, but by the joint: with both valves shut its own controller does nothing.
@@ -661,7 +670,10 @@ mod tests {
             });
             assert_eq!(found, Some(9), "muscle {side}");
             assert!(!joint.is_armed());
-            assert!(matches!(joint.set(FILLING), Err(JointError::Faults(..))));
+            let refused = joint.set(FILLING).unwrap_err().to_string();
+            let muscle = ["a", "b"][side];
+            let expected = format!("vents until this is cleared: muscle {muscle}: pressure sensor");
+            assert_eq!(refused, expected, "only where there is a fault");
         }
         let stop = |sample| JointSample { emergency_stop: true, ..sample };
         assert_eq!(vents_after(&mut filling(), stop), Some(0));
@@ -796,9 +808,14 @@ mod tests {
         let mut joint = filling();
         assert_eq!(joint.arm(Some(2.0e5)), Ok(()));
         assert_eq!(joint.armed_pa(), Some(2.0e5));
+        let pressures = |pa: f32| JointSetPoint::Pressures { pressure_pa: [1.5e5, pa] };
+        assert_eq!(joint.set(pressures(2.0e5)), Ok(()));
+        let refused = joint.set(pressures(2.1e5)).unwrap_err().to_string();
+        assert_eq!(refused, "pressure_pa = 210000: must be from 0 to 200000");
+        joint.set(FILLING).unwrap();
         let refused = joint.arm(Some(1.0e4)).unwrap_err();
         assert!(refused.to_string().starts_with("armed_pa = 10000: must be from"), "{refused}");
-        assert_eq!(joint.armed_pa(), None);
+        assert_eq!((joint.armed_pa(), joint.set_point()), (Some(2.0e5), FILLING));
     }
 
     /// Nothing is driven before the sensors are tested, nor after it was disarmed.

@@ -115,10 +115,20 @@ impl core::fmt::Display for JointError {
             Self::Range { field, value, minimum, maximum } => {
                 write!(f, "{} = {value}: must be from {minimum} to {maximum}", field.key())
             }
-            Self::Faults([a, b], joint) => write!(
-                f,
-                "vents until this is cleared: muscle a: {a}; muscle b: {b}; joint: {joint}"
-            ),
+            Self::Faults(muscles, joint) => {
+                write!(f, "vents until this is cleared: ")?;
+                let mut part = "";
+                for (name, faults) in ["a", "b"].into_iter().zip(muscles) {
+                    if *faults != Faults::NONE {
+                        write!(f, "{part}muscle {name}: {faults}")?;
+                        part = "; ";
+                    }
+                }
+                if *joint != JointFaults::NONE {
+                    write!(f, "{part}joint: {joint}")?;
+                }
+                Ok(())
+            }
             Self::NotArmed => write!(f, "the joint is not armed: arm it first"),
             Self::NeverLocks => {
                 write!(

@@ -330,10 +330,14 @@ impl Supervisor {
         self.limits.pressure_pa = pressure_pa;
     }
 
+    /// Faults that vent, without that of a host that was silent and no longer is.
+    pub fn venting_beside_link(&self) -> Faults {
+        self.venting().without(Faults::LINK_LOST.without(self.present))
+    }
+
     /// Forgets that the host was silent, if it no longer is.
     pub fn forget_link(&mut self) {
-        let lost = Faults::LINK_LOST.without(self.present);
-        self.state = self.state.with_causes(self.venting().without(lost));
+        self.state = self.state.with_causes(self.venting_beside_link());
     }
 
     /// Forgets the latched faults whose cause is gone.
