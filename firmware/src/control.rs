@@ -8,6 +8,7 @@ use crate::source::Source;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either, select};
 use embassy_time::Instant;
+use embedded_hal::digital::OutputPin;
 use model_core::Faults;
 use thermyo_protocol::arbiter::Arbiter;
 use thermyo_protocol::{Phase, Refusal};
@@ -22,10 +23,12 @@ const FLOODED_STEPS: u32 = 1000;
 const STATUS_STEPS: u32 = 500;
 
 /// The core between its sensors and its valves.
-pub struct Control<'a, S, V> {
+pub struct Control<'a, S, V, O> {
     core: &'a mut Core,
     source: S,
     valves: V,
+    /// High while a joint is driven.
+    brake_release: Option<O>,
     /// Feeds the watchdog in place of the supervisor while the busy flash blocks the thread.
     feed: fn(),
     black_box: &'static BlackBox,
@@ -41,12 +44,12 @@ pub struct Control<'a, S, V> {
     latched: Faults,
 }
 
-impl<'a, S: Source, V: Valves> Control<'a, S, V> {
+impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
     /// Takes a core that has not stepped yet.
     pub fn new(
         core: &'a mut Core,
         source: S,
-        valves: V,
+        (valves, brake_release): (V, Option<O>),
         feed: fn(),
         black_box: &'static BlackBox,
         shared: &'static Shared,
@@ -58,6 +61,7 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             core,
             source,
             valves,
+            brake_release,
             feed,
             black_box,
             shared,
@@ -153,15 +157,20 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
             self.latched = kind::latched(core);
             let first = kind::first_failure(core);
             self.black_box.record(first, self.latched);
+            let known = shared.first_failure();
             shared.set_first_failure(first);
-            if let Some(first) = first {
+            // What is latched changes also when it is cleared: no other event.
+            if let Some(first) = first.filter(|_| first != known) {
                 shared.failed.signal(first);
             }
         }
         // During the startup check a set point may be pending.
         let vented = core.set_point() == SetPoint::Vent;
         shared.vented.store(vented, Ordering::Relaxed);
-        shared.moves.store(kind::moves(&telemetry), Ordering::Relaxed);
+        if let Some(brake_release) = &mut self.brake_release {
+            // A pin of this chip cannot fail.
+            let _ = brake_release.set_state(kind::moves(&telemetry).into());
+        }
         let busy_steps = shared.flash_busy_steps.load(Ordering::Relaxed);
         if busy_steps > 0 {
             shared.flash_busy_steps.store(busy_steps - 1, Ordering::Relaxed);
@@ -192,6 +201,10 @@ impl<'a, S: Source, V: Valves> Control<'a, S, V> {
         // Checked here, where no stop can come in between.
         if ticket.is_some_and(|ticket| !shared.arbitrate(|arbiter| arbiter.admits(ticket))) {
             return Err(Refusal::Overtaken);
+        }
+        if ticket.is_some() && shared.arbitrate(Arbiter::take_stop) {
+            // The stop before it on its own line is not carried out after it.
+            core.vent();
         }
         match order {
             Order::Configure { .. } => {

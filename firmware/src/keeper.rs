@@ -2,17 +2,17 @@
 //! host's request, and records events. A board without a store remembers events until it loses
 //! power.
 
-use crate::kind::{Config, MAX_VALUE};
-use crate::link::{Identity, configure};
+use crate::kind::{Config, MAX_VALUE, checksum};
+use crate::link::{Identity, configure, done};
 use crate::shared::{Answer, Order, Requester, Shared, StoreRequest};
 use crate::store::{AnnouncedFlash, Key, Loaded, Store, Unwritable};
 use core::future::pending;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
-use embassy_time::{Duration, Instant, Timer};
+use embassy_time::{Duration, Instant, Timer, with_timeout};
 use embedded_storage_async::nor_flash::NorFlash;
 use serde::{Deserialize, Serialize};
-use thermyo_protocol::{ConfigSource, Event, LastReset, Name, Refusal};
+use thermyo_protocol::{ConfigSource, Event, LastReset, Name, Refusal, Status};
 
 const EVENTS: usize = 8;
 
@@ -21,6 +21,9 @@ const PAUSE: Duration = Duration::from_secs(10);
 
 /// Time between two checks whether the muscle is vented.
 const UNTIL_VENTED: Duration = Duration::from_millis(10);
+
+/// Time for an answer to find room: five times what a full outbox takes to be sent.
+const ANSWERING: Duration = Duration::from_millis(100);
 
 /// Events, the last one first.
 type History = [Option<Event>; EVENTS];
@@ -84,28 +87,28 @@ impl<F: NorFlash> Keeper<F> {
         }
     }
 
-    async fn answer(&mut self, requester: Requester, request: StoreRequest) {
+    /// Answers a request once there is room: the outbox may have filled while the flash was busy. A host that does
+    /// not read loses the answer, and does not keep another one waiting.
+    async fn answer(&mut self, Requester { line, sequence, .. }: Requester, request: StoreRequest) {
         let outcome = match request {
             StoreRequest::Event(number) => {
-                let event = self.history.get(usize::from(number)).copied().flatten();
-                requester.line.answer_later(requester.sequence, Answer::Event(event)).await;
-                return;
+                Ok(Answer::Event(self.history.get(usize::from(number)).copied().flatten()))
             }
-            StoreRequest::Save => self.save().await,
-            StoreRequest::Forget => self.forget().await,
+            StoreRequest::Save => self.save().await.map(|()| done(self.shared)),
+            StoreRequest::Forget => self.forget().await.map(|()| done(self.shared)),
         };
-        let answer = match outcome {
-            Ok(()) => Answer::Done { step: self.shared.tally().steps as u32 },
-            Err(refusal) => Answer::Refused(refusal),
-        };
-        requester.line.answer_later(requester.sequence, answer).await;
+        let answer = outcome.unwrap_or_else(Answer::Refused);
+        let _ = with_timeout(ANSWERING, line.answer_later(sequence, answer)).await;
     }
 
     async fn save(&mut self) -> Result<(), Refusal> {
         let _written = self.shared.flash.lock().await;
         self.may_write()?;
-        let config = self.shared.config().ok_or(Refusal::NotConfigured)?;
-        self.write(Key::Config, &Saved { config, name: self.shared.status().config_name }).await?;
+        let Status { config_checksum, config_name: name, .. } = self.shared.status();
+        // Another one may be prepared, and wait for this one to be written.
+        let active = self.shared.config().filter(|config| checksum(config) == config_checksum);
+        let saved = Saved { config: active.ok_or(Refusal::NotConfigured)?, name };
+        self.write(Key::Config, &saved).await?;
         self.shared.change_status(|status| status.config_source = ConfigSource::Flash);
         Ok(())
     }
@@ -114,7 +117,10 @@ impl<F: NorFlash> Keeper<F> {
         let _written = self.shared.flash.lock().await;
         self.may_write()?;
         let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
-        store.forget(Key::Config).await.map_err(|Unwritable| Refusal::Flash)?;
+        self.shared.storing.store(true, Ordering::Relaxed);
+        let outcome = store.forget(Key::Config).await;
+        self.shared.storing.store(false, Ordering::Relaxed);
+        outcome.map_err(|Unwritable| Refusal::Flash)?;
         self.shared.change_status(|status| {
             if status.config_source == ConfigSource::Flash {
                 status.config_source = ConfigSource::Host;
@@ -138,7 +144,10 @@ impl<F: NorFlash> Keeper<F> {
     async fn write<T: Serialize>(&mut self, key: Key, value: &T) -> Result<(), Refusal> {
         let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
         let value = postcard::to_slice(value, &mut self.buffer).map_err(|_| Refusal::Flash)?;
-        store.save(key, value).await.map_err(|Unwritable| Refusal::Flash)
+        self.shared.storing.store(true, Ordering::Relaxed);
+        let outcome = store.save(key, value).await;
+        self.shared.storing.store(false, Ordering::Relaxed);
+        outcome.map_err(|Unwritable| Refusal::Flash)
     }
 
     /// Returns whether there is nothing left to write: written, or the flash cannot be written.

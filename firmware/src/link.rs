@@ -162,10 +162,7 @@ pub async fn receive<R: Read>(
                 if !unlimited && !ration.take(cost(&command)) {
                     let affordable = ration.until(cost(&command));
                     if with_deadline(affordable, incoming.arrived()).await.is_ok() {
-                        shared.dropped_requests.store(
-                            shared.dropped_requests.load(Ordering::Relaxed).wrapping_add(1),
-                            Ordering::Relaxed,
-                        );
+                        shared.drop_request();
                         continue;
                     }
                     ration.take(cost(&command));
@@ -185,7 +182,12 @@ async fn hand_on(outcome: Outcome, requester: Requester, shared: &'static Shared
         Outcome::Answer(answer) => requester.line.answer(requester.sequence, answer),
         Outcome::Order(order) => shared.order(Some(requester), order).await,
         Outcome::Restart(order) => shared.restart(Some(requester), order).await,
-        Outcome::Store(request) => shared.store_requests.send((requester, request)).await,
+        // Without waiting: a stop may come next.
+        Outcome::Store(request) => {
+            if shared.store_requests.try_send((requester, request)).is_err() {
+                shared.drop_request();
+            }
+        }
         Outcome::Leave(boot_loader) => {
             requester.line.answer(requester.sequence, done(shared));
             Timer::after(ANSWERING).await;
@@ -252,7 +254,7 @@ fn carry_out(
             Some(_) if !shared.vented() => Outcome::Answer(Answer::Refused(Refusal::NotVented)),
             Some(boot_loader) => Outcome::Leave(boot_loader),
         },
-        other => kind::carry_out(other, identity, shared),
+        other => kind::carry_out(other, identity, line, shared),
     }
 }
 

@@ -99,8 +99,8 @@ fn main() -> ! {
             send(parts.sender, serial),
             receive(parts.receiver, serial, identity),
             keep(parts.flash, identity),
-            supervise([parts.led, parts.fault_output], parts.brake_release, last_reset),
-            step(source, parts.valves, core),
+            supervise([parts.led, parts.fault_output], last_reset),
+            step(source, (parts.valves, parts.brake_release), core),
         ) else {
             panic!("each task is started once");
         };
@@ -166,8 +166,8 @@ pub unsafe fn on_control_interrupt() {
 }
 
 #[embassy_executor::task]
-async fn step(source: Source, valves: Valves, core: &'static mut Core) -> ! {
-    Control::new(core, source, valves, Chosen::feed, &BLACK_BOX, &SHARED).run().await
+async fn step(source: Source, outputs: (Valves, Option<Output>), core: &'static mut Core) -> ! {
+    Control::new(core, source, outputs, Chosen::feed, &BLACK_BOX, &SHARED).run().await
 }
 
 #[embassy_executor::task]
@@ -222,12 +222,8 @@ async fn keep(flash: Option<Flash>, identity: link::Identity) -> ! {
 }
 
 #[embassy_executor::task]
-async fn supervise(
-    outputs: [Output; 2],
-    brake_release: Option<Output>,
-    last_reset: LastReset,
-) -> ! {
-    supervisor::run(Chosen::feed, outputs, brake_release, last_reset, &SHARED).await
+async fn supervise(outputs: [Output; 2], last_reset: LastReset) -> ! {
+    supervisor::run(Chosen::feed, outputs, last_reset, &SHARED).await
 }
 
 /// Vents, records the cause in the black box, and restarts.
@@ -240,6 +236,9 @@ fn give_up(end: End, detail: u32) -> ! {
 
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
+    // Before the log, which may be what panics.
+    cortex_m::interrupt::disable();
+    Chosen::vent();
     let (file, line) = info.location().map_or(("?", 0), |place| (place.file(), place.line()));
     defmt::error!("panic at {=str}:{=u32}", file, line);
     give_up(End::Panic, line)

@@ -20,7 +20,7 @@ use sensor_parts::mpr::Mpr;
 
 /// Last reading of a sensor chip, from its task to control.
 pub struct Part {
-    /// The reading, and in the upper half a count of readings.
+    /// The reading, and in the upper half a count of readings; 0 before the first.
     last: AtomicU32,
     enabled: AtomicBool,
     /// Wakes the task when it is enabled. A disabled task waits without a timer, whose interrupt
@@ -40,16 +40,24 @@ impl Part {
     }
 
     /// Returns the code for a step; `seen` is the reading of the step before.
-    pub fn code(&self, seen: &mut u32) -> RawCode {
-        let last = self.last.load(Ordering::Relaxed);
-        RawCode::of_part(last as u16, core::mem::replace(seen, last) != last)
+    pub fn code(&self, seen: &mut u32, paused: bool) -> RawCode {
+        let (reading, fresh) = self.last(seen, paused);
+        RawCode::of_part(reading, fresh)
     }
 
     /// Returns the reading that has come since the step before.
     #[cfg(feature = "joint")]
-    pub fn fresh(&self, seen: &mut u32) -> Option<u16> {
+    pub fn fresh(&self, seen: &mut u32, paused: bool) -> Option<u16> {
+        let (reading, fresh) = self.last(seen, paused);
+        fresh.then_some(reading)
+    }
+
+    /// The last reading, and whether it has come since the step before. While its task is paused it counts as coming
+    /// again: that it stays away is no fault.
+    fn last(&self, seen: &mut u32, paused: bool) -> (u16, bool) {
         let last = self.last.load(Ordering::Relaxed);
-        (core::mem::replace(seen, last) != last).then_some(last as u16)
+        let fresh = core::mem::replace(seen, last) != last || (paused && last != 0);
+        (last as u16, fresh)
     }
 
     fn enable(&self, enabled: bool) {
@@ -121,9 +129,11 @@ pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Pa
         middle_of_a_step().await;
         if quiet >= GAS_PATIENCE {
             quiet = 0;
-            was_high = true;
             // A missing chip gives no readings, which the core detects.
             let _ = chip.start().await;
+            // DRDY rises if it waits for an old reading, and stays low if it is stuck.
+            let _ = chip.read().await;
+            was_high = false;
         }
         quiet += 1;
         let low = ready.is_low().unwrap_or(false);
@@ -193,12 +203,12 @@ pub async fn read_i2c<I: I2c>(bus: I, part: &Part) -> ! {
             continue;
         }
         started = match chip.read().await {
-            Ok(reading) => {
+            Ok(Some(reading)) => {
                 part.put(reading);
                 true
             }
             // Control misses the readings.
-            Err(Error::Broken) => true,
+            Ok(None) | Err(Error::Broken) => true,
             Err(_) => false,
         };
     }

@@ -182,6 +182,8 @@ pub struct Shared {
     /// Steps for which the busy flash may still block the thread: control feeds the watchdog
     /// meanwhile.
     pub flash_busy_steps: AtomicU32,
+    /// The keeper writes: busy flash and searches in it leave the tasks of digital sensors no time.
+    pub storing: AtomicBool,
     #[cfg(feature = "hil")]
     pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
     /// Grows with every turn of the control task.
@@ -195,8 +197,6 @@ pub struct Shared {
     pub recalled: AtomicBool,
     /// The set point of the last step was to vent.
     pub vented: AtomicBool,
-    /// The last step drove a set point; a joint's brake is released.
-    pub moves: AtomicBool,
     /// Requests that the link dropped because they came too fast.
     pub dropped_requests: AtomicU32,
     arbiter: Mutex<CriticalSectionRawMutex, Cell<Arbiter<LINES>>>,
@@ -219,6 +219,7 @@ impl Shared {
             failed: Signal::new(),
             parts: crate::parts::Parts::new(),
             flash_busy_steps: AtomicU32::new(0),
+            storing: AtomicBool::new(false),
             flash: mutex::Mutex::new(()),
             recalled: AtomicBool::new(false),
             #[cfg(feature = "hil")]
@@ -226,7 +227,6 @@ impl Shared {
             heartbeat: AtomicU32::new(0),
             faults: AtomicU32::new(0),
             vented: AtomicBool::new(false),
-            moves: AtomicBool::new(false),
             dropped_requests: AtomicU32::new(0),
             arbiter: Mutex::new(Cell::new(Arbiter::new())),
             next_core: mutex::Mutex::new(Slot::Empty),
@@ -306,6 +306,12 @@ impl Shared {
             Slot::Full(core) if kind::is_configured(core) => with(core),
             _ => Err(Refusal::NotConfigured),
         }
+    }
+
+    /// Counts a request that is not carried out.
+    pub fn drop_request(&self) {
+        let count = self.dropped_requests.load(Ordering::Relaxed);
+        self.dropped_requests.store(count.wrapping_add(1), Ordering::Relaxed);
     }
 
     pub fn set_first_failure(&self, first: Option<FirstFailure>) {

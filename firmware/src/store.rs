@@ -271,11 +271,15 @@ impl<F: NorFlash> NorFlash for AnnouncedFlash<F> {
     const ERASE_SIZE: usize = F::ERASE_SIZE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), F::Error> {
-        yield_now().await;
-        self.shared.flash_busy_steps.store(BUSY_STEPS, Ordering::Relaxed);
-        let outcome = self.flash.erase(from, to).await;
-        self.shared.flash_busy_steps.store(0, Ordering::Relaxed);
-        outcome
+        // Each sector has its own time.
+        for sector in (from..to).step_by(F::ERASE_SIZE) {
+            yield_now().await;
+            self.shared.flash_busy_steps.store(BUSY_STEPS, Ordering::Relaxed);
+            let outcome = self.flash.erase(sector, sector + F::ERASE_SIZE as u32).await;
+            self.shared.flash_busy_steps.store(0, Ordering::Relaxed);
+            outcome?;
+        }
+        Ok(())
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), F::Error> {

@@ -1,4 +1,4 @@
-//! Feeds the watchdog while control is alive and on time, shows the board's state, and releases the brake of a joint.
+//! Feeds the watchdog while control is alive and on time, and shows the board's state.
 //!
 //! | LED | state |
 //! |---|---|
@@ -23,7 +23,6 @@ const PATTERN: u32 = 50;
 pub async fn run<O: OutputPin>(
     feed: fn(),
     [mut led, mut fault_output]: [O; 2],
-    mut brake_release: Option<O>,
     last_reset: LastReset,
     shared: &'static Shared,
 ) -> ! {
@@ -51,9 +50,6 @@ pub async fn run<O: OutputPin>(
         // A pin of this chip cannot fail.
         let _ = led.set_state(lit.into());
         let _ = fault_output.set_state(fault.into());
-        if let Some(brake_release) = &mut brake_release {
-            let _ = brake_release.set_state(shared.moves.load(Ordering::Relaxed).into());
-        }
         look = (look + 1) % PATTERN;
     }
 }

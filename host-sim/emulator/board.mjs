@@ -50,7 +50,7 @@ export class Board {
     this.uartBytes = [];
     this.usbBytes = [];
     this.identities = []; // USB identity, for each time that the board was plugged in
-    this.cable = { plugged: false, open: false };
+    this.cable = { plugged: false, open: false, deaf: false };
     this.bootLoader = false;
     this.resets = 0;
     this.powerCuts = 0;
@@ -80,7 +80,7 @@ export class Board {
       (byte) => this.usbBytes.push(byte),
       (identity) => this.identities.push(identity),
     );
-    this.usb.set(this.cable.plugged, this.cable.open);
+    this.usb.set(this.cable.plugged, this.cable.open, this.cable.deaf);
     this.restart = false;
     const watchdog = chip.peripherals[0x40058];
     watchdog.onWatchdogTrigger = () => {
@@ -222,14 +222,15 @@ export class Board {
     this.as5600.set(gases.pop(), fault === 5);
     this.max31865.forEach((part, i) => {
       // A fault is one of muscle a's.
-      part.set(gases[i] >> 1, (gases[i] & 1) === 1, i === 0 && fault === 1, i === 0 && fault === 2);
+      const wrong = i === 0 ? fault : 0;
+      part.set(gases[i] >> 1, (gases[i] & 1) === 1, wrong === 1, wrong === 2, wrong === 6);
     });
   }
 
-  /** Plugs or unplugs the USB cable; opens or closes its port. */
-  setCable(plugged, open) {
-    this.cable = { plugged, open };
-    this.usb.set(plugged, open);
+  /** Plugs or unplugs the USB cable; opens or closes its port; whether the program there does not read. */
+  setCable(plugged, open, deaf) {
+    this.cable = { plugged, open, deaf };
+    this.usb.set(plugged, open, deaf);
   }
 
   pin(number) {

@@ -7,7 +7,7 @@
 //           in board.mjs); u8 place and u32 number of the instruction there that hangs (0: control, 1: thread,
 //           2: other interrupts; number 0: none); u32 number of the flash operation in which power fails
 //           (0: none, 0xffffffff: at once) and u16 fraction of its time that has passed, in 1/65535;
-//           u16 counts of bytes for the UART and for USB; these bytes
+//           u16 counts of bytes for the UART and for USB; u8 1: the program at the USB port does not read; these bytes
 // response: u32 nanoseconds that the coils of inlet and outlet, of muscle a and of b, were powered; u32 cycles in which the
 //           core did not sleep; u32 restarts by the watchdog so far; u32 reads of flash; u32 of them that
 //           missed its cache; u32 times that power returned so far; u32 operations of the flash
@@ -38,7 +38,7 @@ try {
 const board = new Board(flash);
 respond();
 
-const head = Buffer.alloc(34);
+const head = Buffer.alloc(35);
 let until = 0;
 while (fill(head)) {
   until += head.readUInt32LE(0);
@@ -57,7 +57,7 @@ while (fill(head)) {
   if (instructions > 0) {
     board.armHang(head[19], instructions);
   }
-  board.setCable(!!(inputs & 8), !!(inputs & 16));
+  board.setCable(!!(inputs & 8), !!(inputs & 16), head[34] === 1);
   const operation = head.readUInt32LE(24);
   if (operation > 0) {
     board.store.armCut(operation, head.readUInt16LE(28) / 65535);

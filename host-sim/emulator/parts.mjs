@@ -28,6 +28,7 @@ export class Max31865 {
     this.reading = 0;
     this.unplugged = false;
     this.stuck = false;
+    this.readyStuck = false;
     this.registers = [0, 0, 0, 0xff, 0xff, 0, 0, 0];
     this.address = -1;
     this.select.addListener(() => (this.address = -1));
@@ -63,7 +64,7 @@ export class Max31865 {
     } else {
       answer = this.registers[register];
       if (register === 1) {
-        this.ready.setInputValue(true);
+        this.ready.setInputValue(!this.readyStuck);
       }
     }
     this.address = (this.address & 0x80) | ((register + 1) & 7);
@@ -108,9 +109,13 @@ export class Max31865 {
   }
 
   /** Whether the wires are connected; otherwise the line is pulled up. */
-  set(reading, complete, unplugged, stuck) {
+  set(reading, complete, unplugged, stuck, readyStuck) {
     this.reading = reading;
     this.stuck = stuck;
+    this.readyStuck = readyStuck;
+    if (readyStuck) {
+      this.ready.setInputValue(false);
+    }
     if (unplugged && !this.unplugged) {
       this.ready.setInputValue(true);
     }

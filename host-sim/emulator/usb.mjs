@@ -55,6 +55,7 @@ export class UsbHost {
     this.ready = ready;
     this.plugged = false;
     this.open = false; // a program has the port open
+    this.deaf = false; // ... and does not read
     this.announced = false; // ... as the device knows it
     this.pulledUp = false; // the device is there
     this.armed = new Map(); // buffers that the firmware gave the controller: endpoint and direction, control word
@@ -79,17 +80,19 @@ export class UsbHost {
     };
   }
 
-  /** Plugs or unplugs the cable; opens or closes the port. */
-  set(plugged, open) {
+  /** Plugs or unplugs the cable; opens or closes the port, whose program may not read. */
+  set(plugged, open, deaf) {
     if (plugged !== this.plugged) {
       this.plugged = plugged;
       this.cableChanged();
     }
     this.open = open;
+    this.deaf = deaf;
     if (!open) {
       this.queue = [];
     }
     this.sendLineState();
+    this.kick();
   }
 
   /** Bytes from the program: lost while the port is closed. */
@@ -261,7 +264,7 @@ export class UsbHost {
           return key;
         }
       } else if (this.configured && this.announced && this.endpointControl(key) & ENABLED) {
-        if (out ? endpoint === this.bulkOut && this.queue.length > 0 : endpoint === this.bulkIn) {
+        if (out ? endpoint === this.bulkOut && this.queue.length > 0 : endpoint === this.bulkIn && !this.deaf) {
           return key;
         }
       }

@@ -193,13 +193,50 @@ fn orders_after_a_stop_on_its_line_hold() {
     let mut rig = plugged();
     for port in [Port::Uart, Port::Usb] {
         fill(&mut rig, port);
-        rig.board.ask(HostCommand::Stop).unwrap();
-        rig.board.ask(HostCommand::Set(FILL)).unwrap();
-        for _ in 0..20 {
-            rig.exchange_with(silent);
+        for waits in [true, false] {
+            rig.board.send(HostCommand::Stop);
+            if waits {
+                rig.exchange_with(silent);
+            }
+            rig.board.ask(HostCommand::Set(FILL)).unwrap();
+            for _ in 0..20 {
+                rig.exchange_with(silent);
+            }
+            let outlet_coil = rig.exchange_with(silent).outlet_coil;
+            assert!(outlet_coil > 0.9, "{port:?}, waits: {waits}");
         }
-        assert!(rig.exchange_with(silent).outlet_coil > 0.9, "{port:?}");
     }
+}
+
+/// A program at the USB port that reads nothing: its answers are lost, and no other host waits for it.
+#[test]
+fn a_host_that_does_not_read_keeps_no_other_from_stopping() {
+    if skip_emulator() {
+        return;
+    }
+    let mut rig = plugged();
+    fill(&mut rig, Port::Uart);
+    rig.board.use_port(Port::Usb);
+    rig.board.ask(HostCommand::TelemetryDivider(1)).unwrap();
+    rig.board.stop_reading(true);
+    for ms in 0..60 {
+        if ms % 20 == 0 {
+            rig.board.use_port(Port::Usb);
+            rig.board.send(HostCommand::History(0));
+        }
+        rig.board.use_port(Port::Uart);
+        rig.board.send(HostCommand::Alive);
+        assert!(rig.exchange_with(silent).outlet_coil > 0.9, "{ms} ms: it fills");
+    }
+    assert!(rig.board.ask(HostCommand::Timing).is_ok());
+    rig.board.send(HostCommand::History(0));
+    rig.board.send(HostCommand::Stop);
+    let filling = (0..50).filter(|_| powered(&rig.exchange_with(silent))).count();
+    assert!(filling <= 3, "{filling} ms");
+    for _ in 0..200 {
+        rig.exchange_with(silent);
+    }
+    assert!(matches!(rig.board.ask(HostCommand::History(0)), Ok(Answer::Event(_))));
 }
 
 /// Commands of a script follow each other faster than the board's rate of requests.

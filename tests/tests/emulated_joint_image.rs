@@ -6,7 +6,7 @@ use model_core::joint::{
 use model_core::{AdcCode, Config, Faults};
 use std::ops::RangeInclusive;
 use system_tests::{skip_emulator, thermyo};
-use thermyo_boards::emulated::{EmulatedBoard, Exchange, Injection, PartFault};
+use thermyo_boards::emulated::{EmulatedBoard, Exchange, Injection, PartFault, Port};
 use thermyo_boards::image::{Variant, firmware};
 #[cfg(unix)]
 use thermyo_boards::pty::PtyBoard;
@@ -191,9 +191,8 @@ fn an_angle_is_reached_and_no_step_missed() {
 
     // The emergency stop vents both in the step that reads it.
     let stopped = bench.exchange(|sample| sample.emergency_stop = true);
-    assert_eq!(is_venting(&stopped), [true; 2], "{stopped:?}");
+    assert_eq!((is_venting(&stopped), stopped.brake_released), ([true; 2], false), "{stopped:?}");
     assert!((0..40).any(|_| bench.exchange(|_| ()).fault_output));
-    assert!(!bench.exchange(|_| ()).brake_released);
     let armed = bench.refused(HostCommand::Arm { most_pa: None });
     assert!(armed.to_string().contains("emergency stop"), "{armed}");
     bench.done(HostCommand::ClearFaults);
@@ -239,7 +238,7 @@ fn a_lost_angle_locks_until_the_time_is_over() {
         let exchange = bench.exchange(|sample| sample.angle = AdcCode(0));
         let shut = exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0));
         shut_ms += u32::from(shut && ms < 250);
-        assert!(!exchange.brake_released || ms <= 20, "{ms} ms");
+        assert!(!exchange.brake_released, "{ms} ms");
         assert_eq!(is_venting(&exchange), [ms > 200; 2], "{ms} ms");
     }
     assert_eq!(shut_ms, 200);
@@ -294,6 +293,35 @@ fn an_encoder_gives_the_angle_until_it_is_lost() {
     bench.done(HostCommand::Arm { most_pa: None });
     bench.run(20);
     assert_eq!(bench.last().faults, JointFaults::NONE);
+
+    // The flash is erased now and then, which stops the task that reads the sensor: no fault of it.
+    for gravity_n_m in [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] {
+        bench.loaded.believed.gravity_n_m = gravity_n_m;
+        bench.configure();
+        bench.done(HostCommand::Save);
+    }
+    bench.run(20);
+    assert_eq!(bench.last().faults, JointFaults::NONE);
+}
+
+/// Two hosts that configure at the same time do not make a joint of halves.
+#[test]
+fn a_joint_is_configured_by_one_host() {
+    if skip_emulator() {
+        return;
+    }
+    let mut bench = Bench::new();
+    bench.board.connect_usb().unwrap();
+    let config = bench.loaded.config();
+    let [a, b] = config.muscles;
+    bench.done(HostCommand::ConfigureMuscle(Side::A, a));
+    bench.board.use_port(Port::Uart);
+    bench.done(HostCommand::ConfigureMuscle(Side::B, b));
+    let joint = HostCommand::ConfigureJoint(rest(&config));
+    assert_eq!(bench.refused(joint), Refusal::NoMuscles);
+    bench.done(HostCommand::ConfigureMuscle(Side::A, a));
+    bench.done(joint);
+    assert_eq!(bench.refused(joint), Refusal::NoMuscles, "once");
 }
 
 /// Pulses of both muscles begin together, and last as long as they should.

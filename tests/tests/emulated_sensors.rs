@@ -84,7 +84,7 @@ fn a_max31865_that_is_lost_vents() {
         assert!((20..=within_ms).contains(&ms), "{reading}: {ms} ms");
         assert!(telemetry.faults.intersects(Faults::GAS_SENSOR), "{}", telemetry.faults);
     }
-    for fault in [PartFault::GasUnplugged, PartFault::GasSilent] {
+    for fault in [PartFault::GasUnplugged, PartFault::GasSilent, PartFault::GasReadyStuck] {
         let (ms, telemetry) = vents_after(MAX31865, inject(fault));
         assert!((78..=103).contains(&ms), "{fault:?}: {ms} ms");
         assert!(telemetry.faults.intersects(Faults::GAS_LOST), "{}", telemetry.faults);

@@ -9,6 +9,8 @@ const ADDRESS: u8 = 0x36;
 /// hysteresis.
 const CONF: u8 = 0x07;
 const STATUS: u8 = 0x0b;
+/// High byte of the angle, before its low byte.
+const RAW_ANGLE: u8 = 0x0c;
 /// Bits of the status: magnet detected, too weak, too strong.
 const DETECTED: u8 = 0x20;
 const WEAK: u8 = 0x10;
@@ -35,18 +37,24 @@ impl<I: I2c> As5600<I> {
     }
 
     /// Reads the angle, in parts of 4096 of a turn. A magnet that is missing, too weak or too strong is
-    /// [`Error::Broken`].
-    pub async fn read(&mut self) -> Result<u16, Error<I::Error>> {
+    /// [`Error::Broken`]. `None` if the high byte changed meanwhile: the two bytes may be of two
+    /// angles, 22.5 deg off.
+    pub async fn read(&mut self) -> Result<Option<u16>, Error<I::Error>> {
         let [status, high, low] = self.registers(STATUS).await?;
         if status & (DETECTED | WEAK | STRONG) != DETECTED {
             return Err(Error::Broken);
         }
-        Ok(u16::from_be_bytes([high & 0x0f, low]))
+        let [again] = self.registers(RAW_ANGLE).await?;
+        let whole = (high ^ again) & 0x0f == 0;
+        Ok(whole.then_some(u16::from_be_bytes([high & 0x0f, low])))
     }
 
-    /// Reads three registers from that one on. Two messages, since the chip keeps its address pointer.
-    async fn registers(&mut self, first: u8) -> Result<[u8; 3], Error<I::Error>> {
-        let mut bytes = [0; 3];
+    /// Reads registers from that one on. Two messages, since the chip keeps its address pointer.
+    async fn registers<const COUNT: usize>(
+        &mut self,
+        first: u8,
+    ) -> Result<[u8; COUNT], Error<I::Error>> {
+        let mut bytes = [0; COUNT];
         self.0.write(ADDRESS, &[first]).await?;
         self.0.read(ADDRESS, &mut bytes).await?;
         Ok(bytes)
@@ -67,13 +75,15 @@ mod tests {
         pointer: usize,
         /// Messages that it answers; then its wires are off.
         answers: usize,
+        /// High byte of the angle after the next reading of it.
+        then: Option<u8>,
     }
 
     impl Default for Chip {
         fn default() -> Self {
             let mut registers = [0; 0x20];
             registers[usize::from(STATUS)] = DETECTED;
-            Self { registers, pointer: 0, answers: usize::MAX }
+            Self { registers, pointer: 0, answers: usize::MAX, then: None }
         }
     }
 
@@ -107,6 +117,9 @@ mod tests {
                 }
                 [Operation::Read(bytes)] => {
                     bytes.copy_from_slice(&self.registers[self.pointer..][..bytes.len()]);
+                    if let Some(high) = self.then.take() {
+                        self.registers[usize::from(RAW_ANGLE)] = high;
+                    }
                 }
                 other => panic!("{other:?}: the board's bus takes one operation"),
             }
@@ -127,10 +140,21 @@ mod tests {
     #[test]
     fn an_angle_is_twelve_bits() {
         for (high, low, angle) in [(0x00, 0x00, 0), (0x08, 0x01, 0x801), (0xff, 0xff, 0xfff)] {
-            assert_eq!(now(Chip::with(DETECTED, high, low).read()), Ok(angle));
+            assert_eq!(now(Chip::with(DETECTED, high, low).read()), Ok(Some(angle)));
         }
         // The reserved bits of the status may be anything.
-        assert_eq!(now(Chip::with(0xe7, 1, 2).read()), Ok(0x102));
+        assert_eq!(now(Chip::with(0xe7, 1, 2).read()), Ok(Some(0x102)));
+    }
+
+    /// From 0x7ff to 0x800 between the two bytes it would be 0x700 or 0x8ff.
+    #[test]
+    fn bytes_of_two_angles_are_none() {
+        for (first, then) in [(0x07, 0x08), (0x08, 0x07)] {
+            let mut chip = Chip::with(DETECTED, first, 0);
+            chip.0.then = Some(then);
+            assert_eq!(now(chip.read()), Ok(None));
+            assert_eq!(now(chip.read()), Ok(Some(u16::from(then) << 8)));
+        }
     }
 
     #[test]
@@ -143,13 +167,13 @@ mod tests {
 
     #[test]
     fn a_chip_that_falls_silent_within_a_reading_gives_no_angle() {
-        for answers in 0..2 {
+        for answers in 0..4 {
             let mut chip = Chip::with(DETECTED, 1, 2);
             chip.0.answers = answers;
             assert_eq!(now(chip.read()), Err(Error::Bus(NO_ANSWER)), "{answers}");
         }
         let mut chip = Chip::with(DETECTED, 1, 2);
-        chip.0.answers = 2;
-        assert_eq!(now(chip.read()), Ok(0x102));
+        chip.0.answers = 4;
+        assert_eq!(now(chip.read()), Ok(Some(0x102)));
     }
 }

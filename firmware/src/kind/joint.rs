@@ -3,7 +3,7 @@
 use crate::board::Modulation;
 use crate::link::{Identity, Outcome, check_muscle, configure, done, other_image};
 use crate::parts::{Parts, Seen};
-use crate::shared::{Answer, Message, Order, Shared, Slot};
+use crate::shared::{Answer, Line, Message, Order, Shared, Slot};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
@@ -34,9 +34,11 @@ pub const VENT: Commands = [Command::VENT; MUSCLES];
 
 pub type JointTelemetry = Telemetry;
 
-/// The configurations of muscles a and b that wait for the rest of the joint's.
-static MUSCLE_CONFIGS: Mutex<CriticalSectionRawMutex, [Option<model_core::Config>; MUSCLES]> =
-    Mutex::new([None; MUSCLES]);
+/// The configurations of muscles a and b that wait for the rest of the joint's, and the line that each came over.
+static MUSCLE_CONFIGS: Mutex<
+    CriticalSectionRawMutex,
+    [Option<(usize, model_core::Config)>; MUSCLES],
+> = Mutex::new([None; MUSCLES]);
 
 /// Stands for a muscle's active configuration in a message, which need not hold its half kilobyte:
 /// it is read when the message is sent.
@@ -147,13 +149,19 @@ pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
 }
 
 /// Puts the readings of digital sensors in place of the codes.
-pub fn take_parts(config: &Config, parts: &Parts, seen: &mut Seen, sample: &mut Sample) {
+pub fn take_parts(
+    config: &Config,
+    parts: &Parts,
+    paused: bool,
+    seen: &mut Seen,
+    sample: &mut Sample,
+) {
     let sensors = parts.gas.iter().zip(&mut seen.gas);
     for (gas, (part, seen)) in sample.gas.iter_mut().zip(sensors) {
-        *gas = part.code(seen);
+        *gas = part.code(seen, paused);
     }
     if config.angle_part.is_digital() {
-        sample.angle = seen.encoder.code(parts.on_i2c.fresh(&mut seen.on_i2c));
+        sample.angle = seen.encoder.code(parts.on_i2c.fresh(&mut seen.on_i2c, paused));
     } else {
         seen.encoder = Encoder::default();
     }
@@ -180,7 +188,12 @@ pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
 }
 
 /// Requests about what the image drives.
-pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Shared) -> Outcome {
+pub fn carry_out(
+    command: HostCommand,
+    identity: &Identity,
+    line: &Line,
+    shared: &'static Shared,
+) -> Outcome {
     match command {
         HostCommand::ReadMuscle(side) => {
             Outcome::Answer(Answer::Config(ActiveConfig(shared, side)))
@@ -190,14 +203,15 @@ pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Sha
             // The tasks of the thread take turns.
             if let Ok(mut configs) = MUSCLE_CONFIGS.try_lock() {
                 let [a, b] = &mut *configs;
+                let waits = Some((shared.index(line), config));
                 match side {
-                    Side::A => *a = Some(config),
-                    Side::B => *b = Some(config),
+                    Side::A => *a = waits,
+                    Side::B => *b = waits,
                 }
             }
             Outcome::Answer(done(shared))
         }
-        HostCommand::ConfigureJoint(rest) => commit(rest, identity, shared)
+        HostCommand::ConfigureJoint(rest) => commit(rest, identity, line, shared)
             .unwrap_or_else(|refusal| Outcome::Answer(Answer::Refused(refusal))),
         HostCommand::StartJoint(set_point) => Outcome::Restart(Order::Start(set_point)),
         HostCommand::SetJoint(set_point) => Outcome::Order(Order::Set(set_point)),
@@ -209,12 +223,18 @@ pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Sha
 fn commit(
     (mechanism, tuning, angle_part): JointRest,
     identity: &Identity,
+    line: &Line,
     shared: &'static Shared,
 ) -> Result<Outcome, Refusal> {
-    let configs = MUSCLE_CONFIGS.try_lock().map_err(|_| Refusal::NoMuscles)?;
-    let [Some(a), Some(b)] = *configs else {
+    let mut configs = MUSCLE_CONFIGS.try_lock().map_err(|_| Refusal::NoMuscles)?;
+    let [Some((of_a, a)), Some((of_b, b))] = *configs else {
         return Err(Refusal::NoMuscles);
     };
+    // Another host's are not this joint's.
+    if [of_a, of_b] != [shared.index(line); MUSCLES] {
+        return Err(Refusal::NoMuscles);
+    }
+    *configs = [None; MUSCLES];
     let config = Config { muscles: [a, b], mechanism, tuning, angle_part };
     configure(&config, identity, shared)?;
     Ok(Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE)))

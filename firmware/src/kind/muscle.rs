@@ -2,7 +2,9 @@
 
 use crate::board::Modulation;
 use crate::link::{Identity, Outcome, check_muscle, configure, other_image};
-use crate::shared::{Answer, Message, Order, Shared, Slot};
+#[cfg_attr(feature = "hil", allow(unused_imports))]
+use crate::parts::{Parts, Seen};
+use crate::shared::{Answer, Line, Message, Order, Shared, Slot};
 use embassy_time::Duration;
 use model_core::control::SetPointError;
 use model_core::safety::supervisor::FirstFailure;
@@ -132,17 +134,18 @@ pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
 #[cfg_attr(feature = "hil", allow(dead_code))]
 pub fn take_parts(
     config: &Config,
-    parts: &crate::parts::Parts,
-    seen: &mut crate::parts::Seen,
+    parts: &Parts,
+    paused: bool,
+    seen: &mut Seen,
     sample: &mut Sample,
 ) {
     let ([gas], pressure) = digital(config);
     if pressure {
-        sample.pressure = parts.on_i2c.code(&mut seen.on_i2c);
+        sample.pressure = parts.on_i2c.code(&mut seen.on_i2c, paused);
     }
     if gas {
         for (part, seen) in parts.gas.iter().zip(&mut seen.gas) {
-            sample.gas = part.code(seen);
+            sample.gas = part.code(seen, paused);
         }
     }
 }
@@ -159,7 +162,12 @@ pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
 }
 
 /// Requests about what the image drives.
-pub fn carry_out(command: HostCommand, identity: &Identity, shared: &'static Shared) -> Outcome {
+pub fn carry_out(
+    command: HostCommand,
+    identity: &Identity,
+    _: &Line,
+    shared: &'static Shared,
+) -> Outcome {
     match command {
         HostCommand::ReadConfig => Outcome::Answer(Answer::Config(ActiveConfig(shared))),
         HostCommand::Configure(config) => match configure(&config, identity, shared) {

@@ -4,6 +4,7 @@ use super::{STEP, Source, into_step};
 use crate::board::{Adc, Channel};
 use crate::kind::{self, Config, Sample};
 use crate::shared::Shared;
+use core::sync::atomic::Ordering;
 use embassy_time::{Duration, Instant, Timer};
 use embedded_hal::digital::InputPin;
 use model_core::AdcCode;
@@ -22,20 +23,15 @@ pub struct Inputs<A, P> {
     due: Option<Instant>,
     /// Steps left out since the last one; a field, because an order may end a wait early.
     missed: u32,
-    /// Digital sensors, and their last readings.
-    parts: (&'static crate::parts::Parts, crate::parts::Seen),
+    /// Last readings of digital sensors.
+    seen: crate::parts::Seen,
+    shared: &'static Shared,
 }
 
 impl<A: Adc, P: InputPin> Inputs<A, P> {
     /// `run_line` is high while the emergency stop is not pressed and its wire not broken.
     pub fn new(adc: A, run_line: P, shared: &'static Shared) -> Self {
-        Self {
-            adc,
-            run_line,
-            due: None,
-            missed: 0,
-            parts: (&shared.parts, crate::parts::Seen::default()),
-        }
+        Self { adc, run_line, due: None, missed: 0, seen: crate::parts::Seen::default(), shared }
     }
 
     /// Sum of conversions. The core scales the sum, which saves a division.
@@ -76,8 +72,8 @@ impl<A: Adc, P: InputPin> Source for Inputs<A, P> {
             self.code(Channel::Adc1),
             self.code(Channel::Adc2),
         ]);
-        let (parts, seen) = &mut self.parts;
-        kind::take_parts(config, parts, seen, &mut codes);
+        let paused = self.shared.storing.load(Ordering::Relaxed);
+        kind::take_parts(config, &self.shared.parts, paused, &mut self.seen, &mut codes);
         self.adc.hold_others(false);
         // An input that cannot be read counts as open.
         Sample { emergency_stop: !self.run_line.is_high().unwrap_or(false), ..codes }

@@ -75,6 +75,8 @@ pub enum PartFault {
     PressureSilent,
     /// The wires of a joint's AS5600 are off.
     AngleUnplugged,
+    /// DRDY of the MAX31865 stays low.
+    GasReadyStuck,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -214,6 +216,7 @@ pub struct EmulatedBoard {
     plugged: bool,
     enumerated: bool,
     open: bool,
+    deaf: bool,
     identities: Vec<String>,
     log: Vec<u8>,
     /// Present inputs of the board.
@@ -278,6 +281,7 @@ impl EmulatedBoard {
             plugged: false,
             enumerated: false,
             open: false,
+            deaf: false,
             identities: Vec::new(),
             log: Vec::new(),
             inputs: Inputs::from(&IDLE),
@@ -337,6 +341,11 @@ impl EmulatedBoard {
     /// Opens or closes the USB port, with the next exchange.
     pub fn open(&mut self, open: bool) {
         self.open = open;
+    }
+
+    /// The program at the USB port does not read, or does, with the next exchange.
+    pub fn stop_reading(&mut self, deaf: bool) {
+        self.deaf = deaf;
     }
 
     /// Plugs USB in, opens its port and uses it, as soon as the board answers.
@@ -508,6 +517,7 @@ impl EmulatedBoard {
         for bytes in [&uart, &usb] {
             request.extend_from_slice(&(bytes.len() as u16).to_le_bytes());
         }
+        request.push(self.deaf.into());
         request.extend(uart);
         request.extend(usb);
         if self.requests.write_all(&request).and_then(|()| self.requests.flush()).is_err() {
