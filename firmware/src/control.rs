@@ -159,7 +159,7 @@ impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
             self.black_box.record(first, self.latched);
             let known = shared.first_failure();
             shared.set_first_failure(first);
-            // What is latched changes also when it is cleared: no other event.
+            // Latched faults change also when they are cleared: no other event.
             if let Some(first) = first.filter(|_| first != known) {
                 shared.failed.signal(first);
             }
