@@ -78,7 +78,9 @@ impl ChamberPort {
         let period_s = drive.period_s();
         let leaked_kg = if config.leak.leaks() {
             let Config { leak, gas, ambient, .. } = config;
-            period_s * leak.mass_flow_kg_s(gas, feedback.muscle(), ambient.pressure_pa)
+            // Air that leaks in is not let out.
+            let flow_kg_s = leak.mass_flow_kg_s(gas, feedback.muscle(), (*ambient).into());
+            period_s * limit(flow_kg_s, 0.0, f32::MAX)
         } else {
             0.0
         };

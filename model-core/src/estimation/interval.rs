@@ -386,7 +386,7 @@ impl Estimator {
         let c = self.coefficients;
         if c.leaks {
             // No number where next to no gas is left.
-            self.pending.leaked = limit(interval.leaked_j * self.per_enthalpy(), 0.0, 1.0);
+            self.pending.leaked = limit(interval.leaked_j * self.per_enthalpy(), -1.0, 1.0);
         }
         let swing_k = self.gas_k - self.zones.mean_wall_k();
         self.swing_k2 += c.swing_window * (swing_k * swing_k - self.swing_k2);
@@ -432,10 +432,14 @@ impl Estimator {
         let adiabatic_j = self.measured_j - window.start_j + window.work_j;
         let per_j = self.per_enthalpy();
         let share = |enthalpy_j: f32| enthalpy_j * per_j;
-        let most_j = adiabatic_j + limit(window.heat_j, 0.0, f32::MAX) + window.leaked_j;
+        // What leaked out is more that valves let in; what leaked in is less.
+        let [lost_j, gained_j] =
+            [window.heat_j, window.leaked_j].iter().fold([0.0; 2], |[least_j, most_j], one_j| {
+                [least_j + limit(*one_j, f32::MIN, 0.0), most_j + limit(*one_j, 0.0, f32::MAX)]
+            });
         self.balance = Some(Balance {
-            least_gained: share(adiabatic_j + limit(window.heat_j, f32::MIN, 0.0)),
-            most_gained: share(most_j),
+            least_gained: share(adiabatic_j + lost_j),
+            most_gained: share(adiabatic_j + gained_j),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
             held_n: self.held.force_n(),

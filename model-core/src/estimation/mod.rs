@@ -542,28 +542,37 @@ impl Estimator {
         self.interval.flow.gas_k += self.gas_k;
     }
 
-    /// Takes out what leaks in a step, of the gas near the port; the enthalpy that leaves with it \[J\].
+    /// Takes out what leaks in a step, of the gas near the port, or lets ambient air in; the enthalpy that leaves
+    /// with it \[J\].
     fn leak_j(&mut self, pressure_pa: f32) -> f32 {
         // Of a leak that is configured far too large, as much as keeps the figures sound.
         const MOST: f32 = 0.1;
-        let leaked_kg = limit(self.leak_kg_pa * pressure_pa, 0.0, MOST * self.mass_kg.value());
+        let most_kg = MOST * self.mass_kg.value();
+        let leaked_kg = limit(self.leak_kg_pa * pressure_pa, -most_kg, most_kg);
         self.mass_kg.add(-leaked_kg);
-        let leaked_j = leaked_kg * self.gas_k * self.port_ratio / self.coefficients.per_cp;
-        self.interval.flow.outflow_kg += leaked_kg;
+        let flow = &mut self.interval.flow;
+        let through_k = if leaked_kg < 0.0 {
+            flow.inflow_kg -= leaked_kg;
+            self.coefficients.ambient.temperature_k
+        } else {
+            flow.outflow_kg += leaked_kg;
+            self.gas_k * self.port_ratio
+        };
+        let leaked_j = leaked_kg * through_k / self.coefficients.per_cp;
         self.interval.flow.enthalpy_j -= leaked_j;
         self.interval.leaked_j += leaked_j;
         self.window.leaked_j += leaked_j;
         leaked_j
     }
 
-    /// Mass that leaks in a step at that pressure \[Pa\].
+    /// Mass that leaks in a step at that pressure \[Pa\]; negative where it leaks in.
     fn set_leak(&mut self, pressure_pa: f32) {
         if !self.coefficients.leaks {
             return;
         }
         let c = &self.coefficients;
         let chamber = Reservoir { pressure_pa, temperature_k: self.gas_k };
-        let flow_kg_s = c.leak.mass_flow_kg_s(&c.gas, chamber, c.ambient.pressure_pa);
+        let flow_kg_s = c.leak.mass_flow_kg_s(&c.gas, chamber, c.ambient);
         self.leak_kg_pa = flow_kg_s * c.step_s / pressure_pa;
     }
 
@@ -807,6 +816,33 @@ mod tests {
             let (wrong_k, ..) = leaking(configured);
             assert!((0.5..2.0).contains(&wrong_k), "configured {configured} times: {wrong_k} K");
         }
+    }
+
+    /// Half of ambient pressure, which rises by what leaks in: 1 % of the gas in the first second.
+    #[test]
+    fn a_leak_into_a_vacuum_is_no_change_of_temperature() {
+        let mut config = Config::default();
+        let volume_m3 = muscle().volume_m3(0.28);
+        let room = Reservoir::from(config.ambient);
+        config.leak.conductance_m3_s_pa = 5.0e-3 * volume_m3 / 1.0e5;
+        let leak = config.leak;
+        let mut estimator = Estimator::new(&config);
+        let mut pressure_pa = 0.5 * room.pressure_pa;
+        let mut worst_k = 0.0_f32;
+        for _ in 0..20_000 {
+            estimator.step(&muscle(), &measurement(pressure_pa, 0.28, 298.0, 0));
+            worst_k = worst_k.max((estimator.estimate().gas_k - 298.0).abs());
+            let gas = Reservoir { pressure_pa, temperature_k: 298.0 };
+            let in_kg_s = -leak.mass_flow_kg_s(&config.gas, gas, room);
+            // It keeps the temperature of its wall: dP/dt = R T (dm/dt)/V.
+            let gas_constant = config.gas.gas_constant_j_kg_k;
+            pressure_pa += 1.0e-3 * gas_constant * 298.0 * in_kg_s / volume_m3;
+        }
+        assert!(
+            (1.02..1.5).contains(&(pressure_pa / (0.5 * room.pressure_pa))),
+            "{pressure_pa} Pa"
+        );
+        assert!((0.01..0.5).contains(&worst_k), "{worst_k} K");
     }
 
     /// A loss of the pressure, whenever it comes and however long it is, leaves either the covariance

@@ -19,7 +19,7 @@ impl Leak {
         self.conductance_m3_s_pa > 0.0
     }
 
-    /// Mass flow \[kg/s\] from the gas in the chamber to ambient; 0 where the gas is below it.
+    /// Mass flow \[kg/s\] from the gas in the chamber to ambient; negative where the gas is below it.
     ///
     /// ```
     /// use model_core::physics::gas::{Gas, Reservoir};
@@ -27,18 +27,23 @@ impl Leak {
     ///
     /// let leak = Leak { conductance_m3_s_pa: 1.0e-11, ..Leak::default() };
     /// let muscle = Reservoir { pressure_pa: 5.0e5, temperature_k: 293.15 };
+    /// let room = Reservoir { pressure_pa: 1.0e5, temperature_k: 293.15 };
     /// // 5e-6 m3/s of 1.188 kg/m3.
-    /// let flow_kg_s = leak.mass_flow_kg_s(&Gas::default(), muscle, 1.0e5);
+    /// let flow_kg_s = leak.mass_flow_kg_s(&Gas::default(), muscle, room);
     /// assert!((flow_kg_s / 5.942e-6 - 1.0).abs() < 1.0e-3);
     /// ```
-    pub fn mass_flow_kg_s(&self, gas: &Gas, chamber: Reservoir, ambient_pa: f32) -> f32 {
+    pub fn mass_flow_kg_s(&self, gas: &Gas, chamber: Reservoir, ambient: Reservoir) -> f32 {
         let path = Valve {
             conductance_m3_s_pa: self.conductance_m3_s_pa,
             critical_ratio: self.critical_ratio,
             switch_time_s: 0.0,
             dead_time_s: 0.0,
         };
-        path.mass_flow_kg_s(gas, chamber, ambient_pa)
+        if chamber.pressure_pa < ambient.pressure_pa {
+            -path.mass_flow_kg_s(gas, ambient, chamber.pressure_pa)
+        } else {
+            path.mass_flow_kg_s(gas, chamber, ambient.pressure_pa)
+        }
     }
 }
 
@@ -48,6 +53,7 @@ mod tests {
     use crate::physics::balance::{Exchange, GasState};
 
     const AMBIENT_PA: f64 = 1.0e5;
+    const ROOM: Reservoir = Reservoir { pressure_pa: AMBIENT_PA as f32, temperature_k: GAS_K };
     const GAS_K: f32 = 293.15;
     const VOLUME_M3: f32 = 2.0e-4;
 
@@ -88,7 +94,7 @@ mod tests {
             let flow_kg_s = |state: &GasState| {
                 let pressure_pa = state.pressure_pa(&gas, VOLUME_M3);
                 let chamber = Reservoir { pressure_pa, temperature_k: GAS_K };
-                leak.mass_flow_kg_s(&gas, chamber, AMBIENT_PA as f32)
+                leak.mass_flow_kg_s(&gas, chamber, ROOM)
             };
             for _ in 0..steps {
                 let mut half = state;
@@ -103,11 +109,13 @@ mod tests {
     }
 
     #[test]
-    fn nothing_leaks_in_or_through_what_is_tight() {
+    fn it_leaks_either_way_and_not_through_what_is_tight() {
         let gas = Gas::default();
         let chamber = |pressure_pa| Reservoir { pressure_pa, temperature_k: GAS_K };
         let leak = Leak { conductance_m3_s_pa: 1.0e-9, ..Leak::default() };
-        assert_eq!(leak.mass_flow_kg_s(&gas, chamber(0.9e5), 1.0e5), 0.0);
-        assert_eq!(Leak::default().mass_flow_kg_s(&gas, chamber(5.0e5), 1.0e5), 0.0);
+        let out = leak.mass_flow_kg_s(&gas, chamber(1.1e5), chamber(1.0e5));
+        assert!(out > 0.0);
+        assert_eq!(leak.mass_flow_kg_s(&gas, chamber(1.0e5), chamber(1.1e5)), -out);
+        assert_eq!(Leak::default().mass_flow_kg_s(&gas, chamber(5.0e5), chamber(1.0e5)), 0.0);
     }
 }
