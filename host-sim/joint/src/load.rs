@@ -13,7 +13,7 @@ use thermyo_scenario::joint::{
 };
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::Limits;
-use thermyo_scenario::{Document, Load, LoadKind};
+use thermyo_scenario::{ChannelFault, Document, Load, LoadKind};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
 
@@ -198,7 +198,11 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     };
     let [length_a_m, length_b_m] = arm(&document.joint).lengths_m(start_rad);
     let [a, b] = &document.muscles;
-    let muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
+    let mut muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
+    // Muscle b has no length sensor that could break.
+    for scenario in [&mut muscles[1].plant, &mut muscles[1].believed] {
+        scenario.faults.windows_mut().for_each(|window| window.length = ChannelFault::None);
+    }
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
