@@ -10,7 +10,7 @@
 //! numbers. A key or table of the joint is written under a header, not with dots.
 
 use super::declare::{choice, table};
-use super::document::{Document, allowed_instead, checked};
+use super::document::{Document, Entry, allowed_instead, checked};
 use super::key::{Allowed, Key, Table};
 use super::schema;
 use model_core::joint::{self, AnglePart};
@@ -310,24 +310,43 @@ impl JointDocument {
             .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
     }
 
-    /// Line, path and value of a key that the file has, of the joint or of a muscle.
-    pub fn given(&self, path: &str) -> Option<(Option<u64>, String, String)> {
-        if let Some((_, line)) = self.given.iter().find(|(given, _)| given == path) {
-            let values = toml::Table::try_from(&self.joint).ok()?;
-            let value = values.get(path.strip_prefix("joint.").unwrap_or_default());
+    /// Line, path and value of a key that the file has, of the joint or of a muscle, by its whole path.
+    pub fn given(&self, full_path: &str) -> Option<(Option<u64>, String, String)> {
+        let path = full_path.to_owned();
+        if let Some((_, line)) = self.given.iter().find(|(given, _)| given == full_path) {
+            let (joint, plain) = match full_path.strip_prefix("believed.") {
+                Some(plain) => (&self.believed, plain),
+                None => (&self.joint, full_path),
+            };
+            let values = toml::Table::try_from(joint).ok()?;
+            let value = values.get(plain.strip_prefix("joint.").unwrap_or_default());
             let value = value
                 .and_then(Value::as_float)
                 .map_or_else(String::new, |value| format!("{value:?}"));
-            return Some((Some(*line), path.to_owned(), value));
+            return Some((Some(*line), path, value));
         }
-        let entry = self.muscles.iter().find_map(|muscle| muscle.plant.get(path))?;
-        Some((entry.line, entry.path(), entry.written.clone()))
+        let entry = self.muscles.iter().find_map(|muscle| entry(muscle, full_path))?;
+        Some((entry.line, path, entry.written.clone()))
+    }
+
+    /// Line of a key that the file has for one muscle alone, by its whole path, and which muscle; the last one first.
+    pub fn own(&self, full_path: &str) -> Option<(usize, Option<u64>)> {
+        let own = self.own.iter().enumerate().rev();
+        own.into_iter().find_map(|(i, own)| Some((i, entry(own, full_path)?.line)))
     }
 
     /// The error for a key of the joint, at its line if the file has it.
     pub fn blame(&self, key: &str, problem: Problem) -> InputError {
         let line = self.given.iter().find(|(given, _)| given == key).map(|(_, line)| *line);
         located(&self.muscles[0].origin, line, problem)
+    }
+}
+
+/// The entry of a whole path.
+fn entry<'a>(document: &'a Document, full_path: &str) -> Option<&'a Entry> {
+    match full_path.strip_prefix("believed.") {
+        Some(path) => document.believed.get(path),
+        None => document.plant.get(full_path),
     }
 }
 
