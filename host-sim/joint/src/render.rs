@@ -90,6 +90,10 @@ fn beyond(section: &Section, shared: &[Section]) -> Option<Section> {
     let have = Section::of(shared, &section.name).map_or(&[][..], |shared| &shared.lines);
     let mut own = section.clone();
     own.lines.retain(|line| Section::is_set(line) && !have.contains(line));
+    // A range of both is shared; others follow from the lengths of the muscles, when the scenario is read again.
+    if section.name.ends_with("sensor.length") {
+        own.lines.retain(|line| !line.starts_with("range_m = "));
+    }
     (!own.lines.is_empty()).then_some(own)
 }
 
@@ -118,6 +122,7 @@ fn push(text: &mut String, name: &str, table: &Table, values: &impl Serialize) {
 mod tests {
     use super::*;
     use crate::load::parse;
+    use thermyo_scenario::schema::{Allowed, Key, TABLES};
 
     const TUBE: &str = "length_m = 0.5\ndiameter_m = 0.004\n";
     const MULTI: &str = "pressure = \"drifting\"\npressure_drift_pa_s = ";
@@ -128,6 +133,7 @@ mod tests {
         vec![
             ("muscle", of("bladder_stiffness_n_m = ?\n", ["700", "900"])),
             ("muscle", of("braid_angle_deg = ?\n", ["22", "25"])),
+            ("muscle", of("rest_length_m = ?\n", ["0.41", "0.43"])),
             ("believed.muscle", of("bladder_stiffness_n_m = ?\n", ["2000", "700"])),
             ("believed.muscle", of("braid_angle_deg = ?\n", ["22", "25"])),
             ("heat", of("inlet_diameter_m = ?\n", ["0.003", "0.004"])),
@@ -167,9 +173,58 @@ mod tests {
             let shared = format!("[{table}]\n{one}");
             for parts in [vec![&a], vec![&b], vec![&a, &b], vec![&shared, &b], vec![&shared]] {
                 let parts: String = parts.into_iter().map(String::as_str).collect();
-                same_again(&format!("[joint]\ninertia_kg_m2 = 0.03\n{parts}"));
+                same_again(&format!(
+                    "[joint]\ninertia_kg_m2 = 0.03\nradius_m = 0.01\nmid_length_a_m = 0.29\nmid_length_b_m = 0.29\n{parts}"
+                ));
             }
         }
+    }
+
+    /// Values of a key that may differ from its default.
+    fn values(key: &Key, default: Option<&toml::Value>) -> Vec<String> {
+        match (key.allowed, default.and_then(toml::Value::as_float)) {
+            (Allowed::Real(limits), Some(number)) => {
+                let others = [0.99 * number, 1.02 * number, 0.5 * (number + limits.min)];
+                others.map(|other| format!("{other:?}")).to_vec()
+            }
+            (Allowed::Real(limits), None) => {
+                let middle = 0.5 * (limits.min + limits.max);
+                [middle, 0.01 * middle].map(|number| format!("{number:?}")).to_vec()
+            }
+            (Allowed::Whole { min, max }, _) => {
+                [min + 1, min + 2, max].map(|number| number.to_string()).to_vec()
+            }
+            (Allowed::Choice(words), _) => words.iter().map(|word| format!("{word:?}")).collect(),
+            (Allowed::Switch, _) => vec!["true".to_owned(), "false".to_owned()],
+            (Allowed::List | Allowed::Csv { .. }, _) => Vec::new(),
+        }
+    }
+
+    /// Every key by which the muscles may differ, as the plant has it and as the core is configured.
+    #[test]
+    fn every_key_of_one_muscle_stays_its_own() {
+        let defaults = toml::Table::try_from(thermyo_scenario::Scenario::default()).unwrap();
+        let mut kept = 0;
+        for table in TABLES {
+            let of_table = table
+                .name
+                .split('.')
+                .try_fold(&defaults, |found, part| found.get(part).and_then(toml::Value::as_table));
+            for (key, prefix) in table.keys.iter().flat_map(|key| [(key, ""), (key, "believed.")]) {
+                let default = of_table.and_then(|found| found.get(key.name));
+                for (value, muscle) in
+                    values(key, default).iter().zip(["a", "b"].into_iter().cycle())
+                {
+                    let table = format!("joint.{muscle}.{prefix}{}", table.name);
+                    let text = format!("[joint]\n[{table}]\n{} = {value}\n", key.name);
+                    if parse(&text, "joint.toml".as_ref()).is_ok() {
+                        same_again(&text);
+                        kept += 1;
+                    }
+                }
+            }
+        }
+        assert!(kept > 300, "{kept}");
     }
 
     /// The angle's sensor is that of muscle a, and muscle b has none that could break.
