@@ -525,7 +525,16 @@ fn a_joint_is_tuned() {
     let radius = folder.path().join("radius.toml");
     fs::write(&radius, "[joint]\nradius_m = 0.2\n").unwrap();
     let radius = radius.display().to_string();
+    let spool = folder.path().join("spool.toml");
+    fs::write(&spool, "[valve]\nkind = \"proportional\"\n[joint]\n").unwrap();
+    let spool = spool.display().to_string();
+    let one = folder.path().join("one.toml");
+    fs::write(&one, "[valve]\nkind = \"proportional\"\n").unwrap();
+    let one = one.display().to_string();
+    let pulses = "nothing was tuned: valve.kind = \"proportional\": the experiment measures pulses";
     for (arguments, code, expected) in [
+        (vec![spool.as_str()], 2, pulses),
+        (vec![&one], 2, pulses),
         (vec![lost.as_str()], 1, "nothing was tuned: faults during the experiment: joint: angle "),
         (
             vec![&lost, "--board", "emulated"],
@@ -554,6 +563,7 @@ fn a_joint_runs_and_leaves_what_it_ran() {
     let folder = tempfile::tempdir().unwrap();
     let text = "[run]\nduration_s = 0.3\n[plant]\nmodel = \"lumped\"\n[joint]\ngravity_n_m = 2\n\
                 [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[believed.joint]\ngravity_n_m = 3\n\
+                [joint.a.heat]\ninlet_diameter_m = 0.003\n[joint.a.believed.heat]\nscale = 1.3\n\
                 [drive]\nload_csv = \"load.csv\"\n";
     fs::write(folder.path().join("load.csv"), "time_s,torque_n_m\n0,0\n0.3,0.5\n").unwrap();
     let file = scenario(folder.path(), text);

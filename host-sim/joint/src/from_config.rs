@@ -36,7 +36,22 @@ pub fn to_scenario(config: &JointConfig) -> Result<JointLoaded, InputError> {
         profile: None,
         load: None,
     });
-    parse(&written, origin)
+    let found = parse(&written, origin)?;
+    let lengths = |config: &JointConfig| config.muscles.map(|muscle| muscle.sensors.length);
+    if lengths(&found.config()) == lengths(config) {
+        Ok(found)
+    } else {
+        Err(InputError::file(origin, other_length()))
+    }
+}
+
+fn other_length() -> Problem {
+    Problem::NotAllowed {
+        key: "joint.b.sensor.length".to_owned(),
+        value: "another than that of muscle a".to_owned(),
+        allowed: "the same, to be written as a scenario: a joint has one sensor of its angle"
+            .to_owned(),
+    }
 }
 
 fn other_sensor() -> Problem {
@@ -78,5 +93,14 @@ mod tests {
         assert_eq!(found.config(), loaded.config());
         let read = parse(&render(&found), "scenario.toml".as_ref()).unwrap();
         assert_eq!(read.config(), loaded.config());
+        // A longer muscle has a longer range.
+        let text = "[joint]\nmid_length_b_m = 0.4\n[joint.b.muscle]\nrest_length_m = 0.45\n";
+        let mut config = parse(text, "joint.toml".as_ref()).unwrap().config();
+        let [a, b] = config.muscles.map(|muscle| muscle.sensors.length.range_m);
+        assert!(a < b, "{a} {b}");
+        assert_eq!(to_scenario(&config).unwrap().config(), config);
+        config.muscles[1].sensors.length.range_m = 0.7;
+        let said = to_scenario(&config).unwrap_err().to_string();
+        assert!(said.contains("joint.b.sensor.length"), "{said}");
     }
 }

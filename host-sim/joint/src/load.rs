@@ -13,7 +13,7 @@ use thermyo_scenario::joint::{
 };
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::Limits;
-use thermyo_scenario::{Document, Load, LoadKind};
+use thermyo_scenario::{ChannelFault, Document, Load, LoadKind};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
 
@@ -85,11 +85,14 @@ impl JointLoaded {
             None if end_rad == angle_rad => "drive.angle_rad",
             None => "drive.amplitude_rad",
         };
+        let plants = [self.joint.minimum_rad, self.joint.maximum_rad];
+        let stops =
+            if plants == [minimum_rad, maximum_rad] { "stops" } else { "stops as configured" };
         let problem = Problem::NotAllowed {
             key: key.to_owned(),
             value: format!("{end_rad} at its end"),
             allowed: format!(
-                "such that the angle stays between the stops, {minimum_rad} to {maximum_rad} rad"
+                "such that the angle stays between the {stops}, {minimum_rad} to {maximum_rad} rad"
             ),
         };
         Some((key, problem))
@@ -198,7 +201,11 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     };
     let [length_a_m, length_b_m] = arm(&document.joint).lengths_m(start_rad);
     let [a, b] = &document.muscles;
-    let muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
+    let mut muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
+    // Muscle b has no length sensor that could break.
+    for scenario in [&mut muscles[1].plant, &mut muscles[1].believed] {
+        scenario.faults.windows_mut().for_each(|window| window.length = ChannelFault::None);
+    }
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
@@ -263,14 +270,49 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
         };
         return Err(document.blame("believed.joint.sensor_kind", problem));
     }
+    check_alike(document, loaded)?;
     for (prefix, config) in [("", of_plant), ("believed.", loaded.config())] {
         config.check().map_err(|error| refused(document, prefix, &error))?;
     }
     // The cells of a profile have been checked, each with its line.
-    if loaded.profile.is_none()
-        && let Some((key, problem)) = loaded.beyond(&loaded.joint)
-    {
-        return Err(document.blame(key, problem));
+    let joints = [&loaded.joint, &loaded.believed].into_iter();
+    match joints.filter(|_| loaded.profile.is_none()).find_map(|joint| loaded.beyond(joint)) {
+        Some((key, problem)) => Err(document.blame(key, problem)),
+        None => Ok(()),
+    }
+}
+
+/// Checks that both muscles have the same kind of valve and the same period, in the words of the file: one loop drives
+/// them.
+fn check_alike(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputError> {
+    for prefix in ["", "believed."] {
+        let scenarios = loaded
+            .muscles
+            .each_ref()
+            .map(|muscle| if prefix.is_empty() { &muscle.plant } else { &muscle.believed });
+        let [a, b] = scenarios.map(core_config);
+        let kind = scenarios.map(|scenario| format!("{:?}", scenario.valve.kind.word()));
+        let hz = scenarios.map(|scenario| format!("{:?} Hz", scenario.valve.pwm_hz));
+        let keys = [
+            ("valve.kind", a.valve_kind.is_switching() == b.valve_kind.is_switching(), kind),
+            ("valve.pwm_hz", a.pwm_period_steps == b.pwm_period_steps, hz),
+        ];
+        let Some((key, _, texts)) = keys.into_iter().find(|(_, alike, _)| !alike) else { continue };
+        let own = [format!("{prefix}{key}"), key.to_owned()];
+        let found = own.into_iter().find_map(|path| Some((document.own(&path)?, path)));
+        let ((i, line), path) = found.unwrap_or(((1, None), key.to_owned()));
+        let names = ["a", "b"];
+        let problem = Problem::NotAllowed {
+            key: format!("joint.{}.{path}", names[i]),
+            value: texts[i].clone(),
+            allowed: format!(
+                "{}, as of muscle {}: one loop drives both; or set {path} for both",
+                texts[1 - i],
+                names[1 - i]
+            ),
+        };
+        let file = document.muscles[0].origin.clone();
+        return Err(InputError { file, line, problem: Box::new(problem) });
     }
     Ok(())
 }
@@ -299,13 +341,19 @@ fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> Input
     let (key, note) = field.split_once(' ').unwrap_or((field, ""));
     let note = if note.is_empty() { String::new() } else { format!(" {note}") };
     let partners = PARTNERS.iter().find(|(of, _)| *of == key).map_or(&[][..], |(_, keys)| *keys);
-    let given = [key].iter().chain(partners).find_map(|key| document.given(key));
+    // Without what is believed, the core would have the plant's values, which have been checked.
+    let prefixes = [prefix, ""].into_iter();
+    let paths = prefixes.flat_map(|prefix| {
+        [key].into_iter().chain(partners.iter().copied()).map(move |key| format!("{prefix}{key}"))
+    });
+    let given = paths.into_iter().find_map(|path| document.given(&path));
+    let full = format!("{prefix}{key}");
     let by = match &given {
-        Some((_, given, _)) if given != key => format!(", by {given}"),
+        Some((_, given, _)) if *given != full => format!(", by {given}"),
         _ => String::new(),
     };
     let problem = Problem::NotAllowed {
-        key: format!("{prefix}{key}{note}"),
+        key: format!("{full}{note}"),
         value: value.to_string(),
         allowed: format!("from {minimum} to {maximum}{by}"),
     };
@@ -333,7 +381,14 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
     };
     let profile = match &document.drive.profile_csv {
         Some(path) => {
-            Some(angle_and_stiffness(&read("drive.profile_csv", path)?, &document.joint)?)
+            let (is, believed) = (&document.joint, &document.believed);
+            // Between the stops of both.
+            let joint = Joint {
+                minimum_rad: is.minimum_rad.max(believed.minimum_rad),
+                maximum_rad: is.maximum_rad.min(believed.maximum_rad),
+                ..is.clone()
+            };
+            Some(angle_and_stiffness(&read("drive.profile_csv", path)?, &joint)?)
         }
         None => None,
     };
@@ -371,8 +426,6 @@ mod tests {
         assert!(refusal(shape).starts_with("joint.toml:5: drive.amplitude_rad = 0.9"));
         let vessel = refusal("[joint]\n[joint.b.plant]\nkind = \"vessel\"\n");
         assert!(vessel.starts_with("joint.toml:3: plant.kind"), "{vessel}");
-        let pwm = refusal("[joint]\n[joint.b.valve]\npwm_hz = 50\n");
-        assert!(pwm.contains("valve.pwm_hz"), "{pwm}");
         let encoder = "[joint]\nsensor_kind = \"as5600\"\nsensor_minimum_rad = ";
         let inside = refusal(&format!("{encoder}\"10 deg\"\n"));
         assert!(
@@ -391,6 +444,54 @@ mod tests {
         assert!(reach.starts_with("joint.toml:2: joint.mid_length_a_m (less"), "{reach}");
         let profile = refusal("[joint]\n[drive]\nprofile_csv = \"no.csv\"\n");
         assert!(profile.starts_with("joint.toml:3: drive.profile_csv: no.csv"), "{profile}");
+    }
+
+    #[test]
+    fn what_is_refused_is_named_as_in_the_file() {
+        let bearing = "[joint]\nmid_length_a_m = 0.27\nradius_m = 0.02\n[believed.joint]\n";
+        for (text, start) in [
+            (
+                format!("{bearing}mid_length_a_m = 0.1\n"),
+                "joint.toml:5: believed.joint.mid_length_a_m (less joint.radius_m times the stop) = ",
+            ),
+            (
+                format!("{bearing}\nradius_m = 0.2\n"),
+                "joint.toml:6: believed.joint.mid_length_a_m (less joint.radius_m times the stop) = ",
+            ),
+            (
+                "[joint]\n[joint.a.valve]\npwm_hz = 50\n".to_owned(),
+                "joint.toml:3: joint.a.valve.pwm_hz = 50.0 Hz: must be 100.0 Hz, as of muscle b: one loop drives \
+                 both; or set valve.pwm_hz for both",
+            ),
+            (
+                "[joint]\n[joint.b.believed.valve]\npwm_hz = 50\n".to_owned(),
+                "joint.toml:3: joint.b.believed.valve.pwm_hz = 50.0 Hz: must be 100.0 Hz, as of muscle a: ",
+            ),
+            (
+                "[joint]\n[joint.a.valve]\nkind = \"proportional\"\n".to_owned(),
+                "joint.toml:3: joint.a.valve.kind = \"proportional\": must be \"switching\", as of muscle b: ",
+            ),
+            (
+                "[joint]\n[believed.joint]\nmaximum_rad = 0.5\n[drive]\nangle_rad = 0.6\n"
+                    .to_owned(),
+                "joint.toml:5: drive.angle_rad = 0.6 at its end: must be such that the angle stays between the stops \
+                 as configured, -0.8 to 0.5 rad",
+            ),
+        ] {
+            let said = refusal(&text);
+            assert!(said.starts_with(start), "{said}");
+        }
+    }
+
+    #[test]
+    fn a_profile_is_between_the_stops_of_joint_and_core() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows = "time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n1,0.6,14\n";
+        std::fs::write(folder.path().join("course.csv"), rows).unwrap();
+        let text =
+            "[joint]\n[believed.joint]\nmaximum_rad = 0.5\n[drive]\nprofile_csv = \"course.csv\"\n";
+        let said = parse(text, &folder.path().join("joint.toml")).unwrap_err().to_string();
+        assert!(said.contains("course.csv:3: column angle_rad = 0.6: must be "), "{said}");
     }
 
     /// The length of a held load is the mechanism's, not the key of a single muscle.

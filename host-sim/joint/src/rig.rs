@@ -151,11 +151,14 @@ impl Rig {
     /// [`RunError::SetPoint`] for one that is refused; what held before goes on.
     pub fn set(&mut self, set_point: JointSetPoint) -> Result<(), RunError> {
         match self.core.set(set_point) {
-            Ok(()) | Err(JointError::Faults(..) | JointError::NotArmed) => {
+            // A board that has restarted knows neither the mechanism nor its stops.
+            Err(error) if self.core.is_configured() && !of_faults(&error) => {
+                Err(RunError::SetPoint(error))
+            }
+            _ => {
                 self.inputs.set_point = set_point;
                 Ok(())
             }
-            Err(error) => Err(RunError::SetPoint(error)),
         }
     }
 
@@ -201,9 +204,21 @@ impl Rig {
         Ok(row)
     }
 
+    /// The core as a board has it that restarts and is not configured again: it recalls what was latched.
+    fn restart(&mut self) {
+        let (first, latched) = (self.core.first_failure(), self.core.latched());
+        self.core = Core::unconfigured();
+        if let Some(first) = first {
+            self.core.recall(first, latched);
+        }
+    }
+
     /// The core's step for a sample of now, once between two calls of [`Self::proceed`].
     pub fn observe(&mut self) -> Row {
         let truth = self.plant.truth();
+        if self.faults.iter().any(|faults| faults.board_restarts(truth.muscles[0].time_s)) {
+            self.restart();
+        }
         let mut sample = self.sample();
         if let Some(encoder) = &mut self.encoder {
             sample.angle = encoder.take(sample.angle);
@@ -280,6 +295,11 @@ impl Rig {
     pub fn ledgers(&self) -> (ArmLedger, [Ledger; 2]) {
         (self.plant.arm_ledger(), self.plant.ledgers())
     }
+}
+
+/// Whether a set point is refused for now, and not for its value.
+fn of_faults(error: &JointError) -> bool {
+    matches!(error, JointError::Faults(..) | JointError::NotArmed)
 }
 
 /// The plants of muscles a and b.

@@ -132,8 +132,7 @@ fn beyond_the_muscles(loaded: &JointLoaded) -> Vec<Warning> {
         if !pair.reaches(moved_n_m) {
             torque = torque.or_else(|| Some(pair.torque_missed(loaded, held_n_m, moved_n_m)));
         } else {
-            stiffness =
-                stiffness.or_else(|| pair.stiffness_missed(held_n_m, asked.stiffness_n_m_rad));
+            stiffness = stiffness.or_else(|| pair.stiffness_missed(loaded, held_n_m, &asked));
         }
     }
     [torque, stiffness].into_iter().flatten().collect()
@@ -199,7 +198,13 @@ impl Pair {
         (key.to_owned(), format!("{value:?}"), why)
     }
 
-    fn stiffness_missed(&self, held_n_m: f64, wanted_n_m_rad: f64) -> Option<Warning> {
+    fn stiffness_missed(
+        &self,
+        loaded: &JointLoaded,
+        held_n_m: f64,
+        asked: &Asked,
+    ) -> Option<Warning> {
+        let wanted_n_m_rad = asked.stiffness_n_m_rad;
         let wanted = [held_n_m as f32, wanted_n_m_rad as f32];
         let found = allocate(self.radius_m, &self.lines, wanted, self.most_pa);
         let reached = f64::from(stiffness_n_m_rad(self.radius_m, &self.lines, found.gauge_pa));
@@ -210,7 +215,13 @@ impl Pair {
                 "at {:.2} rad the muscles have {reached:.1} N m/rad at {most} with the torque that the arm needs",
                 self.angle_rad
             );
-            ("drive.stiffness_n_m_rad".to_owned(), format!("{wanted_n_m_rad:?}"), why)
+            match &loaded.drive.profile_csv {
+                Some(file) => {
+                    let why = format!("it asks for {wanted_n_m_rad:?} N m/rad: {why}");
+                    ("drive.profile_csv".to_owned(), format!("{:?}", file.display().to_string()), why)
+                }
+                None => ("drive.stiffness_n_m_rad".to_owned(), format!("{wanted_n_m_rad:?}"), why),
+            }
         })
     }
 }
@@ -274,6 +285,19 @@ mod tests {
             assert_eq!(found.len(), 1, "{text}: {found:?}");
             assert!(found[0].starts_with(start) && found[0].ends_with(end), "{found:?}");
         }
+    }
+
+    #[test]
+    fn a_profile_that_asks_for_too_much_is_named_by_its_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows = "time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n1,0.3,1000\n";
+        std::fs::write(folder.path().join("course.csv"), rows).unwrap();
+        let path = folder.path().join("joint.toml");
+        std::fs::write(&path, "[joint]\n[drive]\nprofile_csv = \"course.csv\"\n").unwrap();
+        let (_, found) = load_with_warnings(&path).unwrap().unwrap();
+        let said = found.iter().map(ToString::to_string).collect::<String>();
+        assert!(said.contains("joint.toml:3: drive.profile_csv = "), "{said}");
+        assert!(said.contains("course.csv\": it asks for 1000.0 N m/rad: at 0.30 rad"), "{said}");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The joint's core on the joint's plant.
 
-use model_core::Command;
 use model_core::joint::{JointFaults, JointSetPoint, Motion};
+use model_core::{Command, Faults};
 use thermyo_joint::{Inputs, JointLoaded, Rig, Row, parse};
 
 fn loaded(text: &str) -> JointLoaded {
@@ -109,6 +109,24 @@ fn a_lock_holds_the_arm_where_the_angle_is_lost() {
     assert!(moved_deg > 20.0 && vents_s < 1.002, "vented: {moved_deg} deg, {vents_s} s");
     let (_, vents_s) = at_two_seconds(1.5, "pressure = \"open\"");
     assert!(vents_s < 1.02, "{vents_s} s");
+}
+
+/// A board that has restarted vents both muscles, whatever it is asked for: the default stops are not this joint's.
+#[test]
+fn a_board_that_restarts_is_not_configured() {
+    for table in ["faults", "joint.b.faults"] {
+        let loaded = loaded(&format!(
+            "model = \"lumped\"\n[joint]\nmaximum_rad = 0.8\n[{table}]\nboard_restart = true\nfrom_s = 0.5\n"
+        ));
+        let rows = run(&loaded, 1.0, |t| still(if t < 0.7 { 0.0 } else { 45.5 }, 14.0));
+        let vents = |row: &Row| row.telemetry.commands() == [Command::VENT; 2];
+        assert!(rows[100..500].iter().all(|row| !vents(row)), "{table}");
+        assert!(rows[500..].iter().all(vents), "{table}");
+        let end = rows.last().unwrap();
+        let missing = |i: usize| end.telemetry.muscles[i].faults.intersects(Faults::NOT_CONFIGURED);
+        assert!(missing(0) && missing(1), "{table}: {end:?}");
+        assert!(end.truth.muscles.iter().all(|muscle| muscle.pressure_pa < 1.2e5), "{end:?}");
+    }
 }
 
 /// 12 bits in a turn, a step late: the angle is held as with a potentiometer. Without magnet, wires or readings both

@@ -10,8 +10,9 @@
 //! numbers. A key or table of the joint is written under a header, not with dots.
 
 use super::declare::{choice, table};
-use super::document::{Document, allowed_instead, checked};
+use super::document::{Document, Entry, allowed_instead, checked};
 use super::key::{Allowed, Key, Table};
+use super::schema;
 use model_core::joint::{self, AnglePart};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -213,10 +214,11 @@ impl JointDocument {
     pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
         let [shared, own, a, b] = split(text);
         let shared = Document::parse(&shared, origin)?;
-        if let Some(entry) = shared.plant.iter().find(|entry| entry.table == "load") {
-            return Err(located(origin, entry.line, unused_load()));
-        }
+        refuse_senseless(&shared, Owner::Both)?;
         let own_entries = [Document::parse(&a, origin)?, Document::parse(&b, origin)?];
+        for (own, owner) in own_entries.iter().zip([Owner::A, Owner::B]) {
+            refuse_senseless(own, owner)?;
+        }
         let muscles = own_entries.each_ref().map(|own| shared.overlaid(own));
         let (tables, given) = own_tables(&own, origin)?;
         let table = |name: &str| tables.get(name).cloned().unwrap_or_default();
@@ -239,8 +241,9 @@ impl JointDocument {
     /// # Errors
     /// When there is no such key, or the value is not allowed.
     pub fn set(&mut self, full_path: &str, value: Setting<'_>) -> Result<(), Problem> {
-        for (muscle, prefix) in self.muscles.iter_mut().zip(["joint.a.", "joint.b."]) {
-            if let Some(path) = full_path.strip_prefix(prefix) {
+        for (muscle, owner) in self.muscles.iter_mut().zip([Owner::A, Owner::B]) {
+            if let Some(path) = full_path.strip_prefix(owner.prefix()) {
+                senseless(owner, path, &value.text()).map_or(Ok(()), Err)?;
                 return value.put(muscle, path);
             }
         }
@@ -255,9 +258,7 @@ impl JointDocument {
             let keys = OWN.iter().find(|(own, _)| *own == table).map_or(&[][..], |(_, t)| t.keys);
             return Err(unknown(full_path, table, name, keys));
         }
-        if full_path.starts_with("load.") {
-            return Err(unused_load());
-        }
+        senseless(Owner::Both, full_path, &value.text()).map_or(Ok(()), Err)?;
         for (muscle, own) in self.muscles.iter_mut().zip(&self.own) {
             let mut set = muscle.clone();
             value.put(&mut set, full_path)?;
@@ -309,18 +310,29 @@ impl JointDocument {
             .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
     }
 
-    /// Line, path and value of a key that the file has, of the joint or of a muscle.
-    pub fn given(&self, path: &str) -> Option<(Option<u64>, String, String)> {
-        if let Some((_, line)) = self.given.iter().find(|(given, _)| given == path) {
-            let values = toml::Table::try_from(&self.joint).ok()?;
-            let value = values.get(path.strip_prefix("joint.").unwrap_or_default());
+    /// Line, path and value of a key that the file has, of the joint or of a muscle, by its whole path.
+    pub fn given(&self, full_path: &str) -> Option<(Option<u64>, String, String)> {
+        let path = full_path.to_owned();
+        if let Some((_, line)) = self.given.iter().find(|(given, _)| given == full_path) {
+            let (joint, plain) = match full_path.strip_prefix("believed.") {
+                Some(plain) => (&self.believed, plain),
+                None => (&self.joint, full_path),
+            };
+            let values = toml::Table::try_from(joint).ok()?;
+            let value = values.get(plain.strip_prefix("joint.").unwrap_or_default());
             let value = value
                 .and_then(Value::as_float)
                 .map_or_else(String::new, |value| format!("{value:?}"));
-            return Some((Some(*line), path.to_owned(), value));
+            return Some((Some(*line), path, value));
         }
-        let entry = self.muscles.iter().find_map(|muscle| muscle.plant.get(path))?;
-        Some((entry.line, entry.path(), entry.written.clone()))
+        let entry = self.muscles.iter().find_map(|muscle| entry(muscle, full_path))?;
+        Some((entry.line, path, entry.written.clone()))
+    }
+
+    /// Line of a key that the file has for one muscle alone, by its whole path, and which muscle; the last one first.
+    pub fn own(&self, full_path: &str) -> Option<(usize, Option<u64>)> {
+        let own = self.own.iter().enumerate().rev();
+        own.into_iter().find_map(|(i, own)| Some((i, entry(own, full_path)?.line)))
     }
 
     /// The error for a key of the joint, at its line if the file has it.
@@ -330,10 +342,78 @@ impl JointDocument {
     }
 }
 
-fn unused_load() -> Problem {
-    Problem::UnusedTable {
-        table: "load".to_owned(),
-        why: "the joint is the load of both muscles; leave it out",
+/// The entry of a whole path.
+fn entry<'a>(document: &'a Document, full_path: &str) -> Option<&'a Entry> {
+    match full_path.strip_prefix("believed.") {
+        Some(path) => document.believed.get(path),
+        None => document.plant.get(full_path),
+    }
+}
+
+/// The muscles that a key is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Owner {
+    Both,
+    A,
+    B,
+}
+
+impl Owner {
+    fn prefix(self) -> &'static str {
+        match self {
+            Self::Both => "",
+            Self::A => "joint.a.",
+            Self::B => "joint.b.",
+        }
+    }
+}
+
+/// Tables of one muscle that a joint does not have.
+const OF_ONE_MUSCLE: [(&str, &str); 2] = [
+    ("load", "the joint is the load of both muscles; leave it out"),
+    ("identify", "`thermyo identify` finds all values of a joint; leave it out"),
+];
+/// Tables that a joint has once.
+const ONCE: [(&str, &str); 4] = [
+    ("run", "a joint has one run, that of [run]"),
+    ("ambient", "both muscles are in one room, that of [ambient]"),
+    ("drive", "a joint has one set point, that of [drive]"),
+    ("sensor.length", "a joint has one sensor of its angle, with the noise of [sensor.length]"),
+];
+
+/// The refusal of a key that means nothing in a joint; its path may begin with `believed`.
+fn senseless(owner: Owner, path: &str, value: &str) -> Option<Problem> {
+    let prefix = owner.prefix();
+    let (table, name) = path.rsplit_once('.')?;
+    let plain = table.strip_prefix("believed.").unwrap_or(table);
+    let once = if owner == Owner::Both { &[][..] } else { &ONCE };
+    if let Some((_, why)) = OF_ONE_MUSCLE.iter().chain(once).find(|(of, _)| *of == plain) {
+        return Some(Problem::UnusedTable { table: format!("{prefix}{table}"), why });
+    }
+    let faults = plain == schema::FAULTS || schema::is_fault_window(plain);
+    let breaks = (name == "length" && value != "none") || name == "length_drift_m_s";
+    (owner == Owner::B && faults && breaks).then(|| Problem::NotAllowed {
+        key: format!("{prefix}{path}"),
+        value: quoted(value),
+        allowed: format!(
+            "left out: muscle b has no length sensor; joint.a.{path} breaks the sensor of the angle"
+        ),
+    })
+}
+
+/// Refuses the first key of a muscle's tables that means nothing in a joint.
+fn refuse_senseless(document: &Document, owner: Owner) -> Result<(), InputError> {
+    let entries = [&document.plant, &document.believed];
+    let found = entries.into_iter().flat_map(|entries| {
+        entries.iter().filter_map(|entry| {
+            let value = entry.value.as_str().unwrap_or(&entry.written);
+            let problem = senseless(owner, &entries.full_path(&entry.path()), value)?;
+            Some((entry.line, problem))
+        })
+    });
+    match found.min_by_key(|(line, _)| *line) {
+        Some((line, problem)) => Err(located(&document.origin, line, problem)),
+        None => Ok(()),
     }
 }
 
@@ -508,6 +588,8 @@ mod tests {
             ("joint.radius_m", -1.0, "joint.radius_m = -1: must be "),
             ("joint.radus_m", 1.0, "unknown key joint.radus_m; did you mean joint.radius_m?"),
             ("load.force_n", 1.0, "[load] is not used: the joint is the load"),
+            ("joint.b.run.seed", 1.0, "[joint.b.run] is not used: a joint has one run"),
+            ("joint.b.faults.length_drift_m_s", 1.0, "joint.b.faults.length_drift_m_s = 1: must"),
             ("muscle.zones", 0.5, "muscle.zones = 0.5: must be a whole number"),
             ("drive.shape", 1.0, "drive.shape = 1: must be one of "),
         ] {
@@ -540,6 +622,40 @@ mod tests {
             (
                 "[joint]\n[load]\nforce_n = 3\n",
                 "joint.toml:3: [load] is not used: the joint is the load of both muscles; leave it out",
+            ),
+            (
+                "[joint]\n[joint.a.load]\nforce_n = 3\n",
+                "joint.toml:3: [joint.a.load] is not used: the joint is the load of both muscles; leave it out",
+            ),
+            (
+                "[joint]\n[joint.b.believed.load]\nforce_n = 3\n",
+                "joint.toml:3: [joint.b.believed.load] is not used: the joint is the load of both muscles; leave it out",
+            ),
+            (
+                "[joint]\n[identify]\nparameters = [\"heat.scale\"]\n",
+                "joint.toml:3: [identify] is not used: `thermyo identify` finds all values of a joint; leave it out",
+            ),
+            (
+                "[joint]\n[joint.a.drive]\nkind = \"closed\"\n",
+                "joint.toml:3: [joint.a.drive] is not used: a joint has one set point, that of [drive]",
+            ),
+            (
+                "[joint]\n[joint.b.run]\n\nseed = 3\n[joint.a.run]\nseed = 2\n",
+                "joint.toml:6: [joint.a.run] is not used: a joint has one run, that of [run]",
+            ),
+            (
+                "[joint]\n[joint.b.ambient]\npressure_pa = 90000\n",
+                "joint.toml:3: [joint.b.ambient] is not used: both muscles are in one room, that of [ambient]",
+            ),
+            (
+                "[joint]\n[joint.a.sensor.length]\nnoise_m = 0.001\n",
+                "joint.toml:3: [joint.a.sensor.length] is not used: a joint has one sensor of its angle, with the noise \
+                 of [sensor.length]",
+            ),
+            (
+                "[joint]\n[joint.b.faults]\nlength = \"open\"\n",
+                "joint.toml:3: joint.b.faults.length = open: must be left out: muscle b has no length sensor; \
+                 joint.a.faults.length breaks the sensor of the angle",
             ),
         ] {
             assert_eq!(parse(text).unwrap_err(), message);

@@ -152,6 +152,9 @@ impl Failure {
             Self::Board(BoardError::Interrupted)
             | Self::Run(RunError::Board(BoardError::Interrupted) | RunError::Stopped)
             | Self::Identify(IdentifyError::Stopped { .. }) => STOPPED,
+            // By the scenario, before any experiment.
+            Self::Tune(Refusal::NoPulses)
+            | Self::JointTune(joint_tune::Refusal::Muscle(Refusal::NoPulses)) => 2,
             Self::Input(_)
             | Self::Sweep(_)
             | Self::Merge(_)

@@ -34,6 +34,23 @@ pub struct Figures {
     pub of_joint: Vec<f64>,
 }
 
+impl Figures {
+    /// Whether every figure is that of another; one that neither has is the same.
+    pub(super) fn is(&self, other: &Self) -> bool {
+        let all = |figures: &Self| {
+            let Errors { sensor_gas, sensor_wall, model, estimate } = figures.rmse_k;
+            let control = figures.control_rms_error.unwrap_or(f64::NAN);
+            let mut all =
+                vec![sensor_gas, sensor_wall, model, estimate, figures.within_2sd, control];
+            all.extend(&figures.of_joint);
+            all
+        };
+        let same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
+        let (own, others) = (all(self), all(other));
+        own.len() == others.len() && own.iter().zip(&others).all(same)
+    }
+}
+
 /// Columns of `sweep.csv` that only a joint has.
 pub(super) const JOINT_COLUMNS: [&str; 7] = [
     "end_error_rad",

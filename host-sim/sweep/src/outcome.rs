@@ -223,7 +223,8 @@ impl<'a> Outcome<'a> {
             let mut runs = lines.iter().map(|line| line.iter().filter_map(|i| grid[*i]));
             let several =
                 lines.iter().any(|l| l.iter().filter(|i| grid[**i].is_some()).count() > 1);
-            several && runs.all(|mut line| line.next().is_none_or(|first| line.all(|f| f == first)))
+            several
+                && runs.all(|mut line| line.next().is_none_or(|first| line.all(|f| f.is(first))))
         };
         let ranges = &self.study.ranges();
         (0..ranges.len()).filter(flat).map(|key| ranges[key].key.clone()).collect()

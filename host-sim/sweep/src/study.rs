@@ -292,6 +292,7 @@ impl fmt::Write for Checksum {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Outcome;
     use super::*;
 
     fn study() -> Study {
@@ -300,6 +301,26 @@ mod tests {
         let plan = Plan::new(ranges.to_vec(), None).unwrap();
         let name = String::new();
         Study { plan, shard: Shard::WHOLE, name, scenario: String::new(), checksum: String::new() }
+    }
+
+    /// A joint has no wall sensor, no forward model, and none of its runs vents.
+    #[test]
+    fn a_key_without_effect_is_named_where_figures_are_missing() {
+        let study = study();
+        let point = |point: usize| {
+            let rmse_k = Errors {
+                sensor_gas: 0.1,
+                sensor_wall: f64::NAN,
+                model: f64::NAN,
+                estimate: if study.places(point)[1] == 0 { 0.2 } else { 0.3 },
+            };
+            let of_joint = vec![0.5, f64::NAN];
+            let figures =
+                Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), of_joint });
+            Point { point, seed: 7, settled_s: 10.0, figures }
+        };
+        let rows = (0..study.points()).map(point).collect();
+        assert_eq!(Outcome::new(&study, rows).without_effect(), ["run.seed"]);
     }
 
     #[test]

@@ -314,6 +314,11 @@ impl Faults {
         std::iter::once(("faults".to_owned(), &self.own)).chain(named)
     }
 
+    /// Every window, to be changed.
+    pub fn windows_mut(&mut self) -> impl Iterator<Item = &mut FaultWindow> {
+        std::iter::once(&mut self.own).chain(self.named.values_mut())
+    }
+
     /// Sonic conductance of the largest hole \[m3/(s Pa)\].
     pub fn largest_leak_m3_s_pa(&self) -> f64 {
         self.windows().map(|(_, window)| window.leak_conductance_m3_s_pa).fold(0.0, f64::max)

@@ -1,6 +1,6 @@
 //! Sensors of a joint: pressure and gas of either muscle, and the angle.
 
-use super::{Gauge, Sensor};
+use super::{Gauge, LEAST_SPAN, Sensor};
 use model_core::Config;
 use model_core::joint::{JointConfig, JointTelemetry};
 use thermyo_protocol::Side;
@@ -56,6 +56,13 @@ impl Gauge for JointSensor {
         match self.of_muscle() {
             Some((side, sensor)) => sensor.range(muscle(config, side)),
             None => f64::from(config.sensor_maximum_rad() - config.mechanism.sensor_minimum_rad),
+        }
+    }
+
+    fn least_span(self, config: &JointConfig) -> f64 {
+        match self.of_muscle() {
+            Some((side, sensor)) => sensor.least_span(muscle(config, side)),
+            None => LEAST_SPAN * self.range(config),
         }
     }
 

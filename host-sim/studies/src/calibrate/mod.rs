@@ -26,6 +26,9 @@ pub enum Sensor {
 const READINGS: usize = 100;
 /// Least distance of the points, as a fraction of the sensor's range.
 const LEAST_SPAN: f64 = 0.05;
+/// Least distance of two temperatures \[K\]: ice water and a cool room. The whole scale of a platinum resistor's chip is
+/// 1078 K, of which no bath has a twentieth; two references that are right within 0.1 K give the gain within 1.4 %.
+const LEAST_SPAN_K: f64 = 15.0;
 /// Largest difference of the gain from 1; beyond it, the sensor is not the configured one.
 const MOST_GAIN: f64 = 0.1;
 /// Largest correction within the range, as a fraction of it.
@@ -83,6 +86,11 @@ pub trait Gauge: Copy + Send {
     /// Range of the sensor, in its unit.
     fn range(self, config: &Self::Config) -> f64;
 
+    /// Least distance of two points, in its unit.
+    fn least_span(self, config: &Self::Config) -> f64 {
+        LEAST_SPAN * self.range(config)
+    }
+
     /// Reading without any calibration.
     fn read(self, config: &Self::Config, sample: &Self::Sample) -> f64;
 
@@ -132,10 +140,9 @@ pub trait Gauge: Copy + Send {
         config: &Self::Config,
         [a, b]: [Point; 2],
     ) -> Result<Self::Config, Implausible> {
-        let range = self.range(config);
         let span = |of: fn(&Point) -> f64| of(&b) - of(&a);
         let found = span(|point| point.reference).abs().min(span(|point| point.reading).abs());
-        let least = LEAST_SPAN * range;
+        let least = self.least_span(config);
         if found.is_nan() || found < least {
             let [found, least] = [found, least].map(|value| self.text(value));
             return Err(Implausible::TooClose { found, least });
@@ -180,9 +187,14 @@ impl Gauge for Sensor {
             Self::Gas => {
                 let sensing = uncalibrated(config).sensing();
                 let at = |code| sensing.gas_k(model_core::AdcCode(code));
-                at(31_122) - at(1_638)
+                (at(31_122) - at(1_638)).abs()
             }
         })
+    }
+
+    fn least_span(self, config: &Config) -> f64 {
+        let least = LEAST_SPAN * self.range(config);
+        if self == Self::Gas { least.min(LEAST_SPAN_K) } else { least }
     }
 
     fn read(self, config: &Config, sample: &Sample) -> f64 {
@@ -314,6 +326,7 @@ fn uncalibrated(config: &Config) -> Config {
 mod tests {
     use super::*;
     use model_core::AdcCode;
+    use model_core::sensing::gas::GasElement;
 
     fn point(reading: f64, reference: f64) -> Point {
         Point { reading, reference }
@@ -343,6 +356,22 @@ mod tests {
         assert!(gain.to_string().contains("must be from 0.90 to 1.10"), "{gain}");
         let shift = pressure(point(1.0e5, 1.8e5), point(3.0e5, 3.8e5));
         assert!(matches!(shift, Implausible::Shift { .. }), "{shift}");
+    }
+
+    /// The scale of a MAX31865 is 1078 K wide: a twentieth of it lies between no two baths of a laboratory.
+    #[test]
+    fn ice_water_and_a_room_calibrate_any_gas_sensor() {
+        let mut config = Config::default();
+        for element in GasElement::all() {
+            config.sensors.gas_element = element;
+            let of = |room_k: f64| {
+                let points = [point(273.9, 273.15), point(room_k + 1.0, room_k)];
+                Sensor::Gas.calibrated(&config, points).map(|right| right.sensors.gas.gain)
+            };
+            let gain = of(293.15).unwrap();
+            assert!((gain - 20.0 / 20.25).abs() < 1e-6, "{element:?}: {gain}");
+            assert!(matches!(of(275.0), Err(Implausible::TooClose { .. })), "{element:?}");
+        }
     }
 
     #[test]

@@ -32,8 +32,9 @@ const SINE_HZ: f64 = 1.5;
 const PERIODS: f64 = 4.0;
 const STEPS: u32 = 6;
 const STEP_S: f64 = 0.6;
-/// Most steps whose telemetry was lost that are interpolated: shorter than a PWM period.
-pub(super) const MOST_LOST: u32 = 8;
+/// Most steps whose telemetry was lost that are interpolated: those between two rows of a run, which logs every tenth
+/// step by default.
+pub(super) const MOST_LOST: u32 = 9;
 
 /// Data of one step of the core; arrays are of muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -26,6 +26,8 @@ const TORQUE: f64 = 0.2;
 /// Mid-lengths from which the fit starts, over the configured ones: windows with a slack tendon are left out, and which
 /// ones depends on the lengths \[-\].
 const STARTS: [f64; 5] = [1.0, 0.98, 1.02, 0.96, 1.04];
+/// Both give the weight and the angle at which it hangs: neither is known without either.
+const GRAVITY: [Term; 2] = [Term::GravitySine, Term::GravityCosine];
 /// An arm whose gravity is less than this many of its errors hangs nowhere \[-\].
 const HANGS: f64 = 3.0;
 
@@ -34,9 +36,9 @@ const HANGS: f64 = 3.0;
 pub(super) struct Estimate {
     pub fitted: Fitted,
     /// Errors, those of the configured law included; none: it is held.
-    errors: [Option<f64>; COUNT],
+    pub(super) errors: [Option<f64>; COUNT],
     /// Held since the data cannot tell it, with the error that it would have had.
-    open: [Option<f64>; COUNT],
+    pub(super) open: [Option<f64>; COUNT],
     /// Held at 0, since it came out negative.
     zero: [bool; COUNT],
 }
@@ -208,8 +210,7 @@ impl Estimate {
         let joint = &loaded.believed;
         let [weight, angle] = ["joint.gravity_n_m", "joint.gravity_angle_rad"];
         let (before, hangs_at) = (joint.gravity_n_m, joint.gravity_angle_rad);
-        let open = [Term::GravitySine, Term::GravityCosine].iter().any(|term| self.is_open(*term));
-        if open {
+        if GRAVITY.iter().any(|term| self.is_open(*term)) {
             let remark = || format!("{OPEN}: the arm moved too little to tell it");
             return [
                 parameter(weight, before, before, None, remark()),
@@ -223,7 +224,8 @@ impl Estimate {
             match at {
                 Some(at) => parameter(angle, hangs_at, at.value, Some(at.error), from),
                 None => {
-                    let remark = "kept: too little gravity to tell where it hangs".to_owned();
+                    // Its torque is within the errors of the weight, wherever it hangs.
+                    let remark = "kept: too little gravity for it to matter".to_owned();
                     parameter(angle, hangs_at, hangs_at, None, remark)
                 }
             },
@@ -258,18 +260,19 @@ impl Estimate {
         self.open[term as usize].is_some()
     }
 
-    /// Keys that are left open.
+    /// Keys that are left open, in the order of the table.
     pub fn open(&self) -> Vec<&'static str> {
-        let keys = [
-            (Term::Inertia, "joint.inertia_kg_m2"),
-            (Term::Viscous, "joint.viscous_n_m_s"),
-            (Term::Dry, "joint.friction_n_m"),
-            (Term::GravitySine, "joint.gravity_n_m"),
-            (Term::GravityCosine, "joint.gravity_angle_rad"),
-            (Term::MidA, "joint.mid_length_a_m"),
-            (Term::MidB, "joint.mid_length_b_m"),
+        let keys: [(&[Term], &str); 7] = [
+            (&[Term::Inertia], "joint.inertia_kg_m2"),
+            (&GRAVITY, "joint.gravity_n_m"),
+            (&GRAVITY, "joint.gravity_angle_rad"),
+            (&[Term::Viscous], "joint.viscous_n_m_s"),
+            (&[Term::Dry], "joint.friction_n_m"),
+            (&[Term::MidA], "joint.mid_length_a_m"),
+            (&[Term::MidB], "joint.mid_length_b_m"),
         ];
-        keys.into_iter().filter(|(term, _)| self.is_open(*term)).map(|(_, key)| key).collect()
+        let open = |terms: &[Term]| terms.iter().any(|term| self.is_open(*term));
+        keys.into_iter().filter(|(terms, _)| open(terms)).map(|(_, key)| key).collect()
     }
 }
 

@@ -45,6 +45,9 @@ const REST_MOTION_RAD: f64 = 0.0052;
 /// Reason why the experiment or its data cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
+    /// As of one muscle.
+    #[error(transparent)]
+    Muscle(#[from] tune::Refusal),
     #[error(
         "faults during the experiment: {0}. Where the joint is sound, enter a rough joint.gravity_n_m and \
          joint.inertia_kg_m2, or raise joint.torque_limit_n_m"
@@ -112,6 +115,9 @@ pub fn tune_on(
     highest_pa: f64,
     bench: &mut dyn Bench,
 ) -> Result<Tuned, TuneError> {
+    for muscle in &loaded.config().muscles {
+        tune::refuse_without_pulses(muscle).map_err(Refusal::from)?;
+    }
     let result = tried(loaded, highest_pa, bench);
     // Whatever happened, the joint is not left under pressure, and values that were not found better are not left on
     // the board.

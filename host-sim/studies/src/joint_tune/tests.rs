@@ -103,14 +103,21 @@ fn values_are_those_of_the_closed_form() {
     }
 }
 
-/// The same records by somebody else, a row each 4 ms; the pulley is as configured.
+/// The same records by somebody else, a row each 4 ms, or each 10 ms as a run has by default; the pulley is as
+/// configured.
 #[test]
 fn a_record_of_four_columns_gives_the_same() {
+    for every in [4, 10] {
+        a_record_with_a_row_each(every);
+    }
+}
+
+fn a_record_with_a_row_each(every: usize) {
     let radius_m = TRUE[Term::Radius as usize];
     let loaded = loaded(&format!("[joint]\nradius_m = {radius_m}\n"));
     let mut text = "time_s,angle_rad,a_pressure_pa,b_pressure_pa\n".to_owned();
     for Record { time_s, angle_rad, pressure_pa: [a_pa, b_pa], .. } in
-        records(&loaded.config()).iter().step_by(4)
+        records(&loaded.config()).iter().step_by(every)
     {
         text += &format!("{},{angle_rad},{a_pa},{b_pa}\n", 7.0 + time_s);
     }
@@ -146,7 +153,7 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
             "j.csv:2: column angle_rad = 20.0: must be an angle from -6.3 to 6.3 rad",
         ),
         ("0,0,3e5,3e5\n0,0,3e5,3e5\n", "j.csv:3: column time_s = 0.0: must be above 0.0"),
-        ("0,0,3e5,3e5\n0.02,0,3e5,3e5\n", "j.csv:3: column time_s = 0.02: must be at most 0.009 s"),
+        ("0,0,3e5,3e5\n0.02,0,3e5,3e5\n", "j.csv:3: column time_s = 0.02: must be at most 0.010 s"),
         ("0,0,3e5,3e5\n0.001,0,3e5,3e5\n", "cannot be fitted to the 0 intervals"),
     ] {
         let said = said(rows);
@@ -189,6 +196,27 @@ fn an_experiment_stays_between_the_stops() {
     }
     let most = motions.iter().map(|motion| motion.angle_rad).fold(0.0, f32::max);
     assert!(most > 0.55, "{most}");
+}
+
+/// Sine or cosine alone leaves weight and angle open; the list of open keys is that of the table.
+#[test]
+fn open_keys_are_those_of_the_table() {
+    let loaded = loaded("[joint]\n");
+    let records = records(&loaded.config());
+    let sliding_rad_s = plan(&loaded.config()).sliding_rad_s;
+    let found = findings::estimate(&loaded, sliding_rad_s, &records).unwrap();
+    assert!(found.open().is_empty());
+    for term in Term::ALL.into_iter().filter(|term| *term != Term::Radius) {
+        let mut without = found.clone();
+        without.open[term as usize] = Some(0.1);
+        without.errors[term as usize] = None;
+        let table = without.parameters(&loaded);
+        let open = table.iter().filter(|one| one.remark.starts_with("open"));
+        let open: Vec<&str> = open.map(|one| one.path).collect();
+        assert_eq!(without.open(), open, "{term:?}");
+        let of_gravity = matches!(term, Term::GravitySine | Term::GravityCosine);
+        assert_eq!(open.len(), if of_gravity { 2 } else { 1 }, "{term:?}");
+    }
 }
 
 fn loaded(text: &str) -> JointLoaded {
@@ -245,6 +273,10 @@ fn what_cannot_be_tuned_is_refused() {
         (
             format!("{lumped}[joint]\ngravity_n_m = 14\n[believed.joint]\ngravity_n_m = 0\n"),
             "enter a rough joint.gravity_n_m",
+        ),
+        (
+            "[valve]\nkind = \"proportional\"\n[joint]\n".to_owned(),
+            "valve.kind = \"proportional\": the experiment measures pulses of switching valves",
         ),
     ] {
         let refused = tuned(&text).unwrap_err();

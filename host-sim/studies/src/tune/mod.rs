@@ -87,6 +87,11 @@ pub fn highest_pa(config: &Config, asked_pa: Option<f64>) -> Result<f64, OutOfRe
     }
 }
 
+/// Refuses valves that do not switch.
+pub(crate) fn refuse_without_pulses(config: &Config) -> Result<(), Refusal> {
+    if config.valve_kind == ValveKind::Switching { Ok(()) } else { Err(Refusal::NoPulses) }
+}
+
 /// Reason why the experiment or its data cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
@@ -247,9 +252,7 @@ pub fn tune_on(
         );
     };
     let config = core_config(&loaded.believed);
-    if config.valve_kind != ValveKind::Switching {
-        return Err(Refusal::NoPulses.into());
-    }
+    refuse_without_pulses(&config)?;
     let plan = Plan::new(&config, highest_pa)?;
     let result = tried(loaded, plan, (chamber.rest_length(), tunable), bench);
     // Whatever happened, the muscle is not left under pressure, and values that were not found better
