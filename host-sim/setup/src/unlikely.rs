@@ -232,10 +232,11 @@ mod tests {
         for file in std::fs::read_dir(folder).unwrap() {
             let path = file.unwrap().path();
             // A joint has a loader of its own.
-            if path.extension().is_some_and(|extension| extension == "toml") {
-                if let Ok((_, warnings)) = load_with_warnings(&path) {
-                    assert!(warnings.is_empty(), "{warnings:?}");
-                }
+            if path.extension().is_none_or(|extension| extension != "toml") {
+                continue;
+            }
+            if let Ok((_, warnings)) = load_with_warnings(&path) {
+                assert!(warnings.is_empty(), "{warnings:?}");
             }
         }
     }
