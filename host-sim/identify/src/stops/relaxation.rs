@@ -78,7 +78,7 @@ pub struct Relaxation {
     pub parted: bool,
     /// Stops that count.
     pub stops: usize,
-    /// Those of them that follow an inflow, or may.
+    /// Stops among them that follow an inflow, or may.
     pub charged: usize,
 }
 
