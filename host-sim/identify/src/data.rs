@@ -3,6 +3,7 @@
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::number::significant;
+use thermyo_files::table::Table;
 use thermyo_plant::Truth;
 use thermyo_record::measured::{Column, Measured, TIME};
 use thermyo_scenario::profile::{Profile, ProfileError};
@@ -161,6 +162,18 @@ impl Data {
     }
 }
 
+/// A record with pressure and length of a muscle, which drive it where its gas sensor alone is compared.
+fn is_gauged(scenario: &Scenario, has: impl Fn(&str) -> bool) -> bool {
+    scenario.plant.kind != PlantKind::Vessel && has("pressure_pa") && has("length_m")
+}
+
+/// Whether pressure and length drive a muscle: the record may then begin anywhere.
+pub fn begins_anywhere(scenario: &Scenario, table: &Table) -> bool {
+    let has = |name: &str| table.columns().iter().any(|column| column.name == name);
+    let sensor_only = matches!(&scenario.identify.columns[..], [only] if only == OBSERVABLE[2]);
+    scenario.drive.kind != DriveKind::Closed && sensor_only && is_gauged(scenario, has)
+}
+
 /// The columns that drive a plant; `path` names their file in messages.
 struct Columns<'a> {
     measured: &'a Measured,
@@ -180,11 +193,10 @@ impl Columns<'_> {
         let fits_paths = scenario.identify.parameters.iter().any(|path| {
             path.starts_with("valve.") || path.starts_with("leak.") || path == "supply.pressure_pa"
         });
-        let gauged = has("pressure_pa") && has("length_m");
         let sensor_only = matches!(observed, [only] if only.quantity == Quantity::SensorGas);
         Ok(if free {
             Input::Scenario
-        } else if sensor_only && gauged && !is_vessel {
+        } else if sensor_only && is_gauged(scenario, has) {
             Input::Given(Given {
                 pressure: self.profile("pressure_pa")?,
                 length: self.profile("length_m")?,

@@ -31,11 +31,12 @@ mod simulate;
 pub mod static_map;
 pub mod stops;
 mod uncertainty;
+mod valves;
 
 pub use data::Data;
 pub use findings::{Findings, Fitted};
 pub use page::page;
-pub use record::{Found, identify_table};
+pub use record::{Found, identify_table, known_columns};
 
 use data::Input;
 use failed::Failed;

@@ -1,8 +1,10 @@
 //! Identification from any kind of table: a record over time, one with stops or of motion, or a static map.
 
+use super::data::begins_anywhere;
 use super::motion;
 use super::static_map::{self, Readings};
 use super::stops;
+use super::valves;
 use super::{Fitted, Identified, IdentifyError, identify, page};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -11,8 +13,10 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_record::board_trace::every_column;
-use thermyo_record::measured::Measured;
+use thermyo_record::measured::{Measured, check_absolute};
+use thermyo_scenario::PlantKind;
 use thermyo_setup::Loaded;
+use thermyo_setup::core_config::core_config;
 
 fn named<K: AsRef<str>>(parameters: &BTreeMap<K, Fitted>) -> Vec<(&str, &Fitted)> {
     parameters.iter().map(|(path, fitted)| (path.as_ref(), fitted)).collect()
@@ -28,6 +32,12 @@ pub enum Found {
 
 /// Columns that a record may have beside those of a trace: a reference sensor, its deviation.
 const REFERENCE: [&str; 2] = ["reference_gas_k", "reference_sd_k"];
+
+/// Every column that some kind of table has.
+pub fn known_columns() -> Vec<&'static str> {
+    let map = static_map::COLUMNS.iter().chain([&static_map::DIRECTION]);
+    every_column().into_iter().chain(REFERENCE).chain(map.copied()).collect()
+}
 
 /// Identifies from a table; `against` is a static map that the fit does not use. `config` and
 /// `data` name the files in messages.
@@ -55,11 +65,18 @@ pub fn identify_table(
     if against.is_some() {
         return Err(InputError::file(data, Problem::NoMap).into());
     }
+    valves::check(table, &core_config(&loaded.believed))?;
+    if loaded.plant.plant.kind != PlantKind::Vessel {
+        check_absolute(table, "pressure_pa", loaded.plant.ambient.pressure_pa)?;
+    }
     if stops::are_asked_for(loaded, table) {
         return whole(Found::Stops(stops::identify(loaded, table, data)?), watch);
     }
     let known = [every_column(), REFERENCE.to_vec()].concat();
-    let measured = Measured::new(table, &known)?;
+    let measured = match begins_anywhere(&loaded.plant, table) {
+        true => Measured::since_first(table, &known)?,
+        false => Measured::new(table, &known)?,
+    };
     identify(loaded, config, &measured, data, watch).map(Found::Record)
 }
 

@@ -21,6 +21,50 @@ const POSSIBLE: [(&str, Limits); 10] = [
     ("duty_out", Limits { min: 0.0, max: 1.0, unit: "" }),
 ];
 
+/// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
+const NOT_ABSOLUTE: f64 = 0.8;
+
+/// Refuses gauge pressures of a muscle in a column, if the table has it.
+///
+/// # Errors
+/// With the first line.
+pub fn check_absolute(table: &Table, column: &str, ambient_pa: f64) -> Result<(), InputError> {
+    let least_pa = NOT_ABSOLUTE * ambient_pa;
+    let Some(cells) = table.columns().iter().find(|own| own.name == column) else { return Ok(()) };
+    match cells.cells.iter().position(|cell| cell.is_some_and(|pressure| pressure < least_pa)) {
+        Some(row) => {
+            let allowed = format!(
+                "absolute, and no less than {least_pa:.0} Pa: is this gauge pressure? Add ambient.pressure_pa"
+            );
+            Err(table.cell_error(row, column, &allowed))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Time since the first row, to the nanosecond, so that its rounding decides nothing \[s\].
+pub fn since_s(time_s: f64, first_s: f64) -> f64 {
+    ((time_s - first_s) * 1.0e9).round() / 1.0e9
+}
+
+fn unknown(name: &str, known: &[&str]) -> Problem {
+    let instead = match nearest(name, known.iter().copied()) {
+        Some(name) => Instead::Near(vec![name.to_owned()]),
+        None => Instead::Known(known.iter().map(|name| (*name).to_owned()).collect()),
+    };
+    Problem::UnknownColumn { column: quoted(name), instead }
+}
+
+/// The error of a table, where it is a cell of an unknown column that of the column: text in a lab's own column.
+pub fn of_unknown_column(error: InputError, known: &[&str]) -> InputError {
+    match &*error.problem {
+        Problem::Cell { column, .. } if column != TIME && !known.contains(&column.as_str()) => {
+            InputError::file(&error.file, unknown(column, known))
+        }
+        _ => error,
+    }
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
     /// Columns with at least one value, in order of the file.
@@ -42,15 +86,22 @@ impl Measured {
     /// # Errors
     /// For an unknown column, for times that are missing or fall, and for implausible values.
     pub fn new(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+        Self::read(table, known, false)
+    }
+
+    /// As [`Self::new`], with times since the first row, which may be any.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn since_first(table: &Table, known: &[&str]) -> Result<Self, InputError> {
+        Self::read(table, known, true)
+    }
+
+    fn read(table: &Table, known: &[&str], anywhere: bool) -> Result<Self, InputError> {
         table.column(TIME)?;
         for column in table.columns() {
             if column.name != TIME && !known.contains(&column.name.as_str()) {
-                let instead = match nearest(&column.name, known.iter().copied()) {
-                    Some(name) => Instead::Near(vec![name.to_owned()]),
-                    None => Instead::Known(known.iter().map(|name| (*name).to_owned()).collect()),
-                };
-                let column = quoted(&column.name);
-                return Err(table.header_error(Problem::UnknownColumn { column, instead }));
+                return Err(table.header_error(unknown(&column.name, known)));
             }
         }
         let times = table.filled(TIME)?;
@@ -58,7 +109,8 @@ impl Measured {
             let allowed = format!("at least {:?}, the time of the row before", times[row - 1]);
             return Err(table.cell_error(row, TIME, &allowed));
         }
-        for column in table.columns() {
+        let first_s = times.first().copied().unwrap_or_default();
+        for column in table.columns().iter().filter(|own| !(anywhere && own.name == TIME)) {
             let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name)
             else {
                 continue;
@@ -68,14 +120,16 @@ impl Measured {
                 return Err(table.cell_error(row, name, &limits.to_string()));
             }
         }
+        let since = |time: &f64| if anywhere { since_s(*time, first_s) } else { *time };
         let columns = table
             .columns()
             .iter()
             .filter(|column| column.name != TIME)
             .map(|column| {
                 let cells = times.iter().zip(&column.cells).enumerate();
-                let filled = cells
-                    .filter_map(|(row, (time, cell))| Some(((*time, (*cell)?), table.line(row))));
+                let filled = cells.filter_map(|(row, (time, cell))| {
+                    Some(((since(time), (*cell)?), table.line(row)))
+                });
                 let (points, lines) = filled.unzip();
                 Column { name: column.name.clone(), points, lines }
             })
@@ -159,6 +213,44 @@ mod tests {
         assert_eq!(within("time_s\n0\n"), Err(alone.to_owned()));
         assert_eq!(within("time_s,sensor_gas_k\n0,300\n"), Err(alone.to_owned()));
         assert_eq!(within("time_s,pressure_pa\n0,\n12,1e5\n"), Err(alone.to_owned()));
+    }
+
+    #[test]
+    fn text_in_an_unknown_column_is_an_unknown_column() {
+        let said = |text: &str| {
+            let error = Table::parse(text, "m.csv".as_ref()).unwrap_err();
+            of_unknown_column(error, &KNOWN).to_string()
+        };
+        let unknown = "m.csv: unknown column operator; \
+             known here: time_s, pressure_pa, sensor_gas_k, length_m";
+        assert_eq!(said("time_s,pressure_pa,operator\n0,1e5,me\n"), unknown);
+        let cell = "m.csv:2: column pressure_pa = high: must be a finite number";
+        assert_eq!(said("time_s,pressure_pa\n0,high\n"), cell);
+    }
+
+    #[test]
+    fn a_record_may_begin_anywhere() {
+        let read = |first_s: f64| {
+            let row = |i: i32| format!("{},{}\n", first_s + 0.02 * f64::from(i), 200_000 + i);
+            let text = "time_s,pressure_pa\n".to_owned() + &(0..9).map(row).collect::<String>();
+            Measured::since_first(&Table::parse(&text, "m.csv".as_ref()).unwrap(), &KNOWN).unwrap()
+        };
+        let usual = read(0.0);
+        assert_eq!(usual.columns[0].points[3], (0.06, 200_003.0));
+        assert!([-5.0, 1.0, 1.0e5].iter().all(|first_s| read(*first_s) == usual));
+    }
+
+    #[test]
+    fn gauge_pressures_are_refused() {
+        let checked = |text: &str| {
+            let table = Table::parse(text, "m.csv".as_ref()).unwrap();
+            check_absolute(&table, "pressure_pa", 1.0e5).map_err(|error| error.to_string())
+        };
+        let gauge = "m.csv:3: column pressure_pa = 0.0: must be absolute, and no less than 80000 Pa: is this gauge \
+             pressure? Add ambient.pressure_pa";
+        assert_eq!(checked("time_s,pressure_pa\n0,2e5\n1,0\n"), Err(gauge.to_owned()));
+        assert_eq!(checked("time_s,pressure_pa\n0,2e5\n1,\n2,1e5\n"), Ok(()));
+        assert_eq!(checked("time_s,length_m\n0,0.2\n"), Ok(()));
     }
 
     #[test]

@@ -13,6 +13,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
+use thermyo_scenario::schema::{Limits, limits};
 use thermyo_scenario::{
     GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario, ValveKind,
     ZonesSource, short, with_numbers,
@@ -33,8 +34,10 @@ pub struct ConfigScenario {
 pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
     let plant = scenario(config).map_err(|problem| InputError::file(origin, problem))?;
+    let mut believed = plant.clone();
+    believed.tube.volume_m3 = tubes_m3(&Scenario::default(), config)[1];
     let loaded = Loaded {
-        believed: plant.clone(),
+        believed: if plant.moves_in_full() { believed } else { plant.clone() },
         plant,
         volume_profile: None,
         drive_profile: None,
@@ -53,12 +56,15 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
     s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
     // An element that averages over the whole muscle sees the mean, as the core's one zone does.
     (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
-    s.tube.volume_m3 = 1.0e-9;
-    let tube_m3 = if full { s.tube.volume_m3 } else { 0.0 };
+    let [tube_m3, core_tube_m3] = tubes_m3(&s, config);
+    s.tube.volume_m3 = tube_m3;
+    // The core's conductance is the smaller one of valve and tube.
+    let conductance_m3_s_pa = short(config.valve.conductance_m3_s_pa);
+    s.tube.conductance_m3_s_pa = s.tube.conductance_m3_s_pa.max(conductance_m3_s_pa);
     s.heat.model = HeatModel::Constant;
     s.heat.scale = 1.0;
     s.zones.source = ZonesSource::Keys;
-    set_chamber(&mut s, config, tube_m3)?;
+    set_chamber(&mut s, config, if full { core_tube_m3 } else { 0.0 })?;
     (s.load.kind, s.load.force_n, s.load.length_m) = match config.load {
         Load::Isotonic { force_n } => (LoadKind::Isotonic, short(force_n), s.load.length_m),
         Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
@@ -78,6 +84,23 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
     s.estimator = config.estimator;
     s.controller = config.controller;
     Ok(s)
+}
+
+/// Volumes of the tube, of the plant and of the core \[m3\].
+///
+/// The core has none of its own: its dead volume contains it. A tube that its valve fills as fast as the default valve
+/// fills the default tube needs no shorter integration steps. Where the dead volume is smaller, the core's tube is all
+/// of it.
+fn tubes_m3(defaults: &Scenario, config: &Config) -> [f64; 2] {
+    let valve = f64::from(config.valve.conductance_m3_s_pa) / defaults.valve.conductance_m3_s_pa;
+    let tube_m3 = defaults.tube.volume_m3 * valve.max(1.0);
+    let Limits { min, max, .. } = limits("tube.volume_m3");
+    let tube_m3 = tube_m3.clamp(min, max);
+    let core_m3 = match config.chamber {
+        ChamberConfig::Muscle(muscle) => tube_m3.min(short(muscle.dead_volume_m3)).max(min),
+        _ => tube_m3,
+    };
+    [tube_m3, core_m3]
 }
 
 fn set_valve(s: &mut Scenario, config: &Config) {
@@ -223,6 +246,50 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load;
+
+    /// The configuration of every shipped scenario with a muscle or a vessel becomes a file that loads, whose plant is
+    /// built, and that gives the same configuration to the bit.
+    #[test]
+    fn every_shipped_scenario_comes_back_as_a_file_that_runs() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
+        let files = std::fs::read_dir(folder).unwrap().map(|file| file.unwrap().path());
+        let mut seen = 0;
+        for path in files.filter(|path| path.extension().is_some_and(|end| end == "toml")) {
+            // A joint has a table for each muscle.
+            let Ok(loaded) = load(&path) else { continue };
+            if loaded.plant.plant.kind == PlantKind::Table {
+                continue;
+            }
+            for valve in [1.0, 30.0, 1000.0] {
+                let mut config = core_config(&loaded.believed);
+                config.valve.conductance_m3_s_pa *= valve;
+                let said = to_scenario(&config).unwrap();
+                let text = render(&said.scenario);
+                let back = parse(&text, Path::new("scenario.toml")).unwrap();
+                assert_eq!(core_config(&back.believed), config, "{}", path.display());
+                assert_eq!(render(&back), text, "{}", path.display());
+                assert!(said.exact);
+                let built = thermyo_plant::build(&back.plant, back.volume_profile);
+                assert!(built.is_ok(), "{} {valve}: {:?}", path.display(), built.err());
+                seen += 1;
+            }
+        }
+        assert!(seen >= 24, "{seen}");
+    }
+
+    /// A dead volume that leaves no room for a tube is the core's alone.
+    #[test]
+    fn a_small_dead_volume_comes_back_and_can_be_integrated() {
+        for dead_m3 in [1.0e-7_f32, 3.0e-6] {
+            let mut config = core_config(&Scenario::default());
+            let ChamberConfig::Muscle(muscle) = &mut config.chamber else { panic!("no muscle") };
+            muscle.dead_volume_m3 = dead_m3;
+            let said = to_scenario(&config).unwrap();
+            assert!(said.exact, "{dead_m3}");
+            assert!(thermyo_plant::build(&said.scenario.plant, None).is_ok(), "{dead_m3}");
+        }
+    }
 
     /// A configuration from a scenario comes back unchanged.
     #[test]

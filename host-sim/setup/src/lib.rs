@@ -14,6 +14,7 @@ mod presets;
 mod render;
 mod rules;
 mod tree;
+mod unlikely;
 mod unrest;
 mod warnings;
 

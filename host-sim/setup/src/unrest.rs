@@ -29,7 +29,7 @@ const SLOW_PWM_HZ: f64 = 30.0;
 /// (`docs/background/control.md`) \[-\].
 const THROWN: f64 = 0.01;
 /// How wrong a flow may be before the core finds a fault: `model-core/src/safety/plausibility.rs` \[-\].
-const WRONG_FLOW: f64 = 4.0;
+pub(super) const WRONG_FLOW: f64 = 4.0;
 /// Below this share of the volume of chamber and line the chamber gets too little of what flows in: measured on `full`,
 /// behind 8 m of 10 mm, with 0.14, there is no fault, behind 10 m of 12 mm, with 0.08, there is \[-\].
 const LEAST_SHARE: f64 = 0.1;
@@ -131,7 +131,7 @@ fn with_tube_m3(s: &Scenario, volume_m3: f64) -> f64 {
 }
 
 /// The core's valve, open to the supply \[kg/s\].
-fn open_kg_s(s: &Scenario, config: &Config) -> f64 {
+pub(super) fn open_kg_s(s: &Scenario, config: &Config) -> f64 {
     let conductance = f64::from(config.valve.conductance_m3_s_pa);
     let open = Iso6358::valve(conductance, s.valve.critical_ratio, &IdealGas::new(&s.gas));
     open.mass_flow(s.supply.pressure_pa, s.supply.temperature_k, 0.0)

@@ -3,6 +3,7 @@
 use super::loaded::Loaded;
 use super::presets::presets_of;
 use super::tree::{same, value};
+use super::unlikely::unlikely;
 use super::unrest::unrest;
 use crate::core_config::pressure_limit_pa;
 use std::collections::BTreeMap;
@@ -230,7 +231,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     }));
     all.extend(unused_keys(document, loaded));
     all.extend(contradicted(document));
-    all.extend(unrest(loaded).into_iter().map(|(key, value, why)| {
+    all.extend(unrest(loaded).into_iter().chain(unlikely(loaded)).map(|(key, value, why)| {
         let line = document.plant.get(key).and_then(|entry| entry.line);
         let problem = Problem::NoSense { key: key.to_owned(), value, why };
         problem_at(document, line, problem)

@@ -85,8 +85,10 @@ fn drive_and_record(
     let armed_pa = if args.arm { None } else { board.status()?.armed_pa };
     let driven = drive::plan(&args.profile, args.kind(), &configured, armed_pa)?;
     let duration_s = driven.plant.run.duration_s;
-    let measured =
-        args.measured.as_deref().map(|path| read_to_compare(path, duration_s, err)).transpose()?;
+    let measured = match &args.measured {
+        Some(path) => Some(read_to_compare(path, &driven.plant, duration_s, err)?),
+        None => None,
+    };
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
     let mut files = drive_files(&folder, &driven)?;
     let mut recorder = Recorder::new(files.file("trace.csv")?)

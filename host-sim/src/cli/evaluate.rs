@@ -1,5 +1,5 @@
 use super::progress::Bar;
-use super::{Failure, FormatArgs, interrupt, load, print, publish, read_record, whole};
+use super::{Failure, FormatArgs, interrupt, load, print, publish, quantity, read_record, whole};
 use clap::{Args, Subcommand};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -65,8 +65,8 @@ struct EstimatorArgs {
     /// Evaluate a board's recording in this folder, with a reference sensor's column
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
-    /// Lag of that reference sensor in seconds
-    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
+    /// Lag of that reference sensor, such as 0.044 (s) or 44ms
+    #[arg(long, value_name = "TIME", allow_negative_numbers = true, default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
     reference_lag: f64,
     #[command(flatten)]
     format: FormatArgs,
@@ -110,8 +110,10 @@ struct PlantsArgs {
 }
 
 fn lag_s(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| (0.0..=10.0).contains(value));
-    value.ok_or_else(|| "must be seconds from 0 to 10".to_owned())
+    let value = quantity("s")(text).ok().filter(|value| (0.0..=10.0).contains(value));
+    value.ok_or_else(|| {
+        "must be seconds from 0 to 10, or a time with its unit such as 44ms".to_owned()
+    })
 }
 
 fn hours(text: &str) -> Result<f64, String> {
@@ -253,5 +255,12 @@ mod tests {
         assert!(finished(0).starts_with("no case"));
         assert!(finished(1).starts_with("the line above is of the case that was finished;"));
         assert!(finished(2).starts_with("the 2 lines above are of the cases that were finished;"));
+    }
+
+    #[test]
+    fn a_lag_may_have_its_unit() {
+        assert_eq!(super::lag_s("44ms"), Ok(0.044));
+        assert_eq!(super::lag_s("0.044"), Ok(0.044));
+        assert!(super::lag_s("11s").is_err() && super::lag_s("1K").is_err());
     }
 }

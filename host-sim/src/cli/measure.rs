@@ -41,7 +41,8 @@ enum MeasureTask {
 struct StopArgs {
     /// Serial port, such as /dev/ttyACM0, or "emulated"; or a scenario (TOML), which is simulated
     target: String,
-    /// Number of stops [default: 8]
+    /// Number of stops, 3 to 100: with fewer than 8, too few may follow an inflow for `identify` to find the heat
+    /// transfer [default: 8]
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "8", hide_default_value = true, value_parser = stops)]
     stops: usize,
     /// Time for which the valves stay shut, such as 30 (s) or 2min [default: four time constants of

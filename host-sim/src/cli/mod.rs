@@ -59,16 +59,17 @@ use thermyo_files::units::{UnitSystem, Wanted};
 use thermyo_identify::motion;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
-use thermyo_identify::{IdentifyError, identify_table};
+use thermyo_identify::{IdentifyError, identify_table, known_columns};
 use thermyo_joint::JointLoaded;
 use thermyo_logs::{Logs, topics};
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::board_trace::every_column;
-use thermyo_record::measured::Measured;
+use thermyo_record::measured::{self, Measured, check_absolute, of_unknown_column};
 use thermyo_record::summary::Summary;
 use thermyo_record::trace::{COMPARABLE, Row, TraceWriter};
 use thermyo_runs::reproduce;
 use thermyo_runs::run_page::RunRecorder;
+use thermyo_scenario::{PlantKind, Scenario};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run;
@@ -496,7 +497,7 @@ fn run_command(
     unbuilt::refuse(&loaded, &args.scenario)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
-        Some(path) => Some(read_to_compare(path, duration_s, stderr)?),
+        Some(path) => Some(read_to_compare(path, &loaded.plant, duration_s, stderr)?),
         None => None,
     };
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
@@ -555,7 +556,8 @@ fn identify_command(
     let Some(data) = &args.data else {
         return plan_command(&loaded, args, stdout, stderr);
     };
-    let table = table::read_either(data, Readings::are_in)?;
+    let table = table::read_either(data, Readings::are_in)
+        .map_err(|error| of_unknown_column(error, &known_columns()))?;
     say_damage(&table, stderr);
     let against = args.against.as_deref().map(table::read_table).transpose()?;
     interrupt::watch();
@@ -590,15 +592,30 @@ fn plan_command(
     stdout: &mut dyn Write,
     stderr: &mut dyn Write,
 ) -> Result<(), Failure> {
+    let shown = |csv: &str| match args.output.format.json {
+        true => plan_json(csv),
+        false => csv.to_owned(),
+    };
     if let Some(Plan::Motion) = args.plan {
         let (text, reasons) = motion::plan(loaded, &args.config)?;
-        print(stdout, &text)?;
+        print(stdout, &shown(&text))?;
         for reason in reasons {
             args.output.format.note(stderr, &reason);
         }
         return Ok(());
     }
-    print(stdout, &static_map::plan(loaded, &args.config)?)
+    print(stdout, &shown(&static_map::plan(loaded, &args.config)?))
+}
+
+/// The rows of a plan as JSON: an object each, an empty cell as null.
+fn plan_json(csv: &str) -> String {
+    let mut lines = csv.lines().map(|line| line.split(','));
+    let names: Vec<&str> = lines.next().into_iter().flatten().collect();
+    let row = |cells: std::str::Split<'_, char>| -> serde_json::Map<String, serde_json::Value> {
+        let values = cells.map(|cell| cell.parse::<f64>().ok().into());
+        names.iter().map(|name| (*name).to_owned()).zip(values).collect()
+    };
+    format!("{:#}\n", serde_json::Value::from_iter(lines.map(row)))
 }
 
 /// Keeps the results of the finished searches of an identification, and prints where.
@@ -817,14 +834,21 @@ fn say_damage(table: &Table, stderr: &mut dyn Write) {
     }
 }
 
-/// Reads measurements to compare with a run of that length; warns about rows after its end.
+/// Reads measurements to compare with a run of that length; warns about rows after its end, and about columns that are
+/// not compared.
 fn read_to_compare(
     path: &Path,
+    scenario: &Scenario,
     duration_s: f64,
     stderr: &mut dyn Write,
 ) -> Result<Measured, Failure> {
-    let table = read_record(path, stderr)?;
-    let measured = Measured::new(&table, &every_column())?;
+    let known = every_column();
+    let table = table::read_record(path).map_err(|error| of_unknown_column(error, &known))?;
+    say_damage(&table, stderr);
+    let measured = Measured::new(&table, &known)?;
+    if scenario.plant.kind != PlantKind::Vessel {
+        check_absolute(&table, "pressure_pa", scenario.ambient.pressure_pa)?;
+    }
     let (measured, late) = measured.within_run(&table, &COMPARABLE, duration_s)?;
     if late > 0 {
         let (file, rows) = (path.display(), table.rows());
@@ -832,6 +856,19 @@ fn read_to_compare(
             stderr,
             "thermyo: warning: {file}: {late} of {rows} rows lie after the end of the run at \
              {duration_s} s and are not compared"
+        );
+    }
+    let compared: Vec<&str> = measured.columns.iter().map(|own| own.name.as_str()).collect();
+    let all = table.columns().iter().map(|own| own.name.as_str());
+    let others: Vec<&str> =
+        all.filter(|name| *name != measured::TIME && !compared.contains(name)).collect();
+    if !others.is_empty() {
+        let _ = writeln!(
+            stderr,
+            "thermyo: {}: compared: {}; not compared: {}",
+            path.display(),
+            compared.join(", "),
+            others.join(", ")
         );
     }
     Ok(measured)
@@ -929,6 +966,7 @@ mod tests {
             (&["measure", "stop", "x", "--seed", "-1"], "a whole number from 0 to "),
             (&["sweep", "x", "--vary", "a.b=1:2", "--lhs", "-1"], "a whole number from 1 to "),
             (&["sweep", "x", "--vary", "a.b=1:2:3", "--within", "-1"], "a number above 0"),
+            (&["sweep", "x", "--vary", "a.b=1:2:3", "--within", "1s"], "a number above 0, in K"),
         ] {
             let message = refused(arguments);
             assert!(message.contains(&format!("must be {allowed}")), "{arguments:?}: {message}");
@@ -1012,5 +1050,16 @@ mod tests {
         command.build();
         assert!(command.get_subcommands().count() > 15);
         command.get_subcommands().for_each(|task| assert_takes_both(task, "thermyo "));
+    }
+
+    #[test]
+    fn a_plan_is_json_too() {
+        let json = super::plan_json("time_s,force_n\n0.5,\n1,20\n");
+        let rows: serde_json::Value = serde_json::from_str(&json).unwrap();
+        let wanted = serde_json::json!([
+            { "time_s": 0.5, "force_n": null },
+            { "time_s": 1.0, "force_n": 20.0 },
+        ]);
+        assert_eq!(rows, wanted);
     }
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use thermyo_compute::parallel::Watch;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
+use thermyo_files::units::Wanted;
 use thermyo_sweep::page::page;
 use thermyo_sweep::{Journal, Latin, MOST_POINTS, Outcome, Range, Shard, Sweep, merge};
 
@@ -44,7 +45,7 @@ pub(super) struct SweepArgs {
         conflicts_with_all = ["scenario", "vary", "lhs", "shard"]
     )]
     merge: Vec<PathBuf>,
-    /// Tolerated root-mean-square error, in kelvin
+    /// Tolerated root-mean-square error, such as 0.5 (K) or 0.5K
     #[arg(long, value_name = "K", allow_negative_numbers = true, default_value_t = 1.0, value_parser = tolerance)]
     within: f64,
     #[command(flatten)]
@@ -52,10 +53,9 @@ pub(super) struct SweepArgs {
 }
 
 fn tolerance(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(number) if number > 0.0 && number.is_finite() => Ok(number),
-        _ => Err("must be a number above 0".to_owned()),
-    }
+    let kelvin = Wanted { si: "K", absolute: false };
+    let value = kelvin.read(text).ok().filter(|value| *value > 0.0);
+    value.ok_or_else(|| "must be a number above 0, in K".to_owned())
 }
 
 pub(super) fn run(
@@ -149,4 +149,13 @@ fn finish(
         print(stdout, &text)?;
     }
     outcome.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_tolerance_may_have_its_unit() {
+        assert_eq!(super::tolerance("0.5K"), Ok(0.5));
+        assert!(super::tolerance("25degC").is_err() && super::tolerance("0K").is_err());
+    }
 }

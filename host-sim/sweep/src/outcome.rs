@@ -6,6 +6,7 @@ use super::{Figures, Point, Range, Study};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::significant;
+use thermyo_record::tracking::Controlled;
 
 #[derive(Debug)]
 pub struct Outcome<'a> {
@@ -32,7 +33,8 @@ pub struct Summary {
     pub errors: BTreeMap<&'static str, Extent>,
     /// Smallest and largest fraction of time within two stated standard deviations \[-\].
     pub estimate_within_2sd: [Option<f64>; 2],
-    /// Smallest and largest root-mean-square error of the set point, in its unit.
+    /// Smallest and largest root-mean-square error of the set point, in its unit; none where points control
+    /// different quantities.
     pub control_rms_error: [Option<f64>; 2],
     /// Conclusion in words.
     pub conclusion: String,
@@ -84,25 +86,52 @@ impl<'a> Outcome<'a> {
             within_k,
             errors: WAYS.iter().map(extent).collect(),
             estimate_within_2sd: ends(self.figures().map(|figures| figures.within_2sd)),
-            control_rms_error: self.control(),
+            control_rms_error: match self.control()[..] {
+                [(_, ends)] => ends,
+                _ => [None, None],
+            },
             conclusion: self.conclusion(within_k),
             without_effect: self.without_effect(),
         }
     }
 
-    fn control(&self) -> [Option<f64>; 2] {
-        ends(self.figures().filter_map(|figures| figures.control_rms_error))
+    /// Errors of the set point, parted by the controlled quantity: they have different units.
+    fn control(&self) -> Vec<(Option<Controlled>, [Option<f64>; 2])> {
+        let errors: Vec<(Option<Controlled>, f64)> = self
+            .rows
+            .iter()
+            .filter_map(|row| {
+                let error = row.figures.as_ref().ok()?.control_rms_error?;
+                Some((self.study.controlled(row.point), error))
+            })
+            .collect();
+        let mut kinds: Vec<Option<Controlled>> = Vec::new();
+        for (kind, _) in &errors {
+            if !kinds.contains(kind) {
+                kinds.push(*kind);
+            }
+        }
+        let of_kind = |kind: Option<Controlled>| {
+            let own = errors.iter().filter(move |(other, _)| *other == kind);
+            (kind, ends(own.map(|(_, error)| *error)))
+        };
+        kinds.into_iter().map(of_kind).collect()
     }
 
-    /// How closely the set point is followed, in a sentence; none where no point has one.
+    /// How closely the set point is followed, in a sentence for each quantity; none where no point has one.
     fn tracking(&self) -> String {
-        let [Some(least), Some(most)] = self.control() else { return String::new() };
-        let text = |value| self.study.tracking_text(value);
-        format!(
-            " The set point is followed to {} RMS at best, {} at worst.",
-            text(least),
-            text(most)
-        )
+        let control = self.control();
+        let sentence = |(kind, ends): &(Option<Controlled>, [Option<f64>; 2])| {
+            let [Some(least), Some(most)] = *ends else { return String::new() };
+            let text = |value| self.study.tracking_text(value, *kind);
+            let what = match kind.filter(|_| control.len() > 1) {
+                Some(Controlled::Pressure) => "A pressure",
+                Some(Controlled::Contraction) => "A contraction",
+                None => "The set point",
+            };
+            format!(" {what} is followed to {} RMS at best, {} at worst.", text(least), text(most))
+        };
+        control.iter().map(sentence).collect()
     }
 
     /// Number of failed points, and the reason of the first failure.

@@ -139,21 +139,27 @@ impl Study {
     }
 
     /// An error of the set point as text.
-    pub(super) fn tracking_text(&self, error: f64) -> String {
-        match self.controlled() {
+    pub(super) fn tracking_text(&self, error: f64, controlled: Option<Controlled>) -> String {
+        match controlled {
             Some(quantity) => quantity.text(error, UnitSystem::Practical),
             None if self.is_joint() => format!("{} deg", significant(error.to_degrees(), 3)),
             None => significant(error, 3),
         }
     }
 
-    /// The quantity that the scenario's drive controls. No other table has these kinds.
-    fn controlled(&self) -> Option<Controlled> {
-        let kinds = [
-            ("kind = \"pressure\"", Controlled::Pressure),
-            ("kind = \"contraction\"", Controlled::Contraction),
-        ];
-        let driven = |kind: &str| self.scenario.lines().any(|line| line.starts_with(kind));
+    /// The quantity that a point's drive controls.
+    pub(super) fn controlled(&self, point: usize) -> Option<Controlled> {
+        let varied = self.ranges().iter().position(|range| range.key == "drive.kind");
+        let own = varied.map(|key| self.ranges()[key].text(self.values(point)[key]));
+        let kinds = [("pressure", Controlled::Pressure), ("contraction", Controlled::Contraction)];
+        // No other table of the scenario has these kinds.
+        let driven = |kind: &str| match &own {
+            Some(own) => own == kind,
+            None => {
+                let line = format!("kind = \"{kind}\"");
+                self.scenario.lines().any(|own| own.starts_with(&line))
+            }
+        };
         kinds.into_iter().find(|(kind, _)| driven(kind)).map(|(_, controlled)| controlled)
     }
 
@@ -294,6 +300,7 @@ impl fmt::Write for Checksum {
 mod tests {
     use super::super::Outcome;
     use super::*;
+    use crate::Outcome;
 
     fn study() -> Study {
         let ranges =
@@ -321,6 +328,27 @@ mod tests {
         };
         let rows = (0..study.points()).map(point).collect();
         assert_eq!(Outcome::new(&study, rows).without_effect(), ["run.seed"]);
+    }
+
+    #[test]
+    fn errors_of_different_quantities_are_not_compared() {
+        let range = "drive.kind=pressure,contraction".parse().unwrap();
+        let study = Study { plan: Plan::new(vec![range], None).unwrap(), ..study() };
+        let point = |point, error| {
+            let rmse_k = Errors { sensor_gas: 0.1, sensor_wall: 0.1, model: 0.1, estimate: 0.1 };
+            let control_rms_error = Some(error);
+            let of_joint = Vec::new();
+            let figures = Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error, of_joint });
+            Point { point, seed: 1, settled_s: 0.0, figures }
+        };
+        let outcome = Outcome { study: &study, rows: vec![point(0, 1200.0), point(1, 0.01)] };
+        let summary = outcome.summary(1.0);
+        assert_eq!(summary.control_rms_error, [None, None]);
+        let sentences = " A pressure is followed to 1.20 kPa RMS at best, 1.20 kPa at worst. A contraction is \
+                         followed to 1.00 % of rest length RMS at best, 1.00 % of rest length at worst.";
+        assert!(summary.conclusion.contains(sentences), "{}", summary.conclusion);
+        let alone = Outcome { study: &study, rows: vec![point(0, 1200.0)] };
+        assert_eq!(alone.summary(1.0).control_rms_error, [Some(1200.0); 2]);
     }
 
     #[test]

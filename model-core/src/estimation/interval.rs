@@ -432,7 +432,7 @@ impl Estimator {
         let adiabatic_j = self.measured_j - window.start_j + window.work_j;
         let per_j = self.per_enthalpy();
         let share = |enthalpy_j: f32| enthalpy_j * per_j;
-        // What leaked out is more that valves let in; what leaked in is less.
+        // Gas that leaked out was let in by valves; gas that leaked in was not.
         let [lost_j, gained_j] =
             [window.heat_j, window.leaked_j].iter().fold([0.0; 2], |[least_j, most_j], one_j| {
                 [least_j + limit(*one_j, f32::MIN, 0.0), most_j + limit(*one_j, 0.0, f32::MAX)]

@@ -119,6 +119,14 @@ impl Parameter {
         }
     }
 
+    /// The place, or the nearest one where a difference to both sides is within the limit.
+    fn inside(&self, place: f64) -> f64 {
+        match self.scale {
+            Scale::Log => place,
+            Scale::Linear { unit, least } => place.max((least - self.given) / unit + DIFFERENCE),
+        }
+    }
+
     fn deviation(&self, place: f64, deviation: f64) -> f64 {
         match self.scale {
             Scale::Log => self.value(place) * deviation,
@@ -209,7 +217,12 @@ impl<'a> Problem<'a> {
 
     /// Values at the end of a search, with deviations by the scatter and how long it lasts.
     pub fn values(&self, place: &DVector<f64>) -> Vec<Value> {
-        let slopes = self.slopes(place, &self.weighted(place));
+        // Beyond a limit nothing changes: what a record shows of a value is how it changes inside.
+        let mut inside = place.clone();
+        for (i, parameter) in self.parameters.iter().enumerate() {
+            inside[i] = parameter.inside(place[i]);
+        }
+        let slopes = self.slopes(&inside, &self.weighted(&inside));
         let rows = self.record.rows.len();
         let residuals = self.residuals(place);
         let lasting = correlation_rows(&residuals);

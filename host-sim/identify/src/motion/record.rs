@@ -2,6 +2,7 @@
 
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
+use thermyo_record::measured::{check_absolute, since_s};
 use thermyo_scenario::Scenario;
 
 /// Required columns, and the optional one.
@@ -13,8 +14,6 @@ const GAP_ROWS: f64 = 20.0;
 const LEAST_GAP_S: f64 = 0.1;
 /// A record with no pressure above this one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 2.0e4;
-/// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
-const NOT_ABSOLUTE: f64 = 0.8;
 /// Lengths of a muscle, share of its rest length \[-\].
 const LENGTHS: [f64; 2] = [0.5, 1.1];
 /// A muscle whose length changes by more than this share of its rest length moves \[-\].
@@ -68,7 +67,7 @@ impl Record {
             None => check_sign(table, &lengths, &pressures, scenario.muscle.rest_length_m)?,
         }
         let rows = (0..times.len()).map(|i| Row {
-            time_s: times[i],
+            time_s: since_s(times[i], times[0]),
             length_m: lengths[i],
             pressure_pa: pressures[i],
             force_n: forces.as_ref().map_or(scenario.load.force_n, |forces| forces[i]),
@@ -195,16 +194,7 @@ fn check_pressures(table: &Table, pressures: &[f64], ambient_pa: f64) -> Result<
         );
         return Err(table.cell_error(highest, COLUMNS[2], &allowed));
     }
-    let least_pa = NOT_ABSOLUTE * ambient_pa;
-    match pressures.iter().position(|pressure| *pressure < least_pa) {
-        Some(row) => {
-            let allowed = format!(
-                "absolute, and no less than {least_pa:.0} Pa: is this gauge pressure? Add ambient.pressure_pa"
-            );
-            Err(table.cell_error(row, COLUMNS[2], &allowed))
-        }
-        None => Ok(()),
-    }
+    check_absolute(table, COLUMNS[2], ambient_pa)
 }
 
 fn check_forces(table: &Table, forces: &[f64]) -> Result<(), InputError> {

@@ -165,6 +165,33 @@ fn a_search_that_is_stopped_has_no_result() {
     assert!((5..100).contains(&asked), "it went on for {asked} evaluations");
 }
 
+/// Neither the origin of the times nor a value at its limit depends on the last digits.
+#[test]
+fn a_record_may_begin_anywhere() {
+    let muscle = shipped_scenario();
+    let points: Vec<(f64, f64)> = (0..1500)
+        .map(|i| 0.02 * f64::from(i))
+        .map(|time_s| (time_s, 2.0e5 + 9.0e4 * (0.9 * time_s).sin() + 2e3 * time_s))
+        .collect();
+    let text = record(&muscle, points);
+    let moved = |first_s: f64| {
+        let line = |line: &str| match line.split_once(',') {
+            Some((time, rest)) => match time.parse::<f64>() {
+                Ok(time_s) => format!("{:.3},{rest}\n", first_s + time_s),
+                Err(_) => format!("{line}\n"),
+            },
+            None => String::new(),
+        };
+        let text: String = text.lines().map(line).collect();
+        Record::of(&table(&text), &muscle.plant).unwrap()
+    };
+    let usual = moved(0.0);
+    for first_s in [-7.5, 1.0, 1.0e5] {
+        let other = moved(first_s);
+        assert!(other == usual && other.thinned(200) == usual.thinned(200), "{first_s} s");
+    }
+}
+
 /// A record of 100 rows, each cell by a function of the row.
 fn rows(of: impl Fn(usize) -> String) -> String {
     let head = "time_s,length_m,pressure_pa,force_n\n".to_owned();

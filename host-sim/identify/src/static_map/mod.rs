@@ -6,13 +6,13 @@ mod plan;
 mod readings;
 
 pub use page::{page, plot};
-pub use readings::{FEWEST, Reading, Readings};
+pub use readings::{COLUMNS, DIRECTION, FEWEST, Reading, Readings};
 
 use super::findings::Fitted;
 use fit::Problem;
 use nalgebra::DVector;
 use plan::{LEAST_STROKE, instead, places, surely_pulls};
-use readings::{COLUMNS, LOADED};
+use readings::LOADED;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -63,6 +63,8 @@ pub struct Findings {
     pub holds: bool,
     /// Keys whose values went to a limit of the search.
     pub at_limit: Vec<&'static str>,
+    /// Keys that the readings hardly determine: they stay near the scenario's values.
+    pub open: Vec<&'static str>,
     pub parameters: BTreeMap<&'static str, Fitted>,
     /// Residuals of the fit.
     pub rmse: Left,
@@ -157,7 +159,7 @@ pub fn planned(muscle: &Muscle, readings: &Readings) -> [Readings; 2] {
 
 /// Refuses too few loaded readings, and states where to repeat the slack ones.
 fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), InputError> {
-    let found = readings.loaded.len();
+    let found = readings.places();
     let missing = FEWEST.saturating_sub(found);
     if missing == 0 {
         return Ok(());
@@ -172,11 +174,25 @@ fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), Inp
         slack.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         what.extend(slack.iter().take(missing).map(|(_, reading)| instead(&muscle, reading)));
     }
+    if readings.loaded.len() > found {
+        what.push("those at one pressure and length count as one".to_owned());
+    }
+    what.extend(copied(readings));
     if what.len() < missing {
         what.push("thermyo identify --plan lists useful ones".to_owned());
     }
     let why = what.join("; ");
     Err(InputError::file(data, InputProblem::TooFewLoaded { found, fewest: FEWEST, why }))
+}
+
+/// Lines that are copies, in words.
+fn copied(readings: &Readings) -> Option<String> {
+    let [[line, of], ..] = readings.copies[..] else { return None };
+    let others = match readings.copies.len() - 1 {
+        0 => String::new(),
+        others => format!(", and so do {others} more"),
+    };
+    Some(format!("line {line} repeats line {of} to the last digit{others}: a copy counts once"))
 }
 
 /// Identifies the muscle from `readings`, and computes its residuals of `against`; `config` and
@@ -230,6 +246,7 @@ pub fn identify(
     let mut findings = Findings {
         holds: false,
         at_limit,
+        open: hardly_determined(place, &covariance),
         parameters,
         against: against
             .map(|other| Left::of(&self::residuals_n(&problem, place, other), other.largest_n())),
@@ -248,6 +265,15 @@ pub fn identify(
         }
     }
     Ok(Identified { findings, scenario, readings, residuals_n })
+}
+
+fn hardly_determined(
+    place: &DVector<f64>,
+    covariance: &nalgebra::DMatrix<f64>,
+) -> Vec<&'static str> {
+    let inside = (0..place.len()).filter(|i| !Problem::at_limit(place, *i));
+    let little = inside.filter(|i| covariance[(*i, *i)].sqrt() > LITTLE_TOLD * Problem::spread(*i));
+    little.map(|i| KEYS[i].0).collect()
 }
 
 fn residuals_n(problem: &Problem, place: &DVector<f64>, readings: &Readings) -> Vec<f64> {
@@ -305,7 +331,7 @@ fn remarks(
             if !GEOMETRY.contains(key) {
                 remarks.push(format!("{key} went to a limit of the search."));
             }
-        } else if covariance[(i, i)].sqrt() > LITTLE_TOLD * Problem::spread(i) {
+        } else if findings.open.contains(key) && !GEOMETRY.contains(key) {
             remarks.push(format!(
                 "The readings hardly determine {key}: it stays near the scenario's value."
             ));
@@ -320,6 +346,7 @@ fn remarks(
             }
         }
     }
+    remarks.extend(copied(readings).map(|copied| format!("{copied}.")));
     if !readings.go_both_ways() {
         remarks.push(
             "Friction is not found: that takes readings come to by contracting (column direction, 1) and by \
@@ -360,6 +387,14 @@ impl Findings {
         if !limited.is_empty() {
             let keys = limited.join(" and ");
             return Some(format!("{keys} went to a limit of the search: {wrong}."));
+        }
+        let open: Vec<&str> = GEOMETRY.into_iter().filter(|key| self.open.contains(key)).collect();
+        if !open.is_empty() {
+            return Some(format!(
+                "The readings hardly determine {}, near the scenario's value: thermyo identify --plan lists readings \
+                 that do.",
+                open.join(" and ")
+            ));
         }
         let percent = 100.0 * self.rmse.share;
         (self.rmse.share > MOST_LEFT).then(|| {

@@ -36,6 +36,8 @@ pub struct Readings {
     pub loaded: Vec<Reading>,
     /// Readings without a force.
     pub slack: Vec<Reading>,
+    /// Lines that repeat an earlier line to the last digit, which is a copy and no reading: each with that line.
+    pub copies: Vec<[u64; 2]>,
 }
 
 impl Readings {
@@ -68,18 +70,12 @@ impl Readings {
     fn beside(table: &Table, fitted: Option<&Self>) -> Result<Self, InputError> {
         let [rest, gauge, length, force] = COLUMNS.map(|name| table.column(name));
         let (rest, gauge, length, force) = (rest?, gauge?, length?, force?);
-        let known = || COLUMNS.iter().chain([&DIRECTION]);
-        let unknown =
-            table.columns().iter().find(|column| !known().any(|name| *name == column.name));
-        if let Some(column) = unknown {
-            let instead = Instead::Known(known().map(|name| (*name).to_owned()).collect());
-            let column = quoted(&column.name);
-            return Err(table.header_error(Problem::UnknownColumn { column, instead }));
-        }
+        refuse_unknown(table)?;
         let directions = table.column(DIRECTION).ok();
         let first_m = rest.iter().flatten().next().copied().unwrap_or_default();
         let rest_length_m = fitted.map_or(first_m, |fitted| fitted.rest_length_m);
-        let mut readings = Vec::new();
+        let mut readings: Vec<Reading> = Vec::new();
+        let mut copies = Vec::new();
         for (row, force_n) in force.iter().enumerate() {
             let Some(force_n) = *force_n else { continue };
             let cell = |cells: &[Option<f64>], name: &str, [low, high]: [f64; 2], unit: &str| {
@@ -101,13 +97,18 @@ impl Readings {
                 Some(direction) if [-1.0, 0.0, 1.0].contains(&direction) => direction,
                 Some(_) => return Err(table.cell_error(row, DIRECTION, "1, -1 or 0")),
             };
-            readings.push(Reading {
+            let reading = Reading {
                 line: table.line(row),
                 gauge_pressure_pa: cell(gauge, COLUMNS[1], [0.0, 1.0e7], " Pa")?,
                 length_m: cell(length, COLUMNS[2], range_m, " m")?,
                 force_n,
                 direction,
-            });
+            };
+            match readings.iter().find(|other| Reading { line: reading.line, ..**other } == reading)
+            {
+                Some(other) => copies.push([reading.line, other.line]),
+                None => readings.push(reading),
+            }
         }
         let largest_n = largest_n(&readings).max(fitted.map_or(0.0, Self::largest_n));
         let possible_n = -BELOW_ZERO * largest_n..=1.0e6;
@@ -122,12 +123,21 @@ impl Readings {
         in_pascals(table, gauge, force)?;
         let (loaded, slack) =
             readings.into_iter().partition(|reading| reading.force_n > LOADED * largest_n);
-        Ok(Self { rest_length_m, loaded, slack })
+        Ok(Self { rest_length_m, loaded, slack, copies })
     }
 
     /// Largest force \[N\].
     pub fn largest_n(&self) -> f64 {
         largest_n(&self.loaded)
+    }
+
+    /// Pairs of pressure and length with a force.
+    pub fn places(&self) -> usize {
+        let at = |reading: &Reading| [reading.gauge_pressure_pa, reading.length_m];
+        let is_first = |(i, reading): &(usize, &Reading)| {
+            self.loaded[..*i].iter().all(|other| at(other) != at(reading))
+        };
+        self.loaded.iter().enumerate().filter(is_first).count()
     }
 
     /// Contraction of a reading \[-\].
@@ -139,6 +149,16 @@ impl Readings {
     pub fn go_both_ways(&self) -> bool {
         [1.0, -1.0].iter().all(|way| self.loaded.iter().any(|reading| reading.direction == *way))
     }
+}
+
+/// Refuses a column that a static map does not have.
+fn refuse_unknown(table: &Table) -> Result<(), InputError> {
+    let known = || COLUMNS.iter().chain([&DIRECTION]);
+    let unknown = table.columns().iter().find(|column| !known().any(|name| *name == column.name));
+    let Some(column) = unknown else { return Ok(()) };
+    let instead = Instead::Known(known().map(|name| (*name).to_owned()).collect());
+    let column = quoted(&column.name);
+    Err(table.header_error(Problem::UnknownColumn { column, instead }))
 }
 
 fn largest_n(readings: &[Reading]) -> f64 {
@@ -165,4 +185,19 @@ fn in_pascals(
     };
     let allowed = format!("in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
     Err(table.cell_error(row, COLUMNS[1], &allowed))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_count_once_and_repeated_places_as_one() {
+        let rows = ["132500,0.25,84.83", "132500,0.25,84.83", "132500,0.25,84.9", "132500,0.24,40"];
+        let text =
+            rows.iter().fold(COLUMNS.join(",") + "\n", |text, row| text + "0.25," + row + "\n");
+        let readings = Readings::of(&Table::parse(&text, "m.csv".as_ref()).unwrap()).unwrap();
+        assert_eq!(readings.copies, [[3, 2]]);
+        assert_eq!((readings.loaded.len(), readings.places()), (3, 2));
+    }
 }

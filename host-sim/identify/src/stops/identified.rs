@@ -1,7 +1,7 @@
 //! `thermyo identify` of a record with stops: heat transfer, and lags and place of the sensor.
 
-use super::relaxation::With;
-use super::{Analysis, FEWEST, Known, Rows, analyse, find, page};
+use super::relaxation::{CHARGED, With};
+use super::{Analysis, FEWEST, Known, Relaxation, Rows, analyse, find, page};
 use crate::findings::Fitted;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -34,6 +34,10 @@ const HOUSING: &str = "sensor.gas.housing_time_constant_s";
 const PLACE: &str = "location_factor";
 /// Keys whose values follow from stops.
 const KEYS: [&str; 6] = [STILL, SCALE, PER_FLOW, DECAY, LAG, HOUSING];
+/// Keys of the heat transfer.
+const HEAT: [&str; 4] = [STILL, SCALE, PER_FLOW, DECAY];
+/// Stops at random phases of which enough follow an inflow: simulated, of eight 3 to 5 do, of seven sometimes 2.
+const USUAL_STOPS: usize = 8;
 /// Found where the scenario names no parameters.
 const USUAL: [&str; 3] = [STILL, LAG, HOUSING];
 
@@ -148,14 +152,24 @@ fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>,
             analysis.stops.len()
         ))
     } else {
-        (!open.is_empty()).then(|| {
-            format!(
-                "the stops leave {} open: take more of them, at more phases, or with a larger swing",
-                open.join(" and ")
-            )
-        })
+        (!open.is_empty()).then(|| left_open(&open, analysis.heat.as_ref()))
     };
     (found, failed)
+}
+
+/// The keys that stay as configured, and what shows them.
+fn left_open(open: &[String], heat: Option<&Relaxation>) -> String {
+    let keys = open.join(" and ");
+    let mixed = heat.filter(|heat| !heat.parted && open.iter().any(|key| HEAT.contains(&&**key)));
+    match mixed {
+        Some(Relaxation { stops, charged, .. }) => format!(
+            "the stops leave {keys} open: {charged} of {stops} follow an inflow, and the heat that its jet takes cannot \
+             be parted from that of still gas. At least {CHARGED} of them have to: take {USUAL_STOPS} stops or more"
+        ),
+        None => format!(
+            "the stops leave {keys} open: take more of them, at more phases, or with a larger swing"
+        ),
+    }
 }
 
 fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitted> {
@@ -164,7 +178,8 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
         Some(Fitted { value, standard_error, unit })
     };
     let logarithmic = |value: f64, sd: f64, unit| with(value, value * sd, unit);
-    let (heat, sensor) = (analysis.heat.as_ref(), analysis.sensor.as_ref());
+    let heat = analysis.heat.as_ref().filter(|heat| heat.parted);
+    let sensor = analysis.sensor.as_ref();
     match name {
         STILL => heat.and_then(|heat| {
             with(heat.still_w_m2_k.value, heat.still_w_m2_k.standard_error, "W/(m2 K)")
@@ -201,7 +216,7 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
         .filter(|(path, fitted)| path.as_str() != PLACE && determined(fitted))
         .map(|(path, fitted)| (path.as_str(), fitted.value));
     adopted.believed = with_numbers(&adopted.believed, values);
-    let heat = analysis.heat.as_ref();
+    let heat = analysis.heat.as_ref().filter(|heat| heat.parted);
     let sensor = analysis.sensor.as_ref();
     let relative = |found: &With| found.relative();
     let uncertainties = [

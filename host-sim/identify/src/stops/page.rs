@@ -25,7 +25,7 @@ pub fn begun(title: &str, lead: &str, loaded: &Loaded, analysis: &Analysis) -> P
     if let Some(sd_k) = rms(|stop| Some(stop.gas_sd_k)) {
         tiles.push(Tile::new("Uncertainty of a measurement", sd_k, "K"));
     }
-    if let Some(heat) = &analysis.heat {
+    if let Some(heat) = analysis.heat.as_ref().filter(|heat| heat.parted) {
         tiles.push(Tile::new("Heat transfer, still gas", heat.still_w_m2_k.value, "W/(m2 K)"));
     }
     tiles.into_iter().fold(page, Page::tile)

@@ -149,6 +149,32 @@ fn temperature_heat_and_sensor_come_out() {
     assert!(heat.stirred_per_flow.is_none(), "{heat:?}");
 }
 
+/// Jets before too few of the stops are not booked as still gas's heat.
+#[test]
+fn a_jet_that_cannot_be_parted_leaves_the_heat_open() {
+    let config = held();
+    let mut rows = record(&SOUND, &config);
+    let analysed_with = |rows: &Rows| {
+        let law = |_: f64, _: f64, _: f64| 90.0;
+        analyse(rows, &Known { config: &config, law: &law, hose_m3: 0.0 })
+    };
+    let still = &analysed_with(&rows).heat.unwrap();
+    assert!(still.parted && still.charged == SWINGS_K.len(), "{still:?}");
+    // Gas flows in before the first two stops only.
+    for (i, row) in rows.rows.iter_mut().enumerate() {
+        row.mass_kg = Some(if i < 4200 { 1e-6 * i as f64 } else { 4.2e-3 });
+    }
+    let heat = analysed_with(&rows).heat.unwrap();
+    assert!(heat.stirred_w_m2_k.is_none() && !heat.parted && heat.charged == 2, "{heat:?}");
+    let off = (heat.still_w_m2_k.value - SOUND.still_w_m2_k).abs();
+    assert!(off < 2.0 * heat.still_w_m2_k.standard_error, "{heat:?}");
+    // Without a jet nothing has to be parted.
+    let rows = record(&Made { stirred_w_m2_k: 0.0, ..SOUND }, &config);
+    let heat = analysed_with(&rows).heat.unwrap();
+    assert!(heat.stirred_w_m2_k.is_none() && heat.parted, "{heat:?}");
+    assert!((heat.still_w_m2_k.value / SOUND.still_w_m2_k - 1.0).abs() < 0.05, "{heat:?}");
+}
+
 #[test]
 fn a_small_leak_is_corrected_and_a_large_one_refused() {
     let config = held();
