@@ -300,7 +300,6 @@ impl fmt::Write for Checksum {
 mod tests {
     use super::super::Outcome;
     use super::*;
-    use crate::Outcome;
 
     fn study() -> Study {
         let ranges =
