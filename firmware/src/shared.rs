@@ -21,10 +21,11 @@ use thermyo_protocol::{self as link, ConfigSource, Name, Refusal, ReplyWith, Sta
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
-/// Capacity of the outbox, and the part of it that telemetry leaves free for replies: while the
-/// flash blocks the thread, only telemetry is posted.
+/// Capacity of the outbox, and the parts of it that are kept for the reply to a host that waits for
+/// it, and for the status.
 const OUTBOX: usize = 8;
 const FOR_REPLIES: usize = 1;
+const FOR_STATUS: usize = 1;
 
 /// Order from the link to control, carried out between two steps. It is small because every turn of
 /// the control task moves it.
@@ -142,8 +143,11 @@ impl Line {
 
     /// Sends without waiting. A message without room is dropped and counted.
     pub fn post(&self, message: Message) {
-        let telemetry = matches!(message, Message::Telemetry(_) | Message::JointTelemetry(_));
-        let reserved = if telemetry { FOR_REPLIES } else { 0 };
+        let reserved = match message {
+            Message::Reply(_) => 0,
+            Message::Status(_) => FOR_REPLIES,
+            Message::Telemetry(_) | Message::JointTelemetry(_) => FOR_REPLIES + FOR_STATUS,
+        };
         if self.outbox.free_capacity() <= reserved || self.outbox.try_send(message).is_err() {
             // Two contexts may lose an increment to each other; the count is for diagnosis only.
             self.dropped.store(self.dropped.load(Ordering::Relaxed) + 1, Ordering::Relaxed);

@@ -266,4 +266,13 @@ fn a_host_that_waits_for_each_answer_loses_no_request() {
     }
     let timing = rig.board.timing().unwrap();
     assert_eq!((timing.dropped_requests, timing.missed_steps), (0, 0), "{timing:?}");
+
+    // Telemetry of every step fills the UART, and a status comes twice a second.
+    rig.board.use_port(Port::Uart);
+    rig.board.ask(HostCommand::TelemetryDivider(1)).unwrap();
+    for turn in 0..200 {
+        let answer = rig.board.ask(HostCommand::Timing);
+        assert!(answer.is_ok(), "turn {turn}: {answer:?}");
+        rig.exchange_with(silent);
+    }
 }
