@@ -314,8 +314,8 @@ fn a_monitors_record_of_a_board_that_restarted_is_taken() {
 
 /// A cooling vessel: pressure only, no valve.
 const COOLING: &str = "[plant]\nkind = \"vessel\"\ninitial_temperature_k = 350.0\n\
-    initial_pressure_pa = 500000.0\n[drive]\nkind = \"closed\"\n[heat]\nmodel = \"constant\"\n\
-    inner_per_flow = 0.0\n";
+    initial_pressure_pa = 500000.0\n[sensor.gas]\nrange_max_k = 360.0\n[drive]\nkind = \"closed\"\n\
+    [heat]\nmodel = \"constant\"\ninner_per_flow = 0.0\n";
 
 fn cooling_trace() -> String {
     let trace = run_text(&format!("{COOLING}[run]\nduration_s = 60.0\nlog_every = 100\n"), &[]);
@@ -414,7 +414,7 @@ fn bad_input_is_one_clear_message() {
         (
             "time_s,pressure_pa,length_m,sensor_gas_k\n0,2e5,0.3,298\n1,0,0.3,299\n2,2e5,0.3,298\n",
             configured("full").replace("\"heat.inner_per_flow\", \"wall.heat_capacity_j_k\", ", ""),
-            "data.csv:3: column pressure_pa = 0.0: must be a number from 1000 to 1e8 Pa",
+            "data.csv:3: column pressure_pa = 0.0: must be absolute, and no less than 81060 Pa",
         ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n0,2e5,0.3,298,0,0\n0.1,2e5,0.3,298,0,0\n\n\
