@@ -72,6 +72,20 @@ pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'st
     }
 }
 
+/// Writes a value, an empty one to forget it; digital sensors count as paused meanwhile.
+async fn put<F: NorFlash>(
+    store: &mut Option<Store<F>>,
+    key: Key,
+    value: &[u8],
+    shared: &Shared,
+) -> Result<(), Refusal> {
+    let store = store.as_mut().ok_or(Refusal::NoStore)?;
+    shared.storing.store(true, Ordering::Relaxed);
+    let outcome = store.save(key, value).await;
+    shared.storing.store(false, Ordering::Relaxed);
+    outcome.map_err(|Unwritable| Refusal::Flash)
+}
+
 struct Keeper<F> {
     store: Option<Store<F>>,
     buffer: [u8; MAX_VALUE],
@@ -116,11 +130,7 @@ impl<F: NorFlash> Keeper<F> {
     async fn forget(&mut self) -> Result<(), Refusal> {
         let _written = self.shared.flash.lock().await;
         self.may_write()?;
-        let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
-        self.shared.storing.store(true, Ordering::Relaxed);
-        let outcome = store.forget(Key::Config).await;
-        self.shared.storing.store(false, Ordering::Relaxed);
-        outcome.map_err(|Unwritable| Refusal::Flash)?;
+        put(&mut self.store, Key::Config, &[], self.shared).await?;
         self.shared.change_status(|status| {
             if status.config_source == ConfigSource::Flash {
                 status.config_source = ConfigSource::Host;
@@ -142,12 +152,8 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     async fn write<T: Serialize>(&mut self, key: Key, value: &T) -> Result<(), Refusal> {
-        let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
         let value = postcard::to_slice(value, &mut self.buffer).map_err(|_| Refusal::Flash)?;
-        self.shared.storing.store(true, Ordering::Relaxed);
-        let outcome = store.save(key, value).await;
-        self.shared.storing.store(false, Ordering::Relaxed);
-        outcome.map_err(|Unwritable| Refusal::Flash)
+        put(&mut self.store, key, value, self.shared).await
     }
 
     /// Returns whether there is nothing left to write: written, or the flash cannot be written.

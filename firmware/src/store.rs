@@ -128,7 +128,7 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Saves a value in place of the one before.
+    /// Saves a value in place of the one before; an empty one counts as absent.
     /// If it fails, the one before may be lost.
     pub async fn save(&mut self, key: Key, value: &[u8]) -> Result<(), Unwritable> {
         let newest = self.newest(key);
@@ -150,10 +150,6 @@ impl<F: NorFlash> Store<F> {
         }
         self.write(1 - newest, key, headed).await?;
         self.write(newest, key, headed).await
-    }
-
-    pub async fn forget(&mut self, key: Key) -> Result<(), Unwritable> {
-        self.save(key, &[]).await
     }
 
     fn number(&self, copy: usize, key: Key) -> u32 {

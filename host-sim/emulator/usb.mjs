@@ -87,12 +87,14 @@ export class UsbHost {
       this.cableChanged();
     }
     this.open = open;
-    this.deaf = deaf;
     if (!open) {
       this.queue = [];
     }
     this.sendLineState();
-    this.kick();
+    if (deaf !== this.deaf) {
+      this.deaf = deaf;
+      this.kick();
+    }
   }
 
   /** Bytes from the program: lost while the port is closed. */

@@ -24,7 +24,7 @@ const BUSY: Range<f64> = 0.18..0.215;
 /// The same of the image of a joint: 178.6 and 50.5 KiB, of which an encoder takes 1.3 and 0.2.
 const JOINT_FLASH: RangeInclusive<u64> = 169 * 1024..=179 * 1024;
 const JOINT_RAM: RangeInclusive<u64> = 47 * 1024..=51 * 1024;
-/// Memory that the joint's image leaves at least for the stack: 36.9 KiB, of which `emulated_joint_image` uses
+/// Memory that the joint's image leaves at least for the stack: 36.8 KiB, of which `emulated_joint_image` uses
 /// 27.2.
 const JOINT_STACK: u64 = 36 * 1024;
 /// RAM of the linker script.
