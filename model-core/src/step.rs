@@ -230,6 +230,12 @@ impl Core {
         self.armed_pa
     }
 
+    /// The pressure that it is armed for, if a value \[Pa\] is above it: what the configuration allows is allowed in full.
+    pub(crate) fn armed_below(&self, value: f32) -> Option<f32> {
+        let working_pa = self.config.working_limit_pa();
+        self.armed_pa.filter(|armed_pa| value > *armed_pa && *armed_pa < working_pa)
+    }
+
     fn set_armed(&mut self, armed_pa: Option<f32>) {
         let config = &self.config;
         let working_pa = config.working_limit_pa();
@@ -270,16 +276,14 @@ impl Core {
         if target != Target::VENT && venting != Faults::NONE {
             return Err(SetPointError::Faults(venting));
         }
-        match (set_point, self.armed_pa) {
-            (SetPoint::Vent, _) => (),
-            (_, None) => return Err(SetPointError::NotArmed),
-            (SetPoint::Pressure { pressure_pa: value }, Some(maximum))
-                if value > maximum && maximum < self.config.working_limit_pa() =>
-            {
-                let field = SetPointField::Pressure;
-                return Err(SetPointError::Range { field, value, minimum: 0.0, maximum });
-            }
-            _ => (),
+        if set_point != SetPoint::Vent && self.armed_pa.is_none() {
+            return Err(SetPointError::NotArmed);
+        }
+        if let SetPoint::Pressure { pressure_pa: value } = set_point
+            && let Some(maximum) = self.armed_below(value)
+        {
+            let field = SetPointField::Pressure;
+            return Err(SetPointError::Range { field, value, minimum: 0.0, maximum });
         }
         self.controller.set(target);
         Ok(())

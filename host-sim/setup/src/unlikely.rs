@@ -2,7 +2,7 @@
 
 use super::loaded::Loaded;
 use super::rules::highest_pa;
-use super::unrest::{Unrest, WRONG_FLOW, open_kg_s};
+use super::unrest::{Unrest, WRONG_FLOW, fills, open_kg_s};
 use crate::core_config::core_config;
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::load_n;
@@ -36,12 +36,11 @@ fn cold_sensor(s: &Scenario) -> Option<Unrest> {
     let start_k = s.plant.initial_temperature_k;
     let (low_k, high_k) = (s.sensor.gas.range_min_k, s.sensor.gas.range_max_k);
     let is_resistor = s.sensor.gas.kind == GasElementKind::Pt1000;
-    let (key, end_k) = match start_k {
+    let (key, end_k, side) = match start_k {
         _ if !is_resistor || (low_k..=high_k).contains(&start_k) => return None,
-        _ if start_k < low_k => ("sensor.gas.range_min_k", low_k),
-        _ => ("sensor.gas.range_max_k", high_k),
+        _ if start_k < low_k => ("sensor.gas.range_min_k", low_k, "above"),
+        _ => ("sensor.gas.range_max_k", high_k, "below"),
     };
-    let side = if start_k < low_k { "above" } else { "below" };
     let why = format!(
         "{side} plant.initial_temperature_k = {start_k:?}: the reading rests at the end of the range, and the core may vent \
          with a fault of that sensor"
@@ -54,8 +53,7 @@ fn cold_sensor(s: &Scenario) -> Option<Unrest> {
 /// A choked valve behind a regulator with droop d passes m = m_v (1 - d m/P_s), so that m/m_v = 1/(1 + d m_v/P_s).
 fn starved_by_regulator(loaded: &Loaded) -> Option<Unrest> {
     let s = &loaded.plant;
-    let fills = !matches!(s.drive.kind, DriveKind::Discharge | DriveKind::Closed);
-    let fills = fills && s.moves_in_full();
+    let fills = fills(s) && s.moves_in_full();
     let believed_kg_s = open_kg_s(&loaded.believed, &core_config(&loaded.believed));
     let own_kg_s = open_kg_s(s, &core_config(s));
     let droop = s.supply.droop_pa_s_kg;
@@ -128,8 +126,7 @@ fn late_profile(loaded: &Loaded) -> Option<Unrest> {
 fn other_supply(s: &Scenario) -> Option<Unrest> {
     let (supply_k, ambient_k) = (s.supply.temperature_k, s.ambient.temperature_k);
     let off_k = (supply_k - ambient_k).abs();
-    let fills = !matches!(s.drive.kind, DriveKind::Discharge | DriveKind::Closed);
-    (fills && s.moves_in_full() && off_k >= SUPPLY_OFF_K).then(|| {
+    (fills(s) && s.moves_in_full() && off_k >= SUPPLY_OFF_K).then(|| {
         let why = format!(
             "{off_k:.0} K off ambient.temperature_k = {ambient_k:?}: the estimate is then off by a fifth of that in \
              strokes, {:.1} K, which its stated deviation leaves out",

@@ -130,6 +130,11 @@ fn with_tube_m3(s: &Scenario, volume_m3: f64) -> f64 {
     if s.moves_in_full() { volume_m3 + s.tube.volume_m3 } else { volume_m3 }
 }
 
+/// Whether the drive should let gas in.
+pub(super) fn fills(scenario: &Scenario) -> bool {
+    !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed)
+}
+
 /// The core's valve, open to the supply \[kg/s\].
 pub(super) fn open_kg_s(s: &Scenario, config: &Config) -> f64 {
     let conductance = f64::from(config.valve.conductance_m3_s_pa);

@@ -4,7 +4,7 @@ use super::loaded::Loaded;
 use super::presets::presets_of;
 use super::tree::{same, value};
 use super::unlikely::unlikely;
-use super::unrest::unrest;
+use super::unrest::{fills, unrest};
 use crate::core_config::pressure_limit_pa;
 use std::collections::BTreeMap;
 use thermyo_files::input::{InputError, Problem};
@@ -271,11 +271,6 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     }));
     all.sort_by_key(|warning| warning.line);
     all
-}
-
-/// Whether the drive should let gas in.
-fn fills(scenario: &Scenario) -> bool {
-    !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed)
 }
 
 /// Why no gas enters at the start although the supply would suffice.

@@ -298,8 +298,8 @@ impl fmt::Write for Checksum {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Outcome;
     use super::*;
+    use crate::Outcome;
 
     fn study() -> Study {
         let ranges =

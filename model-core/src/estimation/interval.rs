@@ -433,13 +433,12 @@ impl Estimator {
         let per_j = self.per_enthalpy();
         let share = |enthalpy_j: f32| enthalpy_j * per_j;
         // Gas that leaked out was let in by valves; gas that leaked in was not.
-        let [lost_j, gained_j] =
-            [window.heat_j, window.leaked_j].iter().fold([0.0; 2], |[least_j, most_j], one_j| {
-                [least_j + limit(*one_j, f32::MIN, 0.0), most_j + limit(*one_j, 0.0, f32::MAX)]
-            });
+        let [least_j, most_j] = [(f32::MIN, 0.0), (0.0, f32::MAX)].map(|(least, most)| {
+            adiabatic_j + limit(window.heat_j, least, most) + limit(window.leaked_j, least, most)
+        });
         self.balance = Some(Balance {
-            least_gained: share(adiabatic_j + lost_j),
-            most_gained: share(adiabatic_j + gained_j),
+            least_gained: share(least_j),
+            most_gained: share(most_j),
             pressure_pa: self.pressure_pa,
             mass_kg: self.mass_kg.value(),
             held_n: self.held.force_n(),

@@ -400,13 +400,12 @@ impl Joint {
         if faults != [Faults::NONE; 2] || self.latched != JointFaults::NONE {
             return Err(JointError::Faults(faults, self.latched));
         }
-        let Some(maximum) = self.armed_pa() else {
+        if !self.is_armed() {
             return Err(JointError::NotArmed);
-        };
+        }
         if let JointSetPoint::Pressures { pressure_pa } = set_point {
             for (value, muscle) in pressure_pa.into_iter().zip(&self.muscles) {
-                // As for one muscle: what the configuration allows is allowed in full.
-                if value > maximum && maximum < muscle.config().working_limit_pa() {
+                if let Some(maximum) = muscle.armed_below(value) {
                     let field = JointField::Pressure;
                     return Err(JointError::Range { field, value, minimum: 0.0, maximum });
                 }
