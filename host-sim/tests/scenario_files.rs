@@ -651,12 +651,6 @@ fn implausible_values_are_reported() {
             "scenario.toml:3: plant.model = \"full\": a vessel has one zone in every model",
         ),
         (
-            "[tube]\nlength_m = 0.75\ndiameter_m = 0.004",
-            "scenario.toml:2: tube.length_m = 0.75: its gas swings at 115 Hz, and valve.pwm_hz = 100.0 drives \
-             it: gas goes to and fro through the port and takes heat along, which the estimate does not \
-             know; from 185 Hz on it does not",
-        ),
-        (
             "[valve]\npwm_hz = 5\n[drive]\nkind = \"pressure\"",
             "scenario.toml:2: valve.pwm_hz = 5.0: the loops act once in 200 ms: steps overshoot by a tenth and more, \
              and settle late; from 30 Hz on by less",

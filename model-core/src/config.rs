@@ -135,6 +135,7 @@ parameters! {
         bore_m: 0.0, "m", 0.0 to 10.0, "diameter of still gas with a radial profile; 0: even gas";
         foil_radius: 0.0, "", 0.0 to 1.0, "distance of the foil from the axis, share of the radius";
         outer_wall_j_k: 1.0, "J/K", 0.01 to 1.0e9, "heat capacity of the layer behind the wall that touches the gas";
+        reversal_sd: 1.0e6, "", 0.0 to 1.0e6, "deviations of a pressure from which on a step's flow is against the valve that is open, as behind a hose";
         layers_w_k: 0.0, "W/K", 0.0 to 1.0e6, "conductance from the one to the other; 0: there is no other";
     }
 }

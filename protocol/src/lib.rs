@@ -116,7 +116,7 @@ use serde::de::{DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 20;
+pub const PROTOCOL: u16 = 21;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -941,7 +941,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "030107021402010101051c2e4cdb00"),
+            (answer(Answer::Version(version)), "03010702150201010105b9fd101000"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -971,9 +971,9 @@ mod tests {
         let joint = Request { sequence: 7, command: joint };
         let of_joint = Message::JointTelemetry(longest_of_joint());
         for (frame, expected) in [
-            (encode(&config), (450, 3_986_227_589)),
+            (encode(&config), (454, 4_190_454_537)),
             (encode(&telemetry), (77, 1_017_350_385)),
-            (encode(&muscle), (451, 4_288_756_649)),
+            (encode(&muscle), (455, 3_741_056_634)),
             (encode(&joint), (125, 593_680_676)),
             (encode(&of_joint), (191, 1_436_421_169)),
         ] {

@@ -11,7 +11,7 @@ use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
 /// Flash of the image \[bytes\]; 155.4 KiB are reached, 140 aimed at.
-const FLASH: RangeInclusive<u64> = 148 * 1024..=156 * 1024;
+const FLASH: RangeInclusive<u64> = 149 * 1024..=157 * 1024;
 /// Static memory of the image, its code and constants left out \[bytes\]; 27.8 KiB are reached, up to one more
 /// where a table is aligned.
 const RAM: RangeInclusive<u64> = 27 * 1024..=30 * 1024;

@@ -82,6 +82,28 @@ fn a_sensor_off_the_middle_costs_little() {
     }
 }
 
+/// Pulses drive gas through the port and back, 0.57 g/s in and 0.22 g/s out behind 0.25 m.
+#[test]
+fn gas_that_goes_to_and_fro_in_a_hose_costs_little() {
+    for (length_m, diameter_m) in [(0.25, 0.004), (1.0, 0.004), (0.86, 0.006)] {
+        let hose = format!("[tube]\nlength_m = {length_m:?}\ndiameter_m = {diameter_m:?}\n");
+        let worth = worth(&cycle("full", &hose), 15.0, 40.0);
+        assert_within(&hose, worth.error_k, (0.1, 0.6));
+        assert!(worth.within > 0.95, "{hose}: {} within two deviations", worth.within);
+    }
+}
+
+/// A tube brings what flows through it near ambient temperature.
+#[test]
+fn a_cold_or_warm_supply_costs_little() {
+    for supply_k in [273.0, 313.0] {
+        let supply = format!("[supply]\ntemperature_k = {supply_k:?}\n");
+        let worth = worth(&cycle("full", &supply), 15.0, 40.0);
+        assert_within(&supply, worth.error_k, (0.1, 0.5));
+        assert!(worth.within > 0.95, "{supply}: {} within two deviations", worth.within);
+    }
+}
+
 #[test]
 fn a_constant_coefficient_of_the_heat_transfer_is_one_in_the_core() {
     let run = cycle("lumped", "[heat]\nmodel = \"constant\"\n");

@@ -10,7 +10,6 @@ use super::chamber::Chamber;
 use super::closure::Closure;
 use super::end::{End, EndMotion, Ends, Falling};
 use super::flow::{Iso6358, Streams};
-use super::gas::IdealGas;
 use super::heat::{Film, HEAT_TOO_LARGE, InnerHeat, REFRESH_S, Section, Stirred};
 use super::hysteresis::Hysteresis;
 use super::line::{Bore, Line};
@@ -168,13 +167,6 @@ fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) ->
     held / stiffness
 }
 
-/// Of the tube: the line's, or one that passes as much as tube and port.
-fn tube_bore(scenario: &Scenario, tube: &Iso6358, gas: &IdealGas) -> Bore {
-    let passes_m = tube.equivalent_diameter(gas);
-    let diameter_m = scenario.tube.line().map_or(passes_m, |[_, diameter_m]| diameter_m);
-    Bore::new(diameter_m, scenario.ambient.temperature_k)
-}
-
 /// Hottest that gas gets upstream \[K\].
 fn hottest_k(scenario: &Scenario) -> f64 {
     let plant = &scenario.plant;
@@ -218,7 +210,7 @@ impl<C: Chamber> Constants<C> {
             friction_to_wall: scenario.friction.heat_fraction,
             piping: Piping::new(scenario, &gas),
             tube_m3,
-            tube_bore: tube_bore(scenario, &tube, &gas),
+            tube_bore: Bore::of_tube(scenario, &gas),
             tube,
             tube_pa_j: (gas.k - 1.0) / tube_m3,
             line,

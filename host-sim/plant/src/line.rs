@@ -21,8 +21,10 @@
 //! Pressures and flows are staggered, which makes the scheme of second order: N faces a cell's length apart, half a
 //! cell at either end. The half at the valves is one with the gas of the tube beside it.
 
+use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
 use std::f64::consts::PI;
+use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
 /// A cell is a tenth of the line, within these limits \[m\]: sound takes 0.3 or 0.6 ms through it,
@@ -55,6 +57,22 @@ impl Bore {
             viscosity_pa_s: air_viscosity(wall_k),
             conductivity_w_m_k: air_conductivity(wall_k),
         }
+    }
+
+    /// Of the tube: the line's, or one that passes as much as tube and port.
+    pub fn of_tube(scenario: &Scenario, gas: &IdealGas) -> Self {
+        let port = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, gas);
+        let passes_m = port.equivalent_diameter(gas);
+        let diameter_m = scenario.tube.line().map_or(passes_m, |[_, diameter_m]| diameter_m);
+        Self::new(diameter_m, scenario.ambient.temperature_k)
+    }
+
+    /// Share of a supply's difference from the wall that a steady flow \[kg/s\] keeps behind that much tube, whose gas is
+    /// mixed \[m3\], and that length of line \[m\]: 1/(1 + G/(m cp)) exp(-G/(m cp)), each with its own conductance G.
+    pub fn kept(&self, gas: &IdealGas, tube_m3: f64, line_m: f64, flow_kg_s: f64) -> f64 {
+        let nusselt = self.friction(flow_kg_s).1;
+        let transfers = |m3: f64| self.conductance(m3, nusselt) / (flow_kg_s * gas.cp);
+        math::exp(-transfers(self.volume_m3(line_m))) / (1.0 + transfers(tube_m3))
     }
 
     /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\].
@@ -313,6 +331,30 @@ mod tests {
                 let steady = line.bore.steady_kg_s(&line.gas, length_m, [tube_pa, 2.0e5]);
                 assert!((steady / flow - 1.0).abs() < 1e-6, "{steady} kg/s");
             }
+        }
+    }
+
+    /// Cells of a decimetre mix what a plug of gas does not.
+    #[test]
+    fn a_cold_supply_keeps_the_stated_share_of_its_difference() {
+        const COLD_K: f64 = 273.0;
+        for (length_m, flow) in [(0.5, 1.0e-4), (0.3, 3.6e-4), (0.3, 1.5e-3)] {
+            let line = line(length_m, 0.004);
+            let mut state = at_rest(&line, 3.0e5);
+            let step = 1.0 / line.fastest_rate(0.0, 1.0e5, AIR_K);
+            let mut integrator = Rk4::new(state.len());
+            for _ in 0..(3.0 / step) as usize {
+                integrator.step(&mut state, step, |_, y, rates| {
+                    line.rates(y, (3.0e5, COLD_K), (flow, flow * line.end(y).1), rates);
+                });
+            }
+            let left = (line.end(&state).1 - AIR_K) / (COLD_K - AIR_K);
+            let stated = line.bore.kept(&line.gas, 0.0, length_m, flow);
+            println!("{length_m} m, {flow} kg/s: {left:.3} of the difference, stated {stated:.3}");
+            assert!(
+                (left - stated).abs() < 0.15 && (0.05..0.9).contains(&stated),
+                "{left} {stated}"
+            );
         }
     }
 

@@ -196,6 +196,7 @@ fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f3
         ("zones.bore_m", config.zones.bore_m),
         ("zones.foil_radius", config.zones.foil_radius),
         ("zones.outer_wall_j_k", config.zones.outer_wall_j_k),
+        ("zones.reversal_sd", config.zones.reversal_sd),
         ("zones.layers_w_k", config.zones.layers_w_k),
         ("friction.force_n", config.friction.force_n),
         ("friction.reference_temperature_k", config.friction.reference_temperature_k),

@@ -19,9 +19,6 @@ pub type Unrest = (&'static str, String, String);
 /// The loop wakes at this many dead zones of contraction from its goal:
 /// `model-core/src/control/contraction.rs`.
 const WAKES_AT_ZONES: f64 = 1.5;
-/// PWM frequencies, in quarter-wave frequencies of the line, that drive it: measured on `full`
-/// (`docs/background/model.md`, "Limits").
-const DRIVES_A_LINE: [f64; 2] = [0.25, 1.6];
 /// Below this frequency of the valves' pulses steps overshoot and settle late: measured on `full`
 /// (`docs/background/control.md`) \[Hz\].
 const SLOW_PWM_HZ: f64 = 30.0;
@@ -39,7 +36,6 @@ pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     let (plant, believed) = (&loaded.plant, &loaded.believed);
     let is_controlled = matches!(plant.drive.kind, DriveKind::Pressure | DriveKind::Contraction);
     let mut found = valves_and_line(loaded, is_controlled);
-    found.extend(resonance(plant));
     let Some(moving) = chamber::of(believed).filter(|_| is_controlled) else { return found };
     let config = core_config(believed);
     let rest = Rest::at_the_goal(believed, &config, moving.as_ref());
@@ -218,29 +214,6 @@ fn late(s: &Scenario) -> Option<Unrest> {
              valve.pwm_hz less the valve's stroke: steps overshoot, and a pressure may swing on",
             1e3 * late_s,
             1e3 * compensated_s
-        );
-        ("tube.length_m", format!("{length_m:?}"), why)
-    })
-}
-
-/// Speed of sound in the line \[m/s\].
-fn sound_m_s(s: &Scenario) -> f64 {
-    let gas = IdealGas::new(&s.gas);
-    (gas.k * gas.r * s.ambient.temperature_k).sqrt()
-}
-
-/// The line swings with the valve's pulses.
-///
-/// Shut at the valve and open at the muscle, its gas swings at c/(4 L). Pulses below that frequency have a harmonic near it.
-fn resonance(s: &Scenario) -> Option<Unrest> {
-    let [length_m, _] = s.tube.line().filter(|_| s.moves_in_full())?;
-    let quarter_hz = sound_m_s(s) / (4.0 * length_m);
-    let pwm_hz = s.valve.pwm_hz;
-    let [from, to] = DRIVES_A_LINE.map(|share| share * quarter_hz);
-    (from..to).contains(&pwm_hz).then(|| {
-        let why = format!(
-            "its gas swings at {quarter_hz:.0} Hz, and valve.pwm_hz = {pwm_hz:?} drives it: gas goes to and fro \
-             through the port and takes heat along, which the estimate does not know; from {to:.0} Hz on it does not"
         );
         ("tube.length_m", format!("{length_m:?}"), why)
     })

@@ -94,6 +94,8 @@ pub struct Coefficients {
     pub keep: Errors<f32>,
     /// Movement of the element at which a reading that stands still is a frozen one \[K\].
     pub frozen_k: f32,
+    /// Pressure by which gas flows against the valve that is open \[Pa\].
+    pub reversal_pa: f32,
     /// Largest error of a pressure that is still its noise \[Pa\].
     pub noise_pa: f32,
     /// The same of a length \[m\].
@@ -111,7 +113,7 @@ impl Coefficients {
         let counts = StepCounts::new(config.step_s);
         let interval_s = f32::from(counts.update_steps) * config.step_s;
         let move_s = f32::from(counts.move_steps) * config.step_s;
-        let (noise_pa, pressure_sd_pa) = noises(config);
+        let sd_pa = pressure_sd_pa(config);
         let length_m = AnyChamber::new(&config.chamber).rest_length_m();
         let (jet, recirculation) = jets(zones, length_m);
         let profile = Coefficient::new(zones.bore_m, zones.foil_radius, &config.gas);
@@ -160,9 +162,12 @@ impl Coefficients {
             forget: interval_s / config.estimator.memory_s,
             keep: kept(&config.estimator, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),
-            noise_pa,
+            reversal_pa: zones.reversal_sd * sd_pa,
+            // Well below any pressure, so that an energy within the noise is none below 0.
+            noise_pa: limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA),
             length_noise_m: sensors.length.resolution_m(),
-            pressure_sd_pa,
+            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
+            pressure_sd_pa: (k - 1.0) / k * sd_pa,
         }
     }
 
@@ -235,16 +240,10 @@ fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
     }
 }
 
-/// Largest error of a pressure that is still its noise, and what it leaves of the temperature, times
-/// pressure over temperature, as a deviation \[Pa\].
-fn noises(config: &Config) -> (f32, f32) {
+/// Deviation of one pressure \[Pa\].
+fn pressure_sd_pa(config: &Config) -> f32 {
     let sensors = &config.sensors;
-    let k = config.gas.heat_capacity_ratio;
-    let sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
-    // Well below any pressure, so that an energy within the noise is none below 0.
-    let noise_pa = limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA);
-    // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
-    (noise_pa, (k - 1.0) / k * sd_pa)
+    sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure))
 }
 
 fn fourth(value: f32) -> f32 {

@@ -58,6 +58,7 @@ table! {
         core bore_m;
         core foil_radius;
         core outer_wall_j_k;
+        core reversal_sd;
         core layers_w_k;
     }
 }
