@@ -495,6 +495,60 @@ fn check_and_replay_take_json_and_quiet() {
     }
 }
 
+/// The text of a table with another cell in its 52nd line.
+fn with_cell(table: &str, column: &str, cell: &str) -> String {
+    let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
+    let place = lines[0].split(',').position(|name| name == column).unwrap();
+    let mut cells: Vec<&str> = lines[51].split(',').collect();
+    cells[place] = cell;
+    lines[51] = cells.join(",");
+    lines.join("\n") + "\n"
+}
+
+#[test]
+fn a_replayed_record_has_codes_and_flags_that_can_be() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = "[run]\nduration_s = 0.1\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
+    for (joint, name, wrong) in [
+        (
+            "",
+            "trace.csv",
+            &[
+                ("code_gas", "70000", "from 0 to 32760"),
+                ("code_pressure", "100.5", "from 0 to 32760"),
+                ("heard", "2", "from 0 to 1"),
+                ("faults", "-1", "from 0 to 4294967295"),
+            ][..],
+        ),
+        (
+            "[joint]\n",
+            "joint_trace.csv",
+            &[
+                ("b_code_gas", "40000", "from 0 to 32760"),
+                ("code_angle", "-3", "from 0 to 32760"),
+                ("set_point_kind", "9", "from 0 to 5"),
+            ][..],
+        ),
+    ] {
+        let file = scenario(folder.path(), &format!("{run}{joint}"));
+        let out = folder.path().join(name);
+        let place = out.display().to_string();
+        assert!(thermyo(&["run", &file, "--quiet", "--out", &place]).status.success());
+        let trace = out.join(name);
+        let text = fs::read_to_string(&trace).unwrap();
+        let again = folder.path().join("again");
+        for (column, cell, allowed) in wrong {
+            fs::write(&trace, with_cell(&text, column, cell)).unwrap();
+            let output = thermyo(&["replay", &place, "--out", &again.display().to_string()]);
+            let said = stderr_of(&output);
+            assert_eq!(output.status.code(), Some(2), "{column} = {cell}: {said}");
+            let named = format!("{name}:52: column {column} = ");
+            assert!(said.contains(&named) && said.contains(allowed), "{said}");
+            assert!(!again.exists());
+        }
+    }
+}
+
 /// The values are in the written scenario; bad input and lost data leave nothing.
 #[test]
 fn a_joint_is_tuned() {

@@ -320,6 +320,19 @@ impl Table {
             .collect()
     }
 
+    /// Whole numbers of a required column without empty cells, 0 to `most`.
+    ///
+    /// # Errors
+    /// As [`Self::filled`], and for a cell with any other number.
+    pub fn whole(&self, name: &str, most: u32) -> Result<Vec<u32>, InputError> {
+        let allowed = || format!("a whole number from 0 to {most}");
+        let whole = |(row, number): (usize, f64)| {
+            let is_whole = number.fract() == 0.0 && (0.0..=f64::from(most)).contains(&number);
+            is_whole.then_some(number as u32).ok_or_else(|| self.cell_error(row, name, &allowed()))
+        };
+        self.filled(name)?.into_iter().enumerate().map(whole).collect()
+    }
+
     pub fn header_error(&self, problem: Problem) -> InputError {
         InputError::file(&self.file, problem)
     }

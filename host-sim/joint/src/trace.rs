@@ -152,6 +152,9 @@ fn kind_and_values(set_point: JointSetPoint) -> (u8, [f32; 4]) {
     }
 }
 
+/// The last number of [`kind_and_values`].
+pub const LAST_KIND: u8 = 5;
+
 /// The set point of a number and its values.
 pub fn set_point(kind: u8, values: [f32; 4]) -> JointSetPoint {
     let [first, second, third, fourth] = values;

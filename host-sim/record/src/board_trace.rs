@@ -38,6 +38,9 @@ pub fn kind_and_values(set_point: SetPoint) -> (u8, f32, f32) {
     }
 }
 
+/// The last kind of [`kind_and_values`].
+pub const LAST_KIND: u8 = 5;
+
 /// The set point of a kind and its values.
 pub fn set_point(kind: u8, value: f32, second: f32) -> SetPoint {
     match kind {

@@ -1,6 +1,6 @@
 //! Replay of a joint's record, with the core in this process.
 
-use super::{Drawn, Mismatch, Part, Replay, part_of};
+use super::{Drawn, Mismatch, Part, Replay, most_code, part_of};
 use model_core::Faults;
 use model_core::joint::{
     Joint, JointConfig, JointMode, JointSample, JointSetPoint, JointTelemetry,
@@ -9,7 +9,7 @@ use model_core::safety::supervisor::VENTING;
 use model_core::{AdcCode, RawCode};
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
-use thermyo_joint::trace::{COLUMNS, is_output, set_point};
+use thermyo_joint::trace::{COLUMNS, LAST_KIND, is_output, set_point};
 use thermyo_joint::{JointLoaded, Row as TraceRow};
 use thermyo_protocol::joint_checksum;
 use thermyo_simulation::board::BoardError;
@@ -86,36 +86,43 @@ pub fn read_record(loaded: &JointLoaded, table: &Table) -> Result<Record, InputE
 /// The input columns of a record.
 struct Columns {
     /// Codes of pressure and gas of each muscle, and whether they are of digital sensors.
-    codes: [[Vec<f64>; 2]; 2],
+    codes: [[Vec<u32>; 2]; 2],
     digital: [[bool; 2]; 2],
-    angle: Vec<f64>,
+    angle: Vec<u32>,
     /// Emergency stop, heard, flooded.
-    flags: [Vec<f64>; 3],
-    missed_steps: Vec<f64>,
-    kind: Vec<f64>,
+    flags: [Vec<u32>; 3],
+    missed_steps: Vec<u32>,
+    kind: Vec<u32>,
     values: [Vec<f64>; 4],
     armed_pa: Option<Vec<Option<f64>>>,
     /// Of muscle a, of muscle b, of the joint.
-    faults: [Vec<f64>; 3],
+    faults: [Vec<u32>; 3],
 }
 
 impl Columns {
     fn new(table: &Table, config: &JointConfig) -> Result<Self, InputError> {
         let column = |name: &str| table.filled(name);
+        let flag = |name: &str| table.whole(name, 1);
+        let faults = |name: &str| table.whole(name, u32::MAX);
+        let digital = config.muscles.map(|muscle| {
+            let sensors = muscle.sensors;
+            [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()]
+        });
+        let code = |name: &str, digital: bool| table.whole(name, most_code(digital));
+        let [a, b] = digital;
+        // A magnetic encoder's angle is on the converter's scale.
+        let angle = code("code_angle", false)?;
         let has_armed = table.columns().iter().any(|column| column.name == "armed_pa");
         Ok(Self {
             codes: [
-                [column("a_code_pressure")?, column("a_code_gas")?],
-                [column("b_code_pressure")?, column("b_code_gas")?],
+                [code("a_code_pressure", a[0])?, code("a_code_gas", a[1])?],
+                [code("b_code_pressure", b[0])?, code("b_code_gas", b[1])?],
             ],
-            digital: config.muscles.map(|muscle| {
-                let sensors = muscle.sensors;
-                [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()]
-            }),
-            angle: column("code_angle")?,
-            flags: [column("emergency_stop")?, column("heard")?, column("flooded")?],
-            missed_steps: column("missed_steps")?,
-            kind: column("set_point_kind")?,
+            digital,
+            angle,
+            flags: [flag("emergency_stop")?, flag("heard")?, flag("flooded")?],
+            missed_steps: table.whole("missed_steps", u8::MAX.into())?,
+            kind: table.whole("set_point_kind", LAST_KIND.into())?,
             values: [
                 column("set_point_1")?,
                 column("set_point_2")?,
@@ -123,7 +130,7 @@ impl Columns {
                 column("set_point_4")?,
             ],
             armed_pa: if has_armed { Some(table.column("armed_pa")?.to_vec()) } else { None },
-            faults: [column("a_faults")?, column("b_faults")?, column("faults")?],
+            faults: [faults("a_faults")?, faults("b_faults")?, faults("faults")?],
         })
     }
 
@@ -132,8 +139,8 @@ impl Columns {
             let bits = self.codes[muscle][sensor][row] as u16;
             RawCode::from_bits(bits, self.digital[muscle][sensor])
         };
-        let [emergency_stop, heard, flooded] = self.flags.each_ref().map(|flags| flags[row] != 0.0);
-        let [of_a, of_b, joint] = self.faults.each_ref().map(|faults| faults[row] as u32);
+        let [emergency_stop, heard, flooded] = self.flags.each_ref().map(|flags| flags[row] != 0);
+        let [of_a, of_b, joint] = self.faults.each_ref().map(|faults| faults[row]);
         Inputs {
             sample: JointSample {
                 pressure: [code(0, 0), code(1, 0)],

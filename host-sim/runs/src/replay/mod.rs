@@ -6,6 +6,7 @@ mod muscle;
 pub use muscle::{Row, identical, read_record, replay};
 
 use model_core::Telemetry;
+use model_core::sample::CODE_MAX;
 use std::path::Path;
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
@@ -168,6 +169,11 @@ impl Part {
             )),
         }
     }
+}
+
+/// Highest raw code of a digital sensor, or of one at the converter.
+fn most_code(digital: bool) -> u32 {
+    if digital { u16::MAX.into() } else { CODE_MAX.into() }
 }
 
 /// The part of a record with the configuration of that checksum.

@@ -1,6 +1,6 @@
 //! Replay of one muscle's record.
 
-use super::{Mismatch, Part, Replay, part_of};
+use super::{Mismatch, Part, Replay, most_code, part_of};
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
 use thermyo_record::board_trace;
@@ -108,29 +108,36 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<Record, InputError> {
 /// The columns of a record.
 struct Recorded {
     readings: [Vec<f64>; 2],
-    codes: [Vec<f64>; 3],
+    codes: [Vec<u32>; 3],
     /// Whether pressure and gas are read from a digital part.
     digital: [bool; 2],
     /// Emergency stop, heard, flooded.
-    flags: [Vec<f64>; 3],
-    missed_steps: Vec<f64>,
+    flags: [Vec<u32>; 3],
+    missed_steps: Vec<u32>,
     estimate: [Vec<f64>; 7],
     duties: [Vec<f64>; 2],
-    faults: Vec<f64>,
-    valid: Vec<f64>,
-    mode: Vec<f64>,
-    limited: Vec<f64>,
+    faults: Vec<u32>,
+    valid: Vec<u32>,
+    mode: Vec<u32>,
+    limited: Vec<u32>,
 }
 
 impl Recorded {
     fn new(table: &Table, sensors: &Sensors) -> Result<Self, InputError> {
         let column = |name: &str| table.filled(name);
+        let flag = |name: &str| table.whole(name, 1);
+        let digital = [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()];
+        let [of_pressure, of_gas] = digital.map(most_code);
         Ok(Self {
             readings: [column("measured_pressure_pa")?, column("measured_length_m")?],
-            codes: [column("code_pressure")?, column("code_gas")?, column("code_length")?],
-            digital: [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()],
-            flags: [column("emergency_stop")?, column("heard")?, column("flooded")?],
-            missed_steps: column("missed_steps")?,
+            codes: [
+                table.whole("code_pressure", of_pressure)?,
+                table.whole("code_gas", of_gas)?,
+                table.whole("code_length", most_code(false))?,
+            ],
+            digital,
+            flags: [flag("emergency_stop")?, flag("heard")?, flag("flooded")?],
+            missed_steps: table.whole("missed_steps", u8::MAX.into())?,
             estimate: [
                 column("estimate_k")?,
                 column("estimate_sd_k")?,
@@ -141,15 +148,15 @@ impl Recorded {
                 column("sensor_lag_s")?,
             ],
             duties: [column("duty_in")?, column("duty_out")?],
-            faults: column("faults")?,
-            valid: column("estimate_valid")?,
-            mode: column("mode")?,
-            limited: column("limited")?,
+            faults: table.whole("faults", u32::MAX)?,
+            valid: flag("estimate_valid")?,
+            mode: table.whole("mode", Mode::NAMES.len() as u32 - 1)?,
+            limited: flag("limited")?,
         })
     }
 
     fn faults(&self, i: usize) -> Faults {
-        Faults(self.faults[i] as u32)
+        Faults(self.faults[i])
     }
 
     /// Telemetry of a row, without its step.
@@ -158,11 +165,11 @@ impl Recorded {
         let [pressure, gas] = [(pressure, self.digital[0]), (gas, self.digital[1])]
             .map(|(bits, digital)| RawCode::from_bits(bits, digital));
         let length = AdcCode(length);
-        let [emergency_stop, heard, flooded] = self.flags.each_ref().map(|flags| flags[i] != 0.0);
+        let [emergency_stop, heard, flooded] = self.flags.each_ref().map(|flags| flags[i] != 0);
         let [pressure_pa, length_m] = self.readings.each_ref().map(|values| values[i] as f32);
         let [gas_k, gas_sd_k, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s] =
             self.estimate.each_ref().map(|values| values[i] as f32);
-        let valid = self.valid[i] != 0.0;
+        let valid = self.valid[i] != 0;
         let [inlet, outlet] =
             self.duties.each_ref().map(|duties| Duty::from_share(duties[i] as f32));
         Telemetry {
@@ -192,7 +199,7 @@ impl Recorded {
             mode: Mode::NAMES
                 .get(self.mode[i] as usize)
                 .map_or(Mode::StartupCheck, |(mode, _)| *mode),
-            limited: self.limited[i] != 0.0,
+            limited: self.limited[i] != 0,
             set_point,
             faults: self.faults(i),
         }
@@ -205,10 +212,10 @@ fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError>
     if !table.columns().iter().any(|column| column.name == "set_point_kind") {
         return Ok(None);
     }
-    let [kinds, values, seconds] =
-        ["set_point_kind", "set_point_value", "set_point_second"].map(|name| table.filled(name));
+    let kinds = table.whole("set_point_kind", board_trace::LAST_KIND.into())?;
+    let [values, seconds] = ["set_point_value", "set_point_second"].map(|name| table.filled(name));
     let values = values?.into_iter().zip(seconds?);
-    let logged = kinds?.into_iter().zip(values).map(|(kind, (value, second))| {
+    let logged = kinds.into_iter().zip(values).map(|(kind, (value, second))| {
         board_trace::set_point(kind as u8, value as f32, second as f32)
     });
     Ok(Some(logged.collect()))
