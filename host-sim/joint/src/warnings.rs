@@ -3,12 +3,14 @@
 use crate::load::{JointLoaded, joint};
 use model_core::joint::allocation::{Line, allocate, stiffness_n_m_rad, torque_n_m};
 use model_core::physics::chamber::AnyChamber;
+use std::collections::BTreeSet;
 use std::f64::consts::TAU;
 use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
+use thermyo_scenario::DriveKind;
 use thermyo_scenario::joint::{JointDocument, JointShape, is_joint};
-use thermyo_setup::valves_and_line;
+use thermyo_setup::{Loaded, valves_and_line};
 
 /// How wrong an inertia may be believed: on `scenarios/joint.toml` twice and half of it step well, four times of it
 /// swings from stop to stop, a quarter overshoots by 39 % \[-\].
@@ -38,26 +40,35 @@ pub fn load_with_warnings(
 
 /// All warnings of a valid scenario, by line.
 pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputError> {
+    let mut all: Vec<InputError> = Vec::new();
     let mut found: Vec<Warning> = Vec::new();
-    for muscle in &loaded.muscles {
-        let of_muscle = valves_and_line(muscle, true).into_iter();
-        found.extend(of_muscle.map(|(key, value, why)| (key.to_owned(), value, why)));
+    for (document, muscle) in document.muscles.iter().zip(&loaded.muscles) {
+        all.extend(thermyo_setup::warnings(document, &driven(muscle)));
+        let of_loops = valves_and_line(muscle, true).into_iter();
+        found.extend(of_loops.map(|(key, value, why)| (key.to_owned(), value, why)));
     }
     found.extend(believed_inertia(loaded));
     found.extend(slow_step(loaded));
     found.extend(beyond_the_muscles(loaded));
+    all.extend(found.into_iter().map(|(key, value, why)| InputError {
+        file: document.muscles[0].origin.clone(),
+        line: document.given(&key).and_then(|(line, ..)| line),
+        problem: Box::new(Problem::NoSense { key, value, why }),
+    }));
     // Both muscles have most keys in common.
-    found.dedup();
-    let mut all: Vec<InputError> = found
-        .into_iter()
-        .map(|(key, value, why)| InputError {
-            file: document.muscles[0].origin.clone(),
-            line: document.given(&key).and_then(|(line, ..)| line),
-            problem: Box::new(Problem::NoSense { key, value, why }),
-        })
-        .collect();
+    let mut named = BTreeSet::new();
+    all.retain(|warning| named.insert(warning.to_string()));
     all.sort_by_key(|warning| warning.line);
     all
+}
+
+/// A muscle that is filled and vented; whether its own pressure would come to rest is no matter of a joint.
+fn driven(muscle: &Loaded) -> Loaded {
+    let mut muscle = muscle.clone();
+    for scenario in [&mut muscle.plant, &mut muscle.believed] {
+        scenario.drive.kind = DriveKind::MassFlow;
+    }
+    muscle
 }
 
 fn believed_inertia(loaded: &JointLoaded) -> Option<Warning> {
@@ -274,6 +285,16 @@ mod tests {
                 "[joint]\ninertia_kg_m2 = 50\n[drive]\nshape = \"step\"\namplitude_rad = 0.3\nperiod_s = 2\n",
                 "joint.toml:2: joint.inertia_kg_m2 = 50.0: a step of drive.amplitude_rad takes 4.9 s",
                 "after half of drive.period_s",
+            ),
+            (
+                "[joint]\n[joint.a.faults]\ngas = \"open\"\nfrom_s = 500\n",
+                "joint.toml:4: faults.from_s = 500.0: not before the end of the run, run.duration_s = ",
+                "",
+            ),
+            (
+                "[joint]\n[vessel]\nvolume_m3 = 1e-3\n",
+                "joint.toml:3: [vessel] is not used: plant.kind is another one",
+                "",
             ),
             (
                 "[joint]\n[valve]\npwm_hz = 5\n",

@@ -271,7 +271,10 @@ impl Walk<'_> {
             return Err(Problem::NotBelieved { key: full_path.to_owned() });
         }
         let Some(found) = checked(key.allowed, value.get_ref()) else {
-            let allowed = allowed_instead(key.allowed, value.get_ref().as_str());
+            let mut allowed = allowed_instead(key.allowed, value.get_ref().as_str());
+            if path == "drive.kind" && value.get_ref().as_str() == Some("joint") {
+                allowed.push_str("; \"joint\" is for a scenario with a table [joint]");
+            }
             return Err(Problem::NotAllowed { key: full_path.to_owned(), value: written, allowed });
         };
         let line = Some(self.lines.line_at(offset));
@@ -341,6 +344,13 @@ fn unknown_window(path: &str, name: &str) -> Problem {
     Problem::UnknownTable { table: quoted(path), instead: Instead::Known(known) }
 }
 
+/// The error for a table's path that is not in the schema, if it is not.
+pub(crate) fn unknown_table(full_path: &str) -> Option<Problem> {
+    let (_, path) = split_believed(full_path);
+    let is_known = path.is_empty() || schema::is_table(path) || schema::is_fault_window(path);
+    (!is_known).then(|| unknown(full_path, path, true))
+}
+
 /// The error for a path that is not in the schema. `path` is without `believed`.
 fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
     let prefix = full_path.strip_suffix(path).unwrap_or_default();
@@ -358,7 +368,8 @@ fn unknown(full_path: &str, path: &str, is_table: bool) -> Problem {
     if is_table {
         let tables: Vec<&str> = tables.map(|table| table.name).collect();
         let with_believed = prefix.is_empty().then_some(BELIEVED);
-        let near = nearest(path, tables.iter().copied().chain(with_believed));
+        let others = with_believed.into_iter().chain(prefix.is_empty().then_some("joint"));
+        let near = nearest(path, tables.iter().copied().chain(others));
         let bracketed = |name: &str| format!("[{prefix}{name}]");
         // A table within a wrong one, or one that only holds others.
         let within = tables.iter().find(|table| **table == name);

@@ -10,7 +10,7 @@
 //! numbers. A key or table of the joint is written under a header, not with dots.
 
 use super::declare::{choice, table};
-use super::document::{Document, Entry, allowed_instead, checked};
+use super::document::{Document, Entry, allowed_instead, checked, unknown_table};
 use super::key::{Allowed, Key, Table};
 use super::schema;
 use model_core::joint::{self, AnglePart};
@@ -163,8 +163,12 @@ fn header(line: &str) -> Option<(&str, &str)> {
 
 /// Whether a scenario is one of a joint: it has a table `[joint]` or one below it.
 pub fn is_joint(text: &str) -> bool {
-    let names = text.lines().filter_map(header).map(|(name, _)| name);
-    names.into_iter().any(|name| name == "joint" || name.starts_with("joint."))
+    text.lines().filter_map(header).any(|(name, _)| is_of_joint(name))
+}
+
+fn is_of_joint(table: &str) -> bool {
+    let plain = table.strip_prefix("believed.").unwrap_or(table);
+    plain == "joint" || plain.starts_with("joint.")
 }
 
 /// The part that a table belongs to, and its name there.
@@ -212,6 +216,7 @@ impl JointDocument {
     /// # Errors
     /// For the first key that is unknown, or not allowed; shared tables first.
     pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
+        refuse_headers(text, origin)?;
         let [shared, own, a, b] = split(text);
         let shared = Document::parse(&shared, origin)?;
         refuse_senseless(&shared, Owner::Both)?;
@@ -414,6 +419,54 @@ fn refuse_senseless(document: &Document, owner: Owner) -> Result<(), InputError>
     match found.min_by_key(|(line, _)| *line) {
         Some((line, problem)) => Err(located(&document.origin, line, problem)),
         None => Ok(()),
+    }
+}
+
+/// Refuses the first table of the joint, or of one muscle, that there is not.
+fn refuse_headers(text: &str, origin: &Path) -> Result<(), InputError> {
+    let mut headers = text.lines().zip(1..).filter_map(|(line, number)| {
+        let (name, _) = header(line)?;
+        Some((number, unknown_header(name)?))
+    });
+    match headers.next() {
+        Some((line, problem)) => Err(InputError::line(origin, line, problem)),
+        None => Ok(()),
+    }
+}
+
+fn unknown_header(name: &str) -> Option<Problem> {
+    let (part, table) = part_of(name);
+    match part {
+        Part::Shared if is_of_joint(name) => {
+            let own = OWN.iter().map(|(own, _)| *own);
+            let instead = match nearest(name, own.clone()) {
+                Some(near) => Instead::Near(vec![format!("[{near}]")]),
+                None => {
+                    let of_one = ["joint.a.TABLE", "joint.b.TABLE"];
+                    let known = own.filter(|own| *own != "drive").chain(of_one);
+                    Instead::Known(known.map(|known| format!("[{known}]")).collect())
+                }
+            };
+            Some(Problem::UnknownTable { table: quoted(name), instead })
+        }
+        Part::Muscle(_) => match unknown_table(table)? {
+            Problem::UnknownTable { instead, .. } => {
+                let prefix = name.strip_suffix(table).unwrap_or_default();
+                let named = |tables: Vec<String>| -> Vec<String> {
+                    tables
+                        .iter()
+                        .map(|table| table.replacen('[', &format!("[{prefix}"), 1))
+                        .collect()
+                };
+                let instead = match instead {
+                    Instead::Near(tables) => Instead::Near(named(tables)),
+                    Instead::Known(tables) => Instead::Known(named(tables)),
+                };
+                Some(Problem::UnknownTable { table: quoted(name), instead })
+            }
+            other => Some(other),
+        },
+        Part::Shared | Part::Own => None,
     }
 }
 
@@ -657,6 +710,19 @@ mod tests {
                 "joint.toml:3: joint.b.faults.length = open: must be left out: muscle b has no length sensor; \
                  joint.a.faults.length breaks the sensor of the angle",
             ),
+            (
+                "[joint]\n[joint.c.muscle]\nzones = 3\n",
+                "joint.toml:2: unknown table [joint.c.muscle]; known here: [joint], [believed.joint], [joint.controller], \
+                 [joint.a.TABLE], [joint.b.TABLE]",
+            ),
+            (
+                "[joint.controler]\nsettling_s = 1\n",
+                "joint.toml:1: unknown table [joint.controler]; did you mean [joint.controller]?",
+            ),
+            (
+                "[joint]\n[joint.a.musle]\nzones = 3\n",
+                "joint.toml:2: unknown table [joint.a.musle]; did you mean [joint.a.muscle]?",
+            ),
         ] {
             assert_eq!(parse(text).unwrap_err(), message);
         }
@@ -666,6 +732,7 @@ mod tests {
     fn a_scenario_is_one_of_a_joint_by_its_tables() {
         assert!(is_joint("[run]\nseed = 1\n [joint] # two\n"));
         assert!(is_joint("[joint.a.muscle]\n"));
+        assert!(is_joint("[believed.joint]\n"));
         assert!(!is_joint("[run]\n# [joint]\n[drive]\nkind = \"closed\"\n"));
     }
 }
