@@ -152,7 +152,7 @@ fn kind_and_values(set_point: JointSetPoint) -> (u8, [f32; 4]) {
     }
 }
 
-/// The last number of [`kind_and_values`].
+/// The last number of a set point.
 pub const LAST_KIND: u8 = 5;
 
 /// The set point of a number and its values.
