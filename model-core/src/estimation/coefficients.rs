@@ -108,12 +108,11 @@ pub struct Coefficients {
 impl Coefficients {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Self {
-        let k = config.gas.heat_capacity_ratio;
-        let (zones, sensors) = (&config.zones, &config.sensors);
+        let (zones, sensors, k) = (&config.zones, &config.sensors, config.gas.heat_capacity_ratio);
         let counts = StepCounts::new(config.step_s);
         let interval_s = f32::from(counts.update_steps) * config.step_s;
         let move_s = f32::from(counts.move_steps) * config.step_s;
-        let sd_pa = pressure_sd_pa(config);
+        let Noises { reversal_pa, noise_pa, pressure_sd_pa } = Noises::new(config);
         let length_m = AnyChamber::new(&config.chamber).rest_length_m();
         let (jet, recirculation) = jets(zones, length_m);
         let profile = Coefficient::new(zones.bore_m, zones.foil_radius, &config.gas);
@@ -162,12 +161,10 @@ impl Coefficients {
             forget: interval_s / config.estimator.memory_s,
             keep: kept(&config.estimator, interval_s),
             frozen_k: FROZEN * sensors.gas_element.resolution_k(),
-            reversal_pa: zones.reversal_sd * sd_pa,
-            // Well below any pressure, so that an energy within the noise is none below 0.
-            noise_pa: limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA),
+            reversal_pa,
+            noise_pa,
             length_noise_m: sensors.length.resolution_m(),
-            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
-            pressure_sd_pa: (k - 1.0) / k * sd_pa,
+            pressure_sd_pa,
         }
     }
 
@@ -240,10 +237,26 @@ fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
     }
 }
 
-/// Deviation of one pressure \[Pa\].
-fn pressure_sd_pa(config: &Config) -> f32 {
-    let sensors = &config.sensors;
-    sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure))
+/// Noise of one pressure, as [`Coefficients`] have it.
+struct Noises {
+    reversal_pa: f32,
+    noise_pa: f32,
+    pressure_sd_pa: f32,
+}
+
+impl Noises {
+    fn new(config: &Config) -> Self {
+        let sensors = &config.sensors;
+        let k = config.gas.heat_capacity_ratio;
+        let sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
+        Self {
+            reversal_pa: config.zones.reversal_sd * sd_pa,
+            // Well below any pressure, so that an energy within the noise is none below 0.
+            noise_pa: limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA),
+            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
+            pressure_sd_pa: (k - 1.0) / k * sd_pa,
+        }
+    }
 }
 
 fn fourth(value: f32) -> f32 {
