@@ -18,6 +18,8 @@ use crate::step_counts::StepCounts;
 /// meanwhile to be a frozen one: three times the width of a code of erratum RP2040-E11, so that an element
 /// three times as slow as configured has left it.
 const FROZEN: f32 = 30.0;
+/// So many deviations of a pressure are never reached: the greatest `zones.reversal_sd`.
+const NEVER_SD: f32 = 1.0e6;
 /// Lowest pressure of gas in a muscle or vessel \[Pa\].
 pub const LOWEST_PA: f32 = 5.0e3;
 /// Errors of the pressure beyond so many deviations are no noise: the flow has changed.
@@ -94,8 +96,8 @@ pub struct Coefficients {
     pub keep: Errors<f32>,
     /// Movement of the element at which a reading that stands still is a frozen one \[K\].
     pub frozen_k: f32,
-    /// Pressure by which gas flows against the valve that is open \[Pa\].
-    pub reversal_pa: f32,
+    /// Pressure beyond which gas flows against the valve that is open, if it ever does \[Pa\].
+    pub reversal_pa: Option<f32>,
     /// Largest error of a pressure that is still its noise \[Pa\].
     pub noise_pa: f32,
     /// The same of a length \[m\].
@@ -239,18 +241,18 @@ fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
 
 /// Noise of one pressure, as [`Coefficients`] have it.
 struct Noises {
-    reversal_pa: f32,
+    reversal_pa: Option<f32>,
     noise_pa: f32,
     pressure_sd_pa: f32,
 }
 
 impl Noises {
     fn new(config: &Config) -> Self {
-        let sensors = &config.sensors;
+        let (sensors, reversal_sd) = (&config.sensors, config.zones.reversal_sd);
         let k = config.gas.heat_capacity_ratio;
         let sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
         Self {
-            reversal_pa: config.zones.reversal_sd * sd_pa,
+            reversal_pa: (reversal_sd < NEVER_SD).then_some(reversal_sd * sd_pa),
             // Well below any pressure, so that an energy within the noise is none below 0.
             noise_pa: limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA),
             // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.

@@ -515,13 +515,13 @@ impl Estimator {
         if openings.charging || openings.discharging {
             // The direction comes from the duties where they are one-sided: the noise of a
             // difference of pressures would be rectified. Behind a hose gas swings against it.
-            let against_j = self.coefficients.reversal_pa * per_pa;
-            let least_j = match (openings.charging, openings.discharging) {
-                (true, true) => 0.0,
-                (true, false) => -against_j,
-                (false, _) => against_j,
+            let Openings { charging, discharging, .. } = openings;
+            self.entering = match self.coefficients.reversal_pa {
+                _ if charging && discharging => enthalpy_j > 0.0,
+                None => charging,
+                Some(most_pa) if charging => enthalpy_j > -most_pa * per_pa,
+                Some(most_pa) => enthalpy_j > most_pa * per_pa,
             };
-            self.entering = enthalpy_j > least_j;
         }
         let flow = &mut self.interval.flow;
         if self.energy.flowing() {
