@@ -495,13 +495,13 @@ fn check_and_replay_take_json_and_quiet() {
     }
 }
 
-/// The text of a table with another cell in its 52nd line.
-fn with_cell(table: &str, column: &str, cell: &str) -> String {
+/// The text of a table with another cell in that line, counted from the header's 1.
+fn with_cell(table: &str, line: usize, column: &str, cell: &str) -> String {
     let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
     let place = lines[0].split(',').position(|name| name == column).unwrap();
-    let mut cells: Vec<&str> = lines[51].split(',').collect();
+    let mut cells: Vec<&str> = lines[line - 1].split(',').collect();
     cells[place] = cell;
-    lines[51] = cells.join(",");
+    lines[line - 1] = cells.join(",");
     lines.join("\n") + "\n"
 }
 
@@ -538,7 +538,7 @@ fn a_replayed_record_has_codes_and_flags_that_can_be() {
         let text = fs::read_to_string(&trace).unwrap();
         let again = folder.path().join("again");
         for (column, cell, allowed) in wrong {
-            fs::write(&trace, with_cell(&text, column, cell)).unwrap();
+            fs::write(&trace, with_cell(&text, 52, column, cell)).unwrap();
             let output = thermyo(&["replay", &place, "--out", &again.display().to_string()]);
             let said = stderr_of(&output);
             assert_eq!(output.status.code(), Some(2), "{column} = {cell}: {said}");
@@ -706,12 +706,7 @@ fn a_joints_run_is_replayed_to_the_bit() {
     assert!(stderr_of(&planned).contains("are for one muscle"), "{}", stderr_of(&planned));
 
     let text = fs::read_to_string(&trace).unwrap();
-    let column = text.lines().next().unwrap().split(',').position(|name| name == "a_duty_in");
-    let mut lines: Vec<String> = text.lines().map(str::to_owned).collect();
-    let mut cells: Vec<&str> = lines[301].split(',').collect();
-    cells[column.unwrap()] = "0.123";
-    lines[301] = cells.join(",");
-    fs::write(&trace, lines.join("\n") + "\n").unwrap();
+    fs::write(&trace, with_cell(&text, 302, "a_duty_in", "0.123")).unwrap();
     let output = thermyo(&["replay", &trace, "--quiet", "--out", &again]);
     assert_eq!(output.status.code(), Some(1));
     let said = stderr_of(&output);
