@@ -1,6 +1,6 @@
 //! Replay of a joint's record, with the core in this process.
 
-use super::{Drawn, Mismatch, Part, Replay, most_code, part_of};
+use super::{Drawn, Mismatch, Part, Replay, are_digital, most_code, part_of};
 use model_core::Faults;
 use model_core::joint::{
     Joint, JointConfig, JointMode, JointSample, JointSetPoint, JointTelemetry,
@@ -104,10 +104,7 @@ impl Columns {
         let column = |name: &str| table.filled(name);
         let flag = |name: &str| table.whole(name, 1);
         let faults = |name: &str| table.whole(name, u32::MAX);
-        let digital = config.muscles.map(|muscle| {
-            let sensors = muscle.sensors;
-            [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()]
-        });
+        let digital = config.muscles.each_ref().map(|muscle| are_digital(&muscle.sensors));
         let code = |name: &str, digital: bool| table.whole(name, most_code(digital));
         let [a, b] = digital;
         // A magnetic encoder's angle is on the converter's scale.

@@ -7,6 +7,7 @@ pub use muscle::{Row, identical, read_record, replay};
 
 use model_core::Telemetry;
 use model_core::sample::CODE_MAX;
+use model_core::sensing::Sensors;
 use std::path::Path;
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
@@ -169,6 +170,11 @@ impl Part {
             )),
         }
     }
+}
+
+/// Whether pressure and gas are read from a digital sensor.
+fn are_digital(sensors: &Sensors) -> [bool; 2] {
+    [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()]
 }
 
 /// Highest raw code of a digital sensor, or of one at the converter.

@@ -1,6 +1,6 @@
 //! Replay of one muscle's record.
 
-use super::{Mismatch, Part, Replay, most_code, part_of};
+use super::{Mismatch, Part, Replay, are_digital, most_code, part_of};
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
 use thermyo_record::board_trace;
@@ -126,7 +126,7 @@ impl Recorded {
     fn new(table: &Table, sensors: &Sensors) -> Result<Self, InputError> {
         let column = |name: &str| table.filled(name);
         let flag = |name: &str| table.whole(name, 1);
-        let digital = [sensors.pressure_part.is_digital(), sensors.gas_element.is_digital()];
+        let digital = are_digital(sensors);
         let [of_pressure, of_gas] = digital.map(most_code);
         Ok(Self {
             readings: [column("measured_pressure_pa")?, column("measured_length_m")?],
