@@ -3,7 +3,7 @@
 
 use super::{CaseFigures, Figure};
 use model_core::Command;
-use model_core::joint::{JointFaults, Motion};
+use model_core::joint::{JointFaults, JointMode, Motion};
 use model_core::safety::supervisor::VENTING;
 use std::f64::consts::TAU;
 use std::path::Path;
@@ -346,7 +346,8 @@ fn stable(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     let (low, high) = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| {
         (low.min(angle), high.max(angle))
     });
-    let vented = rows.iter().any(|row| row.telemetry.commands() == [Command::VENT; 2]);
+    // By its mode: a loop may open both outlets too.
+    let vented = rows.iter().any(|row| row.telemetry.mode == JointMode::Vent);
     Ok(vec![
         Figure::at_most("RMS 1 Hz deg", rms(moving.map(error_deg)), 0.8),
         Figure::at_most("limit cycle deg", 0.5 * (high - low), 0.3),

@@ -19,6 +19,8 @@ use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_
 
 /// Interval over which the motion of a profile is taken \[s\].
 const DIFFERENCE_S: f64 = 0.01;
+/// Time of sound in a metre of hose, at 343 m/s \[s/m\].
+const SOUND_S_M: f64 = 0.0029;
 
 /// Scenario of a joint, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
@@ -206,17 +208,33 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     for scenario in [&mut muscles[1].plant, &mut muscles[1].believed] {
         scenario.faults.windows_mut().for_each(|window| window.length = ChannelFault::None);
     }
+    let mut controller = document.controller.clone();
+    if !document.has("joint.controller.lead_s") {
+        controller.lead_s = lead_s(&muscles);
+    }
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
         believed: document.believed.clone(),
-        controller: document.controller.clone(),
+        controller,
         drive: absolute(document),
         profile,
         load,
     };
     check(document, &loaded)?;
     Ok(loaded)
+}
+
+/// How late gas comes, beside the valve's own delay, as the core is configured: a pulse waits for the next period or
+/// does not, a quarter of one in the mean, and sound passes the longer hose \[s\].
+fn lead_s(muscles: &[Loaded; 2]) -> f64 {
+    let of = |Loaded { believed: s, .. }: &Loaded| {
+        let line_m =
+            s.tube.line().filter(|_| s.moves_in_full()).map_or(0.0, |[length_m, _]| length_m);
+        0.25 / s.valve.pwm_hz + SOUND_S_M * line_m
+    };
+    let [a, b] = muscles.each_ref().map(of);
+    a.max(b)
 }
 
 /// The path of a file that the scenario names, relative to the scenario's folder.
@@ -406,6 +424,7 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use thermyo_scenario::joint::Setting;
 
     fn refusal(text: &str) -> String {
         parse(text, "joint.toml".as_ref()).unwrap_err().to_string()
@@ -502,6 +521,23 @@ mod tests {
             "joint.toml".as_ref(),
         );
         assert_eq!(small.unwrap().muscles[0].plant.load.length_m, 0.17);
+    }
+
+    #[test]
+    fn a_longer_hose_takes_gas_longer_unless_the_file_states_it() {
+        let lead_s = |text: &str| {
+            let document = JointDocument::parse(text, "joint.toml".as_ref()).unwrap();
+            joint(&document).unwrap().controller.lead_s
+        };
+        assert_eq!(lead_s("[joint]\n"), 0.0025);
+        let hose = "[plant]\nmodel = \"full\"\n[tube]\nlength_m = 1\ndiameter_m = 0.004\n[joint]\n";
+        assert_eq!(lead_s(hose), 0.0054);
+        let longer = format!("{hose}[joint.b.tube]\nlength_m = 2\n");
+        assert!((lead_s(&longer) - 0.0083).abs() < 1e-9);
+        assert_eq!(lead_s(&format!("{hose}[joint.controller]\nlead_s = 0.001\n")), 0.001);
+        let mut document = JointDocument::parse(hose, "joint.toml".as_ref()).unwrap();
+        document.set("joint.controller.lead_s", Setting::Number(0.002)).unwrap();
+        assert_eq!(joint(&document).unwrap().controller.lead_s, 0.002);
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! The joint's core on the joint's plant.
 
-use model_core::joint::{JointFaults, JointSetPoint, Motion};
+use model_core::joint::{JointFaults, JointMode, JointSetPoint, Motion};
 use model_core::{Command, Faults};
+use std::f64::consts::TAU;
 use thermyo_joint::{Inputs, JointLoaded, Rig, Row, parse};
 
 fn loaded(text: &str) -> JointLoaded {
@@ -33,6 +34,46 @@ fn a_step_arrives_with_its_stiffness_and_rests() {
         assert!((1e-5..0.05).contains(&off), "{model}: {off}");
         let shut = settled.iter().filter(|row| row.shut()).count() as f64 / settled.len() as f64;
         assert!(shut > 0.8, "{model}: shut for {shut} of the time");
+    }
+}
+
+const HOSED: &str =
+    "model = \"full\"\n[tube]\nlength_m = 0.5\ndiameter_m = 0.004\n[joint]\ngravity_n_m = 4.9\n";
+
+/// Without the time that gas takes through valve and hose in the reference it is 0.64 deg late.
+#[test]
+fn a_heavy_arm_is_followed_at_two_hertz() {
+    let loaded = loaded(&format!("{HOSED}inertia_kg_m2 = 0.145\n"));
+    let (w, size) = (2.0 * TAU, 10.0_f64.to_radians());
+    let rows = run(&loaded, 2.5, |t| {
+        let (sin, cos) = if t < 0.5 { (0.0, 0.0) } else { (w * (t - 0.5)).sin_cos() };
+        Inputs::of(Motion {
+            angle_rad: (size * sin) as f32,
+            speed_rad_s: (size * w * cos) as f32,
+            acceleration_rad_s2: (-size * w * w * sin) as f32,
+            stiffness_n_m_rad: 14.0,
+        })
+    });
+    let errors = rows.iter().filter(|row| row.time_s > 1.0).map(|row| {
+        (row.truth.angle_rad - size * (w * (row.time_s - 0.5)).sin()).to_degrees().powi(2)
+    });
+    let errors: Vec<f64> = errors.collect();
+    let rms_deg = (errors.iter().sum::<f64>() / errors.len() as f64).sqrt();
+    assert!((0.05..0.35).contains(&rms_deg), "{rms_deg} deg");
+}
+
+/// Wherever it stops: with an observer that is as fast for the disturbance as for the speed it swings by 1 deg, with 90
+/// pulses a second.
+#[test]
+fn an_inertia_believed_twice_does_not_hunt_at_rest() {
+    let loaded = loaded(&format!("{HOSED}[believed.joint]\ninertia_kg_m2 = 0.04\n"));
+    for goal_deg in [-23.0, 6.0, 16.0, 27.0] {
+        let rows = run(&loaded, 5.0, |t| still(if t < 0.5 { 0.0 } else { goal_deg }, 14.0));
+        let last = &rows[3500..];
+        let shut = last.iter().filter(|row| row.shut()).count() as f64 / last.len() as f64;
+        let errors = last.iter().map(|row| (row.truth.angle_rad.to_degrees() - goal_deg).abs());
+        let worst = errors.fold(0.0, f64::max);
+        assert!(shut > 0.5 && (1e-4..0.6).contains(&worst), "{goal_deg}: {shut}, {worst} deg");
     }
 }
 
@@ -95,7 +136,8 @@ fn a_lock_holds_the_arm_where_the_angle_is_lost() {
         let rows = run(&loaded, 4.0, |_| still(-20.0, 14.0));
         let moved =
             |row: &Row| (row.truth.angle_rad - rows[990].truth.angle_rad).to_degrees().abs();
-        let vents = rows.iter().position(|row| row.telemetry.commands() == [Command::VENT; 2]);
+        // By the mode: a loop may open both outlets too.
+        let vents = rows.iter().position(|row| row.telemetry.mode == JointMode::Vent);
         assert!(
             rows[vents.unwrap()..].iter().all(|row| row.telemetry.commands() == [Command::VENT; 2])
         );

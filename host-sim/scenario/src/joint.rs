@@ -74,7 +74,9 @@ table! {
         core integral_n_m_rad_s;
         core integral_limit_n_m;
         core observer_rad_s;
+        core disturbance_rad_s;
         core observer_share;
+        core lead_s;
         core mass_loop_s;
         core quiet_n_m;
         core waits_n_m;
@@ -286,10 +288,13 @@ impl JointDocument {
             allowed: allowed_instead(key.allowed, Some(&value.text())),
         })?;
         let believed = format!("believed.joint.{name}");
-        let follows = !self.given.iter().any(|(given, _)| *given == believed);
+        let follows = !self.has(&believed);
         match table {
             "drive" => put(&mut self.drive, name, taken),
-            "joint.controller" => put(&mut self.controller, name, taken),
+            "joint.controller" => {
+                put(&mut self.controller, name, taken);
+                self.given.push((full_path.to_owned(), 0));
+            }
             "believed.joint" => put(&mut self.believed, name, taken),
             _ => {
                 if follows {
@@ -313,6 +318,11 @@ impl JointDocument {
         let shared = muscles.into_iter().find(|entry| is_file(entry.key));
         own.map(|(path, line)| (path.clone(), Some(*line)))
             .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
+    }
+
+    /// Whether a key of the joint's own, by its whole path, is in the file or has been set.
+    pub fn has(&self, full_path: &str) -> bool {
+        self.given.iter().any(|(given, _)| given == full_path)
     }
 
     /// Line, path and value of a key that the file has, of the joint or of a muscle, by its whole path.

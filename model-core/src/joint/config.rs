@@ -40,11 +40,13 @@ parameters! {
         reference_torque_n_m: 2.5, "N m", 1.0e-3 to 1.0e6, "torque that accelerates the reference beside the set point's own acceleration, at most";
         stiffness_rate_n_m_rad_s: 100.0, "N m/(rad s)", 1.0e-3 to 1.0e6, "fastest change of the stiffness";
         gain_n_m_rad: 12.0, "N m/rad", 0.0 to 1.0e5, "torque per error of the angle, beside the gas's own stiffness";
-        damping_per_s: 15.0, "1/s", 0.0 to 1.0e3, "torque per error of the speed and inertia";
+        damping_per_s: 14.0, "1/s", 0.0 to 1.0e3, "torque per error of the speed and inertia";
         integral_n_m_rad_s: 120.0, "N m/(rad s)", 0.0 to 1.0e6, "torque per error of the angle and time";
         integral_limit_n_m: 2.0, "N m", 0.0 to 1.0e6, "most of it, either way";
-        observer_rad_s: 50.0, "rad/s", 0.1 to 1.0e3, "three poles of the observer of speed and disturbance";
+        observer_rad_s: 80.0, "rad/s", 0.1 to 1.0e3, "two poles of the observer: angle and speed";
+        disturbance_rad_s: 22.0, "rad/s", 0.1 to 1.0e3, "its third one: torque that nothing configured explains";
         observer_share: 0.8, "", 0.0 to 1.0, "share of the observed disturbance that is compensated";
+        lead_s: 0.004, "s", 0.0 to 0.1, "how late gas comes, beside the valve's own delay: a quarter of a PWM period for pulses that wait, 2.9 ms for a metre of hose";
         mass_loop_s: 0.014, "s", 1.0e-3 to 10.0, "time in which the gas masses close an error";
         quiet_n_m: 0.02, "N m", 0.0 to 1.0e3, "torque for which no pulse is given";
         waits_n_m: 0.2, "N m", 0.0 to 1.0e3, "torque for which a muscle has no pulse in two periods after each other";

@@ -1,10 +1,14 @@
 //! From the set point of a joint to the openings of its four valves, once per PWM period.
 //!
 //! ```text
-//! torque = J q_r'' + viscous q_r' + gravity(q_r) + friction(q_r) + kp e + kd (q_r' - q') + ki int(e) - share d
+//! torque = J q_r'' + viscous q_r' + gravity(q_r) + friction(q_r) + kp (e + t e') + kd J e' + ki int(e) - share d
 //! (torque, K) -> P_a, P_b         closed form, with slip and creep along the reference
 //! dm     = (V dP/k + P dV)/(R T)  each muscle: eq. (6), adiabatic, towards pressure and volume of the reference
 //! ```
+//!
+//! q_r is the reference at the time at which the gas of the period has arrived: valve, hose and a pulse that waits for
+//! the next period make it late. The error e is measured now and predicted until then, and over the period after it, by
+//! its own rate: its torque acts that much later, which would take damping away from a stiff loop.
 //!
 //! As for a single muscle the loops close on gas mass: at held masses the pair is a spring of the wanted stiffness
 //! about the reference, without any delay. At rest all four valves are shut, by one decision for both muscles.
@@ -153,6 +157,8 @@ pub struct JointController {
     lines: [Line; 2],
     friction: Friction,
     reference: Reference,
+    /// Angle of the reference that the pressures were for \[rad\].
+    led_rad: f32,
     /// Friction along the reference \[N m\].
     friction_n_m: f32,
     integral_n_m: f32,
@@ -175,6 +181,7 @@ impl JointController {
             lines: [Line::default(); 2],
             friction: Friction::default(),
             reference: Reference::still(0.0, 0.0),
+            led_rad: 0.0,
             friction_n_m: 0.0,
             integral_n_m: 0.0,
             observer: Observer::new(mechanism, tuning, a.step_s),
@@ -242,7 +249,7 @@ impl JointController {
         self.measure(muscles);
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
-        self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
+        self.stand(angle_rad, stiffness_n_m_rad);
         self.friction_n_m = 0.0;
         self.integral_n_m = 0.0;
         self.calm_periods = 0;
@@ -332,12 +339,16 @@ impl JointController {
         }
     }
 
+    fn stand(&mut self, angle_rad: f32, stiffness_n_m_rad: f32) {
+        self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
+        self.led_rad = angle_rad;
+    }
+
     /// Without a reference of its own, the measured angle is one.
     fn follow_measured(&mut self, angle_rad: f32) {
-        let way_rad = angle_rad - self.reference.motion.angle_rad;
+        let way_rad = angle_rad - self.led_rad;
         self.creep(way_rad);
-        let stiffness_n_m_rad = self.reference.motion.stiffness_n_m_rad;
-        self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
+        self.stand(angle_rad, self.reference.motion.stiffness_n_m_rad);
         self.holding = false;
         self.calm_periods = 0;
         self.integral_n_m = 0.0;
@@ -361,7 +372,7 @@ impl JointController {
         muscles: &[Measured<'_>; 2],
         most_pa: [f32; 2],
     ) -> [Command; 2] {
-        let JointTuning { gain_n_m_rad, damping_per_s, observer_share, .. } = self.tuning;
+        let JointTuning { gain_n_m_rad, damping_per_s, observer_share, lead_s, .. } = self.tuning;
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let error_rad = self.reference.motion.angle_rad - angle_rad;
         if self.rests(wanted, error_rad, gauge_pa) {
@@ -371,24 +382,25 @@ impl JointController {
         }
         let lag_rad_s = self.reference.motion.speed_rad_s - self.observer.speed_rad_s;
         self.learn(error_rad);
-        let before_rad = self.reference.motion.angle_rad;
         self.reference.advance(&self.mechanism, &self.tuning, wanted, self.period_s);
-        let next = self.reference.motion;
-        let way_rad = next.angle_rad - before_rad;
+        // A pulse is late by the valve's dead time and half of its stroke; an analogue command by its lag.
+        let [Measured { config, .. }, _] = muscles;
+        let valve_s = config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
+        let late_s = lead_s + valve_s;
+        let next = self.reference.ahead(late_s, self.period_s);
+        let way_rad = next.angle_rad - core::mem::replace(&mut self.led_rad, next.angle_rad);
         self.friction_n_m = self.friction.after(self.friction_n_m, way_rad);
         self.creep(way_rad);
         let inertia_kg_m2 = self.mechanism.inertia_kg_m2;
+        let predicted_rad = error_rad + (late_s + self.period_s) * lag_rad_s;
         let torque_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
             + self.mechanism.viscous_n_m_s * next.speed_rad_s
             - self.gravity_n_m(next.angle_rad)
             + self.friction_n_m
-            + gain_n_m_rad * error_rad
+            + gain_n_m_rad * predicted_rad
             + self.integral_n_m
             - observer_share * self.observer.disturbance_n_m;
-        // A pulse is late by the valve's dead time and half of its stroke; an analogue command by its lag.
-        let [Measured { config, .. }, _] = muscles;
-        let late_s = config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
-        let lengths_m = self.mechanism.lengths_m(next.angle_rad + late_s * next.speed_rad_s);
+        let lengths_m = self.mechanism.lengths_m(next.angle_rad);
         let mut lines = self.lines;
         for (((line, side), muscle), length_m) in
             lines.iter_mut().zip(&self.sides).zip(muscles).zip(lengths_m)

@@ -4,7 +4,8 @@
 //! J q'' = torque - gravity - viscous q' - friction + d
 //! ```
 //!
-//! A Luenberger observer of angle, speed and d with three equal poles. Dry friction is in its model, as a play: it
+//! A Luenberger observer of angle, speed and d. The pole of d is slower than the other two: an inertia that is believed
+//! twice too large makes d follow the acceleration, and what compensates it comes late. Dry friction is in its model, as a play: it
 //! grows with the way since the last turn, up to its Coulomb value, so that d has no part of it at a turn.
 
 use super::config::{JointTuning, Mechanism};
@@ -52,14 +53,15 @@ pub struct Observer {
 impl Observer {
     /// At rest.
     pub fn new(mechanism: &Mechanism, tuning: &JointTuning, step_s: f32) -> Self {
-        let p = tuning.observer_rad_s;
+        let JointTuning { observer_rad_s: p, disturbance_rad_s: slow, .. } = *tuning;
         let inertia_kg_m2 = mechanism.inertia_kg_m2;
         Self {
             step_s,
             per_inertia: 1.0 / inertia_kg_m2,
             viscous_n_m_s: mechanism.viscous_n_m_s,
             stiffest_n_m_rad: STIFFEST * inertia_kg_m2 / (step_s * step_s),
-            gains: [3.0 * p, 3.0 * p * p, inertia_kg_m2 * p * p * p],
+            // (s + p)^2 (s + slow).
+            gains: [2.0 * p + slow, p * (p + 2.0 * slow), inertia_kg_m2 * p * p * slow],
             angle_rad: 0.0,
             speed_rad_s: 0.0,
             disturbance_n_m: 0.0,

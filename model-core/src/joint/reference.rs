@@ -48,12 +48,18 @@ pub struct Reference {
     pub motion: Motion,
     /// Acceleration of the set point at the start of the period before \[rad/s2\].
     wanted_rad_s2: f32,
+    /// By how much it has changed since \[rad/s2\].
+    gained_rad_s2: f32,
 }
 
 impl Reference {
     /// At rest.
     pub fn still(angle_rad: f32, stiffness_n_m_rad: f32) -> Self {
-        Self { motion: Motion::still(angle_rad, stiffness_n_m_rad), wanted_rad_s2: 0.0 }
+        Self {
+            motion: Motion::still(angle_rad, stiffness_n_m_rad),
+            wanted_rad_s2: 0.0,
+            gained_rad_s2: 0.0,
+        }
     }
 
     /// One period \[s\] towards a set point that holds at its start.
@@ -66,6 +72,7 @@ impl Reference {
     ) {
         let gained_rad_s2 = wanted.acceleration_rad_s2 - self.wanted_rad_s2;
         self.wanted_rad_s2 = wanted.acceleration_rad_s2;
+        self.gained_rad_s2 = gained_rad_s2;
         let target = wanted.later(period_s, gained_rad_s2);
         let mean_rad_s2 = wanted.acceleration_rad_s2 + 0.5 * gained_rad_s2;
         let now = self.motion;
@@ -103,6 +110,11 @@ impl Reference {
             acceleration_rad_s2: acceleration + 0.5 * gained_rad_s2,
             stiffness_n_m_rad: now.stiffness_n_m_rad + limit(missing, -faster, faster),
         };
+    }
+
+    /// Where it is that much after the period \[s\], the acceleration changing as in the last one.
+    pub fn ahead(&self, time_s: f32, period_s: f32) -> Motion {
+        self.motion.later(time_s, self.gained_rad_s2 * time_s / period_s)
     }
 
     /// Whether it has arrived at a set point at rest, up to that angle \[rad\].
