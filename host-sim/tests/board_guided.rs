@@ -492,7 +492,8 @@ fn a_monitor_records_a_joint() {
     let mut command = bench.command("thermyo monitor emulated --log mcap --out out/monitor");
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let child = command.spawn().unwrap();
-    until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 300_000));
+    // For longer than the second after which it prints a line: a row takes 555 bytes.
+    until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 1_000_000));
     signal(&child, "-TERM");
     let output = child.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130), "{}", message(&output));
