@@ -11,6 +11,9 @@
 //! dm    = (V (P_ref - P)/k + P (V(L_ref) - V(L)))/(R T)           eq. (6), adiabatic
 //! ```
 //!
+//! L_ref is the reference's length at the time at which the gas of the period has arrived: later than the period's end
+//! by the valve's dead time and half of its stroke, or its lag.
+//!
 //! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the
 //! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode. Load,
 //! Coulomb force and mass are observed ([`LoadObserver`]). An integral of the length error is left for what the
@@ -59,6 +62,8 @@ pub struct Gains {
     /// the speed by w theta + atan(w tau), theta the delay and tau the loop's time, and a quarter of a turn is reached at
     /// w^2 = 1/(theta (tau + theta/3)), cot y = 1/y - y/3 being within 1 % there.
     damped_per_s2: f32,
+    /// How late a pulse is by its valve \[s\].
+    late_s: f32,
     /// Configured lead over the loop's time \[-\].
     lead_closes: f32,
     /// Slip and creep over a period.
@@ -72,14 +77,16 @@ impl Gains {
         let w = tuning.reference_rad_s;
         let wt = w * period_s;
         let keeps = 1.0 / (1.0 + wt * (2.0 + wt));
+        let valve_s = config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
         // The speed of a difference is late by half a period, and a pulse by another half.
-        let late_s = period_s + config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
+        let late_s = period_s + valve_s;
         Self {
             keeps,
             per_error: keeps * wt * w,
             per_target_speed: keeps * 2.0 * wt,
             closes: limit(period_s / tuning.length_loop_s, 0.0, 1.0),
             damped_per_s2: 1.0 / (late_s * (tuning.length_loop_s + late_s * (1.0 / 3.0))),
+            late_s: valve_s,
             lead_closes: tuning.length_gain * tuning.length_lead_s / tuning.length_loop_s,
             law: Law::new(&config.hysteresis, period_s),
         }
@@ -126,7 +133,6 @@ impl GasSpring {
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Reference {
     length_m: f32,
-    volume_m3: f32,
     speed_m_s: f32,
     acceleration_m_s2: f32,
     /// Set point of the period before \[m\].
@@ -134,9 +140,13 @@ struct Reference {
 }
 
 impl Reference {
-    fn at(chamber: &impl Chamber, length_m: f32) -> Self {
-        let volume_m3 = chamber.volume_m3(length_m);
-        Self { length_m, volume_m3, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m }
+    fn at(length_m: f32) -> Self {
+        Self { length_m, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m }
+    }
+
+    /// Its length that much later \[m\].
+    fn after_m(&self, time_s: f32) -> f32 {
+        self.length_m + time_s * (self.speed_m_s + 0.5 * time_s * self.acceleration_m_s2)
     }
 
     /// One period towards `target_m`, backward Euler. A set point that moves no faster than the rate
@@ -174,7 +184,20 @@ impl Reference {
         self.acceleration_m_s2 = (speed_m_s - self.speed_m_s) * port.pwm_hz;
         self.speed_m_s = speed_m_s;
         self.length_m += speed_m_s * period_s;
-        self.volume_m3 = chamber.volume_m3(self.length_m);
+    }
+}
+
+/// The muscle as it is to be when the gas of a period has arrived.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Arrival {
+    length_m: f32,
+    volume_m3: f32,
+    pressure_pa: f32,
+}
+
+impl Arrival {
+    fn new(chamber: &impl Chamber, length_m: f32, pressure_pa: f32) -> Self {
+        Self { length_m, volume_m3: chamber.volume_m3(length_m), pressure_pa }
     }
 }
 
@@ -183,8 +206,7 @@ impl Reference {
 pub struct ContractionLoop {
     gains: Gains,
     reference: Reference,
-    /// Pressure that belongs to the reference \[Pa\].
-    pressure_pa: f32,
+    arrival: Arrival,
     /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
     given_pa: f32,
     given_m3: f32,
@@ -229,8 +251,8 @@ impl ContractionLoop {
     ) -> Self {
         let mut fresh = Self {
             gains: *gains,
-            reference: Reference::at(chamber, feedback.length_m),
-            pressure_pa: feedback.pressure_pa,
+            reference: Reference::at(feedback.length_m),
+            arrival: Arrival::new(chamber, feedback.length_m, feedback.pressure_pa),
             given_pa: feedback.pressure_pa,
             given_m3: 0.0,
             pulsed: false,
@@ -282,9 +304,9 @@ impl ContractionLoop {
             disturbance_n = limit(disturbance_n + holds_n - self.friction_n, least_n, most_n);
         }
         self.observer.restart(disturbance_n);
-        self.pressure_pa = feedback.pressure_pa;
+        self.arrival.pressure_pa = feedback.pressure_pa;
         self.given_pa = feedback.pressure_pa;
-        self.given_m3 = self.reference.volume_m3;
+        self.given_m3 = self.arrival.volume_m3;
     }
 
     /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
@@ -329,7 +351,8 @@ impl ContractionLoop {
         if self.calm_periods >= CALM_PERIODS {
             self.holding = true;
             self.pulsed = false;
-            self.reference = Reference::at(chamber, target_m);
+            self.reference = Reference::at(target_m);
+            self.arrival = Arrival::new(chamber, target_m, self.arrival.pressure_pa);
             return None;
         }
 
@@ -347,15 +370,15 @@ impl ContractionLoop {
         if !feedback.length_lost {
             self.learn(config, chamber, feedback, port, wanted, (error_m, moved_m));
         }
-        let start_m3 = self.reference.volume_m3;
+        let start_m3 = self.arrival.volume_m3;
         self.advance(config, chamber, feedback, port, wanted, target_m);
         let given = self.gains.closes;
-        let change_pa = self.pressure_pa - self.given_pa + given * missing_pa;
-        let change_m3 = self.reference.volume_m3 - self.given_m3 + given * missing_m3;
+        let change_pa = self.arrival.pressure_pa - self.given_pa + given * missing_pa;
+        let change_m3 = self.arrival.volume_m3 - self.given_m3 + given * missing_m3;
         let wanted_kg = port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg;
         let open_kg = port.period_s * open_kg_s(config, wanted_kg, feedback.muscle());
         let per_rest_kg = absolute(port.mass_kg(0.0, slope_m2 * rest_m));
-        let ahead_m3 = self.reference.volume_m3 - start_m3;
+        let ahead_m3 = self.arrival.volume_m3 - start_m3;
         Some(self.spare(port, wanted_kg, open_kg, per_rest_kg, ahead_m3))
     }
 
@@ -414,10 +437,12 @@ impl ContractionLoop {
         target_m: f32,
     ) {
         let Contracting { load_n, softening, most_pa, .. } = *wanted;
-        let (before, friction_n, held) = (self.reference, self.friction_n, self.held);
+        let (before, arrival) = (self.reference, self.arrival);
+        let (friction_n, held) = (self.friction_n, self.held);
         self.reference.advance(&config.controller, &self.gains, chamber, target_m, port);
         let reference = self.reference;
-        let way_m = before.length_m - reference.length_m;
+        let length_m = chamber.limit_length_m(reference.after_m(self.gains.late_s));
+        let way_m = arrival.length_m - length_m;
         let way_n = config.friction.presliding_stiffness_n_m * way_m;
         let coulomb_n = self.observer.coulomb_n(configured_coulomb_n(config, softening));
         self.friction_n = slide(self.friction_n, way_n, coulomb_n);
@@ -427,14 +452,16 @@ impl ContractionLoop {
             - softening * config.friction.viscous_n_s_m * reference.speed_m_s
             - (config.moving_mass_kg + self.observer.mass_kg) * reference.acceleration_m_s2;
         let ambient_pa = config.ambient.pressure_pa;
-        let gauge_pa = chamber.gauge_pressure_for_force_pa(wanted_n, reference.length_m);
+        let gauge_pa = chamber.gauge_pressure_for_force_pa(wanted_n, length_m);
         self.limited = ambient_pa + gauge_pa > most_pa;
+        let pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
+        self.arrival = Arrival::new(chamber, length_m, pressure_pa);
         if self.limited && feedback.length_lost {
             // Nothing but pressure says where the muscle is: the reference goes no further than pressure may.
             self.reference = Reference { speed_m_s: 0.0, acceleration_m_s2: 0.0, ..before };
             (self.friction_n, self.held) = (friction_n, held);
+            self.arrival = Arrival { pressure_pa, ..arrival };
         }
-        self.pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
     }
 
     /// Slip and creep after a period in which the reference contracted by `way_m`.
@@ -460,8 +487,8 @@ impl ContractionLoop {
             self.pulsed = false;
             return 0.0;
         }
-        self.given_pa = self.pressure_pa;
-        self.given_m3 = self.reference.volume_m3;
+        self.given_pa = self.arrival.pressure_pa;
+        self.given_m3 = self.arrival.volume_m3;
         let left_kg = open_kg - size_kg;
         self.pulsed = left_kg > 0.0;
         if self.pulsed && !fits && left_kg < EARLY * per_rest_kg {
@@ -598,7 +625,7 @@ mod tests {
     fn references(targets_m: impl Iterator<Item = f32>) -> Vec<Reference> {
         let config = plain();
         let gains = Gains::new(&config, PERIOD_S);
-        let mut reference = Reference::at(&muscle(), 0.25);
+        let mut reference = Reference::at(0.25);
         let port = port(&feedback(3.0e5, 0.25));
         targets_m
             .map(|target_m| {
@@ -617,7 +644,6 @@ mod tests {
                 let error = (0.25 + step_m - reference.length_m) / step_m;
                 let expected = (1.0 + n as f32 * (1.0 - r)) * r.powi(n);
                 assert!((error - expected).abs() < 1e-3, "{error} after {n} periods");
-                assert_eq!(reference.volume_m3, muscle().volume_m3(reference.length_m));
             }
         }
     }
@@ -713,7 +739,7 @@ mod tests {
                 (active.observer.disturbance_n - disturbance_n).abs() < 0.05,
                 "{force_n} N: {active:?}"
             );
-            assert_eq!(active.pressure_pa, now.pressure_pa);
+            assert_eq!(active.arrival.pressure_pa, now.pressure_pa);
         }
         let gains = Gains::new(&config, PERIOD_S);
         let now = feedback(pressure_pa(140.0), LENGTH_M);
@@ -738,24 +764,25 @@ mod tests {
         assert!(off_kg.abs() < 5e-3 * expected_kg.abs() + 2e-9, "{kg} kg, expected {expected_kg}");
     }
 
-    /// On a muscle that follows at once: each period moves what the next state has more, until the
-    /// muscle is where it should be and pulls its load and friction.
+    /// On a muscle that follows at once, behind valves that are never late: each period moves what the next state has
+    /// more, until the muscle is where it should be and pulls its load and friction.
     #[test]
     fn the_gas_of_the_reference_is_what_is_moved() {
-        let config = narrow();
+        let mut config = narrow();
+        (config.valve.dead_time_s, config.valve.switch_time_s) = (0.0, 0.0);
         for (goal_m, friction_n) in [(0.25, 15.45), (0.28, -15.45)] {
             let mut now = feedback(pressure_pa(LOAD_N), LENGTH_M);
             let mut active = started(&config, &now);
             for _ in 0..60 {
                 let asked = active.period(&config, &muscle(), &now, &port(&now), &wanted(goal_m));
                 let Some(kg) = asked else { break };
-                let change_m3 = active.reference.volume_m3 - muscle().volume_m3(now.length_m);
+                let change_m3 = active.arrival.volume_m3 - muscle().volume_m3(now.length_m);
                 // It is ahead of what is measured where the speed changes: damping.
-                let change_pa = active.pressure_pa - now.pressure_pa;
+                let change_pa = active.arrival.pressure_pa - now.pressure_pa;
                 if active.reference.acceleration_m_s2.abs() < 1e-3 {
                     close(kg, mass_kg(&now, change_pa, change_m3));
                 }
-                now = feedback(active.pressure_pa, active.reference.length_m);
+                now = feedback(active.arrival.pressure_pa, active.arrival.length_m);
             }
             assert!(active.holding(), "{active:?}");
             assert!((now.length_m - goal_m).abs() < 5e-4, "{} m", now.length_m);
@@ -821,7 +848,7 @@ mod tests {
     fn slip_and_creep_are_held() {
         let config = Config::default();
         let force_n = |active: &ContractionLoop| {
-            let gauge_pa = active.pressure_pa - AMBIENT_PA;
+            let gauge_pa = active.arrival.pressure_pa - AMBIENT_PA;
             muscle().force_n(gauge_pa, active.reference.length_m)
         };
         let goal = wanted(0.25);
@@ -830,7 +857,7 @@ mod tests {
             let mut active = started(config, &now);
             for _ in 0..20 {
                 active.period(config, &muscle(), &now, &port(&now), &goal);
-                now = feedback(active.pressure_pa, active.reference.length_m);
+                now = feedback(active.arrival.pressure_pa, active.arrival.length_m);
             }
             active
         };
@@ -844,7 +871,7 @@ mod tests {
         assert!((force_n(&creeps) - expected_n).abs() < 0.5, "{} N", force_n(&creeps));
         let mut rests = creeps;
         for _ in 0..45 {
-            rests.creep(&config, &feedback(creeps.pressure_pa, 0.25), 0.0, 1.0);
+            rests.creep(&config, &feedback(creeps.arrival.pressure_pa, 0.25), 0.0, 1.0);
         }
         let left = rests.held.fast_n / creeps.held.fast_n;
         assert!((left - (-1.0_f32).exp()).abs() < 1e-3, "{left}");
@@ -883,6 +910,21 @@ mod tests {
         assert_eq!(active.observer.disturbance_n, -5.0);
     }
 
+    /// The gas is that of where a moving reference is 2 ms later, half of the stroke and the dead time.
+    #[test]
+    fn the_gas_is_for_the_time_at_which_it_arrives() {
+        let config = plain();
+        assert_eq!(config.valve.dead_time_s + 0.5 * config.valve.switch_time_s, 2.0e-3);
+        let mut active = started(&config, &feedback(pressure_pa(LOAD_N), LENGTH_M));
+        for period in 0..10_u16 {
+            let now = feedback(pressure_pa(LOAD_N), active.reference.length_m);
+            let goal_m = LENGTH_M - 5.0e-4 * f32::from(period);
+            active.period(&config, &muscle(), &now, &port(&now), &wanted(goal_m));
+        }
+        let ahead_m = active.arrival.length_m - active.reference.length_m;
+        assert!((ahead_m + 2.0e-3 * 0.05).abs() < 5e-6, "{ahead_m} m at 50 mm/s");
+    }
+
     /// Friction against the motion, softened; viscous friction with the speed; the mass with the
     /// acceleration: a muscle that starts to contract has to pull more for each.
     #[test]
@@ -895,11 +937,11 @@ mod tests {
             let mut active = started(&config, &now);
             let goal = Contracting { softening: 0.5, ..wanted(goal_m) };
             active.period(&config, &muscle(), &now, &port(&now), &goal);
-            let Reference { length_m, .. } = active.reference;
-            let force_n = muscle().force_n(active.pressure_pa - AMBIENT_PA, length_m);
-            // 9 m/s2 for 10 ms are 0.09 m/s, and 0.9 mm of 100 kN/m.
+            let Arrival { length_m, pressure_pa, .. } = active.arrival;
+            let force_n = muscle().force_n(pressure_pa - AMBIENT_PA, length_m);
+            // 9 m/s2 for 10 ms are 0.09 m/s and 0.9 mm; 0.2 mm in the 2 ms of the valve: 110 N of 100 kN/m.
             let coulomb_n = 0.5 * 1.03 * 15.0;
-            let friction_n = 90.0 * coulomb_n / (coulomb_n + 90.0);
+            let friction_n = 110.0 * coulomb_n / (coulomb_n + 110.0);
             let expected_n = LOAD_N + way * (friction_n + 0.5 * 100.0 * 0.09 + 2.0 * 9.0);
             assert!((force_n - expected_n).abs() < 0.3, "{force_n} N, expected {expected_n} N");
         }
@@ -984,8 +1026,11 @@ mod tests {
                 (active.observer.disturbance_n - disturbance_n).abs() < 0.05,
                 "{rested_n}, {now_n} N: {active:?}"
             );
-            let change_m3 = active.reference.volume_m3 - muscle().volume_m3(LENGTH_M);
-            close(asked.unwrap(), mass_kg(&now, active.pressure_pa - now.pressure_pa, change_m3));
+            let change_m3 = active.arrival.volume_m3 - muscle().volume_m3(LENGTH_M);
+            close(
+                asked.unwrap(),
+                mass_kg(&now, active.arrival.pressure_pa - now.pressure_pa, change_m3),
+            );
         }
     }
 
@@ -998,7 +1043,7 @@ mod tests {
             let goal = Contracting { most_pa, ..wanted(LENGTH_M) };
             active.period(&plain(), &muscle(), &now, &port(&now), &goal);
             assert_eq!(active.limited(), limited, "{off_pa} Pa");
-            assert!((active.pressure_pa - now.pressure_pa.min(most_pa)).abs() < 50.0);
+            assert!((active.arrival.pressure_pa - now.pressure_pa.min(most_pa)).abs() < 50.0);
         }
     }
 }
