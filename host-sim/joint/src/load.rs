@@ -19,6 +19,8 @@ use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_
 
 /// Interval over which the motion of a profile is taken \[s\].
 const DIFFERENCE_S: f64 = 0.01;
+/// A quarter of 10 ms: what is asked for in a longer period is too much to wait \[s\].
+const WAITS_S: f64 = 0.0025;
 /// Time of sound in a metre of hose, at 343 m/s \[s/m\].
 const SOUND_S_M: f64 = 0.0029;
 
@@ -225,13 +227,13 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     Ok(loaded)
 }
 
-/// How late gas comes, beside the valve's own delay, as the core is configured: a pulse waits for the next period or
-/// does not, a quarter of one in the mean, and sound passes the longer hose \[s\].
+/// How late gas comes, beside the valve's own delay, as the core is configured: a small pulse waits for the next period
+/// or does not, a quarter of one in the mean, and sound passes the longer hose \[s\].
 fn lead_s(muscles: &[Loaded; 2]) -> f64 {
     let of = |Loaded { believed: s, .. }: &Loaded| {
         let line_m =
             s.tube.line().filter(|_| s.moves_in_full()).map_or(0.0, |[length_m, _]| length_m);
-        0.25 / s.valve.pwm_hz + SOUND_S_M * line_m
+        WAITS_S.min(0.25 / s.valve.pwm_hz) + SOUND_S_M * line_m
     };
     let [a, b] = muscles.each_ref().map(of);
     a.max(b)
@@ -529,7 +531,9 @@ mod tests {
             let document = JointDocument::parse(text, "joint.toml".as_ref()).unwrap();
             joint(&document).unwrap().controller.lead_s
         };
-        assert_eq!(lead_s("[joint]\n"), 0.0025);
+        for (pwm_hz, waits_s) in [(50, 0.0025), (100, 0.0025), (200, 0.00125)] {
+            assert_eq!(lead_s(&format!("[valve]\npwm_hz = {pwm_hz}\n[joint]\n")), waits_s);
+        }
         let hose = "[plant]\nmodel = \"full\"\n[tube]\nlength_m = 1\ndiameter_m = 0.004\n[joint]\n";
         assert_eq!(lead_s(hose), 0.0054);
         let longer = format!("{hose}[joint.b.tube]\nlength_m = 2\n");
