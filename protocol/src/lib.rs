@@ -658,9 +658,10 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Frame, TooLong> {
     let length = postcard::to_slice(message, &mut payload).map_err(|_| TooLong)?.len();
     let (message, rest) = payload.split_at_mut_checked(length).ok_or(TooLong)?;
     *rest.first_chunk_mut::<CRC_BYTES>().ok_or(TooLong)? = CRC.checksum(message).to_le_bytes();
-    let mut frame = Frame::new();
-    frame.resize(MAX_FRAME, 0).map_err(|_| TooLong)?;
     let content = payload.get(..length + CRC_BYTES).ok_or(TooLong)?;
+    let mut frame = Frame::new();
+    // No longer than it may get: an RP2040 takes 50 us to set all of them.
+    frame.resize(cobs::max_encoding_length(content.len()) + 1, 0).map_err(|_| TooLong)?;
     let stuffed = cobs::try_encode(content, &mut frame).map_err(|_| TooLong)?;
     if let Some(end) = frame.get_mut(stuffed) {
         *end = 0;
