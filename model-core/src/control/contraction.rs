@@ -77,7 +77,7 @@ impl Gains {
         let w = tuning.reference_rad_s;
         let wt = w * period_s;
         let keeps = 1.0 / (1.0 + wt * (2.0 + wt));
-        let valve_s = config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
+        let valve_s = config.valve_kind.late_s(&config.valve);
         // The speed of a difference is late by half a period, and a pulse by another half.
         let late_s = period_s + valve_s;
         Self {
@@ -667,7 +667,7 @@ mod tests {
     fn a_lead_that_comes_too_late_to_damp_is_left_to_friction() {
         let config = plain();
         let gains = Gains::new(&config, PERIOD_S);
-        let late_s = PERIOD_S + config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
+        let late_s = PERIOD_S + config.valve_kind.late_s(&config.valve);
         let swing = gains.damped_per_s2.sqrt();
         let behind = swing * late_s + (swing * config.controller.length_loop_s).atan();
         assert!((behind / core::f32::consts::FRAC_PI_2 - 1.0).abs() < 0.01, "{behind} rad");

@@ -339,6 +339,7 @@ impl JointController {
         }
     }
 
+    /// The reference rests at that angle.
     fn stand(&mut self, angle_rad: f32, stiffness_n_m_rad: f32) {
         self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
         self.led_rad = angle_rad;
@@ -383,10 +384,8 @@ impl JointController {
         let lag_rad_s = self.reference.motion.speed_rad_s - self.observer.speed_rad_s;
         self.learn(error_rad);
         self.reference.advance(&self.mechanism, &self.tuning, wanted, self.period_s);
-        // A pulse is late by the valve's dead time and half of its stroke; an analogue command by its lag.
         let [Measured { config, .. }, _] = muscles;
-        let valve_s = config.valve.dead_time_s + config.valve_kind.late_s(&config.valve);
-        let late_s = lead_s + valve_s;
+        let late_s = lead_s + config.valve_kind.late_s(&config.valve);
         let next = self.reference.ahead(late_s, self.period_s);
         let way_rad = next.angle_rad - core::mem::replace(&mut self.led_rad, next.angle_rad);
         self.friction_n_m = self.friction.after(self.friction_n_m, way_rad);

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! A Luenberger observer of angle, speed and d. The pole of d is slower than the other two: an inertia that is believed
-//! twice too large makes d follow the acceleration, and what compensates it comes late. Dry friction is in its model, as a play: it
-//! grows with the way since the last turn, up to its Coulomb value, so that d has no part of it at a turn.
+//! twice too large makes d follow the acceleration, and what compensates it comes late. Dry friction is in its model, as
+//! a play: it grows with the way since the last turn, up to its Coulomb value, so that d has no part of it at a turn.
 
 use super::config::{JointTuning, Mechanism};
 use crate::math::limit;

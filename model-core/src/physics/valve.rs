@@ -75,12 +75,13 @@ impl ValveKind {
         matches!(self, Self::Switching)
     }
 
-    /// Time by which the valve acts later than its command, beside the dead time \[s\].
+    /// Time by which the valve acts later than its command: its dead time, and half of its stroke or its lag \[s\].
     pub fn late_s(&self, valve: &Valve) -> f32 {
-        match self {
+        let moves_s = match self {
             Self::Switching => 0.5 * valve.switch_time_s,
             Self::Proportional(spool) => spool.lag_s(),
-        }
+        };
+        valve.dead_time_s + moves_s
     }
 
     /// Checks every value.
