@@ -19,8 +19,10 @@ use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_
 
 /// Interval over which the motion of a profile is taken \[s\].
 const DIFFERENCE_S: f64 = 0.01;
-/// A quarter of 10 ms: what is asked for in a longer period is too much to wait \[s\].
-const WAITS_S: f64 = 0.0025;
+/// PWM period up to which a small pulse waits: longer ones give less than 100 pulses a second by themselves \[s\].
+const WAITS_UP_TO_S: f64 = 0.01;
+/// Share of an error of the gas mass that a PWM period closes at most: as the default does at 100 Hz \[-\].
+const CLOSES: f64 = 0.7;
 /// Time of sound in a metre of hose, at 343 m/s \[s/m\].
 const SOUND_S_M: f64 = 0.0029;
 
@@ -211,9 +213,7 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
         scenario.faults.windows_mut().for_each(|window| window.length = ChannelFault::None);
     }
     let mut controller = document.controller.clone();
-    if !document.has("joint.controller.lead_s") {
-        controller.lead_s = lead_s(&muscles);
-    }
+    time(&mut controller, document, &muscles);
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
@@ -227,16 +227,25 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     Ok(loaded)
 }
 
-/// How late gas comes, beside the valve's own delay, as the core is configured: a small pulse waits for the next period
-/// or does not, a quarter of one in the mean, and sound passes the longer hose \[s\].
-fn lead_s(muscles: &[Loaded; 2]) -> f64 {
-    let of = |Loaded { believed: s, .. }: &Loaded| {
-        let line_m =
-            s.tube.line().filter(|_| s.moves_in_full()).map_or(0.0, |[length_m, _]| length_m);
-        WAITS_S.min(0.25 / s.valve.pwm_hz) + SOUND_S_M * line_m
-    };
-    let [a, b] = muscles.each_ref().map(of);
-    a.max(b)
+/// Gives what the scenario leaves out of the controller's timing, as the core is configured.
+fn time(controller: &mut JointController, document: &JointDocument, muscles: &[Loaded; 2]) {
+    let given = |key: &str| document.has(&format!("joint.controller.{key}"));
+    let [a, _] = muscles;
+    let period_s = 1.0 / a.believed.valve.pwm_hz;
+    if !given("waits_n_m") && period_s > WAITS_UP_TO_S {
+        controller.waits_n_m = 0.0;
+    }
+    if !given("mass_loop_s") {
+        controller.mass_loop_s = controller.mass_loop_s.min(period_s / CLOSES);
+    }
+    if !given("lead_s") {
+        // A pulse waits for the next period or does not: a quarter of one in the mean.
+        let waits_s = if controller.waits_n_m > 0.0 { 0.25 * period_s } else { 0.0 };
+        let [a_m, b_m] = muscles.each_ref().map(|Loaded { believed: s, .. }| {
+            s.tube.line().filter(|_| s.moves_in_full()).map_or(0.0, |[length_m, _]| length_m)
+        });
+        controller.lead_s = waits_s + SOUND_S_M * a_m.max(b_m);
+    }
 }
 
 /// The path of a file that the scenario names, relative to the scenario's folder.
@@ -526,19 +535,23 @@ mod tests {
     }
 
     #[test]
-    fn a_longer_hose_takes_gas_longer_unless_the_file_states_it() {
-        let lead_s = |text: &str| {
+    fn the_timing_follows_valves_and_hose_unless_the_file_states_it() {
+        let timing = |text: &str| {
             let document = JointDocument::parse(text, "joint.toml".as_ref()).unwrap();
-            joint(&document).unwrap().controller.lead_s
+            let controller = joint(&document).unwrap().controller;
+            [controller.lead_s, controller.waits_n_m, controller.mass_loop_s]
         };
-        for (pwm_hz, waits_s) in [(50, 0.0025), (100, 0.0025), (200, 0.00125)] {
-            assert_eq!(lead_s(&format!("[valve]\npwm_hz = {pwm_hz}\n[joint]\n")), waits_s);
-        }
+        let valves = |pwm_hz: u32| timing(&format!("[valve]\npwm_hz = {pwm_hz}\n[joint]\n"));
+        assert_eq!(valves(50), [0.0, 0.0, 0.014]);
+        assert_eq!(valves(100), [0.0025, 0.2, 0.014]);
+        assert_eq!(valves(200), [0.00125, 0.2, 0.005 / 0.7]);
         let hose = "[plant]\nmodel = \"full\"\n[tube]\nlength_m = 1\ndiameter_m = 0.004\n[joint]\n";
+        let lead_s = |text: &str| timing(text)[0];
         assert_eq!(lead_s(hose), 0.0054);
         let longer = format!("{hose}[joint.b.tube]\nlength_m = 2\n");
         assert!((lead_s(&longer) - 0.0083).abs() < 1e-9);
-        assert_eq!(lead_s(&format!("{hose}[joint.controller]\nlead_s = 0.001\n")), 0.001);
+        let stated = "[joint.controller]\nlead_s = 0.001\nwaits_n_m = 0.1\nmass_loop_s = 0.02\n";
+        assert_eq!(timing(&format!("{hose}{stated}")), [0.001, 0.1, 0.02]);
         let mut document = JointDocument::parse(hose, "joint.toml".as_ref()).unwrap();
         document.set("joint.controller.lead_s", Setting::Number(0.002)).unwrap();
         assert_eq!(joint(&document).unwrap().controller.lead_s, 0.002);

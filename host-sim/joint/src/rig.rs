@@ -2,7 +2,8 @@
 
 use crate::load::JointLoaded;
 use model_core::joint::{
-    Joint as Core, JointError, JointMode, JointSample, JointSetPoint, JointTelemetry, Motion,
+    Joint as Core, JointError, JointMode, JointSample, JointSetPoint, JointTelemetry, Mechanism,
+    Motion,
 };
 use model_core::{ConfigError, Duty};
 use std::f64::consts::TAU;
@@ -77,6 +78,8 @@ pub struct Row {
     pub stiffness_n_m_rad: f64,
     /// Inputs that the step began with.
     pub inputs: Inputs,
+    /// Their set point as it is by now: a motion has gone on since it was given.
+    pub wanted: JointSetPoint,
     /// The core's output.
     pub telemetry: JointTelemetry,
     /// Readings of the gas sensors, with their noise \[K\].
@@ -94,8 +97,11 @@ pub struct Rig {
     scenarios: [Scenario; 2],
     chambers: [Option<Box<dyn Chamber>>; 2],
     sensor_rad: [f64; 2],
+    mechanism: Mechanism,
     step: u64,
     inputs: Inputs,
+    /// The step that the set point began with.
+    set_step: u64,
 }
 
 impl Rig {
@@ -111,7 +117,8 @@ impl Rig {
         };
         let [of_a, of_b] = &scenarios;
         let plant = Joint::new(loaded.arm(), [of_a, of_b], start_rad).map_err(RunError::Build)?;
-        let core = Core::new(&loaded.config()).map_err(RunError::Config)?;
+        let config = loaded.config();
+        let core = Core::new(&config).map_err(RunError::Config)?;
         let joint = &loaded.joint;
         let mut rig = Self {
             plant,
@@ -122,8 +129,10 @@ impl Rig {
             chambers: [chamber::of(of_a), chamber::of(of_b)],
             scenarios,
             sensor_rad: [joint.sensor_minimum_rad, joint.sensor_maximum_rad],
+            mechanism: config.mechanism,
             step: 0,
             inputs,
+            set_step: 0,
         };
         rig.set(inputs.set_point)?;
         Ok(rig)
@@ -157,6 +166,7 @@ impl Rig {
             }
             _ => {
                 self.inputs.set_point = set_point;
+                self.set_step = self.step;
                 Ok(())
             }
         }
@@ -230,11 +240,14 @@ impl Rig {
         {
             telemetry = self.core.step(&sample);
         }
+        let step_s = self.scenarios[0].run.step_s;
+        let age_s = (self.step - self.set_step) as f64 * step_s;
         Row {
-            time_s: self.step as f64 * self.scenarios[0].run.step_s,
+            time_s: self.step as f64 * step_s,
             stiffness_n_m_rad: self.stiffness_n_m_rad(&truth),
             sensor_gas_k: [self.adc[0].gas_reading_k(), self.adc[1].gas_reading_k()],
             inputs: self.inputs,
+            wanted: self.inputs.set_point.after(age_s as f32, &self.mechanism),
             truth,
             telemetry,
         }
@@ -314,7 +327,7 @@ fn scenarios(loaded: &JointLoaded) -> [Scenario; 2] {
 impl Row {
     /// Set point of angle \[rad\] and stiffness \[N m/rad\], where it has them.
     pub fn wanted(&self) -> Option<[f64; 2]> {
-        match self.inputs.set_point {
+        match self.wanted {
             JointSetPoint::Angle(Motion { angle_rad, stiffness_n_m_rad, .. }) => {
                 Some([angle_rad, stiffness_n_m_rad].map(f64::from))
             }

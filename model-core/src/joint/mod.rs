@@ -30,7 +30,7 @@ pub use self::config::{JointConfig, JointTuning, Mechanism};
 pub use self::encoder::AnglePart;
 pub use self::guard::JointFaults;
 pub use self::reference::Motion;
-pub use self::set_point::{JointError, JointField, JointSetPoint};
+pub use self::set_point::{JointError, JointField, JointSetPoint, LONGEST_S};
 
 use self::angle::AngleLine;
 use self::controller::{JointController, Measured};
@@ -181,6 +181,8 @@ pub struct Joint {
     controller: JointController,
     guard: Guard,
     set_point: JointSetPoint,
+    /// Steps since it was given.
+    set_steps: u32,
     /// The openings of the PWM period under way.
     commands: [Command; 2],
     /// The controller has started from what was measured.
@@ -226,6 +228,7 @@ impl Joint {
             controller: JointController::new(config),
             guard: Guard::new(config),
             set_point: JointSetPoint::Vent,
+            set_steps: 0,
             commands: [Command::VENT; 2],
             started: false,
             locked_steps: 0,
@@ -285,6 +288,7 @@ impl Joint {
         self.controller = other.controller;
         self.guard = other.guard;
         self.set_point = if armed { other.set_point } else { JointSetPoint::Vent };
+        self.set_steps = other.set_steps;
         self.note_limits();
         self.commands = [Command::VENT; 2];
         self.started = false;
@@ -425,6 +429,10 @@ impl Joint {
             self.started = false;
         }
         self.note_limits();
+        // Given once more, it is as old as it was: a trace only has those that differ.
+        if set_point != self.set_point {
+            self.set_steps = 0;
+        }
         self.set_point = set_point;
         Ok(())
     }
@@ -564,8 +572,11 @@ impl Joint {
                 self.guard.restart(angle_rad);
                 self.started = true;
             }
-            self.commands = self.controller.period(&self.set_point, angle_rad, &measured);
+            let age_s = self.set_steps as f32 * config_a.step_s;
+            let set_point = self.set_point.after(age_s, &self.config.mechanism);
+            self.commands = self.controller.period(&set_point, angle_rad, &measured);
         }
+        self.set_steps = self.set_steps.saturating_add(1);
     }
 
     /// Ends the step of both muscles.

@@ -1,9 +1,14 @@
 //! Set points of a joint: which of them it accepts, and its errors for the others.
 
-use super::config::JointConfig;
+use super::config::{JointConfig, Mechanism};
 use super::guard::JointFaults;
 use super::reference::Motion;
+use crate::math::limit;
 use crate::sample::Faults;
+
+/// Longest time for which a motion goes on by its speed and acceleration, without a set point that differs: ten set
+/// points of a host that sends a hundred a second \[s\].
+pub const LONGEST_S: f32 = 0.1;
 
 /// Fastest speed \[rad/s\] and acceleration \[rad/s2\] of a set point, beyond what muscles of any size do.
 const FASTEST_RAD_S: f32 = 1.0e3;
@@ -38,6 +43,7 @@ pub enum JointSetPoint {
         stiffness_n_m_rad: f32,
     },
     /// An angle with a stiffness. With its speed and acceleration a motion is followed without lag; a step has none.
+    /// Until the next set point it goes on by them, for [`LONGEST_S`] at most, and then rests where it has come to.
     Angle(Motion),
     /// All four valves shut, for `joint.lock_s` at most; then both muscles vent.
     Lock,
@@ -143,6 +149,23 @@ impl core::fmt::Display for JointError {
 impl core::error::Error for JointError {}
 
 impl JointSetPoint {
+    /// It, that long after it was given \[s\]: a motion has gone on, up to the stops.
+    #[must_use]
+    pub fn after(&self, age_s: f32, mechanism: &Mechanism) -> Self {
+        let Self::Angle(given) = *self else { return *self };
+        let Motion { speed_rad_s, acceleration_rad_s2, stiffness_n_m_rad, .. } = given;
+        if speed_rad_s == 0.0 && acceleration_rad_s2 == 0.0 {
+            return *self;
+        }
+        let moved = given.later(limit(age_s, 0.0, LONGEST_S), 0.0);
+        let angle_rad = limit(moved.angle_rad, mechanism.minimum_rad, mechanism.maximum_rad);
+        Self::Angle(if age_s < LONGEST_S && angle_rad == moved.angle_rad {
+            moved
+        } else {
+            Motion::still(angle_rad, stiffness_n_m_rad)
+        })
+    }
+
     /// Checks every value.
     ///
     /// # Errors
@@ -190,6 +213,33 @@ fn within(field: JointField, value: f32, minimum: f32, maximum: f32) -> Result<(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_motion_goes_on_until_the_next_set_point() {
+        let mechanism = Mechanism::default();
+        let given = Motion {
+            angle_rad: 0.2,
+            speed_rad_s: 2.0,
+            acceleration_rad_s2: -4.0,
+            stiffness_n_m_rad: 14.0,
+        };
+        let after = |age_s| match JointSetPoint::Angle(given).after(age_s, &mechanism) {
+            JointSetPoint::Angle(motion) => motion,
+            _ => panic!(),
+        };
+        assert_eq!(after(0.0), given);
+        // 0.2 + 2 t - 2 t^2
+        assert!((after(0.01).angle_rad - 0.2198).abs() < 1e-6);
+        assert!((after(0.01).speed_rad_s - 1.96).abs() < 1e-6);
+        let last = after(1.0);
+        assert_eq!(last, after(LONGEST_S));
+        assert!((last.angle_rad - 0.38).abs() < 1e-6 && last.speed_rad_s == 0.0, "{last:?}");
+        let fast = JointSetPoint::Angle(Motion { speed_rad_s: 1.0e3, ..given });
+        let stop = JointSetPoint::Angle(Motion::still(mechanism.maximum_rad, 14.0));
+        assert_eq!(fast.after(0.01, &mechanism), stop);
+        let torque = JointSetPoint::Torque { torque_n_m: 1.0, stiffness_n_m_rad: 14.0 };
+        assert_eq!(torque.after(0.05, &mechanism), torque);
+    }
 
     #[test]
     fn a_refusal_says_what_is_allowed() {
