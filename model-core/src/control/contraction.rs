@@ -300,7 +300,7 @@ impl ContractionLoop {
         let holds_n = pull_n - force_n - self.held.force_n() - self.effort_n - disturbance_n;
         self.friction_n = limit(holds_n, -most_n, most_n);
         if is_free(chamber, feedback.length_m) {
-            let [least_n, most_n] = disturbances_n(config, chamber, force_n);
+            let [least_n, most_n] = disturbances_n(config, chamber, force_n + self.held.force_n());
             disturbance_n = limit(disturbance_n + holds_n - self.friction_n, least_n, most_n);
         }
         self.observer.restart(disturbance_n);
@@ -401,12 +401,13 @@ impl ContractionLoop {
         wanted: &Contracting,
         (error_m, moved_m): (f32, f32),
     ) {
-        let Contracting { load_n, softening, .. } = *wanted;
+        let Contracting { load_n, softening, most_pa, .. } = *wanted;
         if is_free(chamber, feedback.length_m) {
             let coulomb_n = configured_coulomb_n(config, softening);
+            let load_n = load_n + self.held.force_n();
             let balance = Balance {
                 force_n: pull_n(config, chamber, feedback),
-                load_n: load_n + self.held.force_n(),
+                load_n,
                 friction_n: self.friction_n,
                 coulomb_n: self.observer.coulomb_n(coulomb_n),
                 reference_m_s: -self.reference.speed_m_s,
@@ -416,8 +417,14 @@ impl ContractionLoop {
             };
             self.observer.period(&balance, disturbances_n(config, chamber, load_n));
         }
-        // Anti-windup: nothing is learnt while a valve is fully open, or from large errors.
-        if !port.saturated {
+        // Anti-windup: nothing is learnt while a valve is fully open, beyond the pressures that there may be, or from
+        // large errors.
+        let ends = if error_m > 0.0 {
+            self.arrival.pressure_pa >= most_pa
+        } else {
+            self.arrival.pressure_pa <= config.ambient.pressure_pa
+        };
+        if !port.saturated && !ends {
             let tuning = &config.controller;
             let most_m = tuning.learning_band * chamber.rest_length_m();
             let learns_n = tuning.load_gain_n_m_s * port.period_s * limit(error_m, -most_m, most_m);
@@ -518,11 +525,11 @@ fn configured_coulomb_n(config: &Config, softening: f32) -> f32 {
     config.controller.friction_gain * softening * config.friction.force_n
 }
 
-/// Least and largest disturbance \[N\]: with what is configured, no less than what the chamber can hold. What cannot
-/// push has no load that is lifted for it.
-fn disturbances_n(config: &Config, chamber: &impl Chamber, load_n: f32) -> [f32; 2] {
+/// Least and largest disturbance \[N\]: with load, slip and creep as they are believed, no less than what the chamber
+/// can hold. What cannot push has no load that is lifted for it.
+fn disturbances_n(config: &Config, chamber: &impl Chamber, believed_n: f32) -> [f32; 2] {
     let most_n = config.controller.load_limit_n;
-    [limit(chamber.least_force_n() - load_n, -most_n, 0.0), most_n]
+    [limit(chamber.least_force_n() - believed_n, -most_n, 0.0), most_n]
 }
 
 /// Friction after a way, `way_n` its stiffness times the way: it builds up along the way as the
@@ -843,6 +850,24 @@ mod tests {
         }
     }
 
+    /// A load that needs more pressure than there may be stays too long, and one that ambient pressure pulls too far
+    /// stays too short, for as long as it takes: an integral of that would be in the way back.
+    #[test]
+    fn an_error_that_no_pressure_cures_is_not_integrated() {
+        let config = plain();
+        for (off_m, load_n, most_pa) in
+            [(5.0e-3, LOAD_N, pressure_pa(0.8 * LOAD_N)), (-5.0e-3, -100.0, 6.6e5)]
+        {
+            let mut active = started(&config, &feedback(pressure_pa(load_n), LENGTH_M));
+            let now = feedback(limit(pressure_pa(load_n), AMBIENT_PA, most_pa), LENGTH_M + off_m);
+            for _ in 0..100 {
+                let goal = Contracting { load_n, most_pa, ..wanted(LENGTH_M) };
+                active.period(&config, &muscle(), &now, &port(&now), &goal);
+            }
+            assert!(active.effort_n.abs() < 1.0, "{} N after {off_m} m", active.effort_n);
+        }
+    }
+
     /// Slip and creep along the reference are lifted, and fade at rest.
     #[test]
     fn slip_and_creep_are_held() {
@@ -906,8 +931,17 @@ mod tests {
         let gains = Gains::new(&config, PERIOD_S);
         let slack = feedback(AMBIENT_PA, 0.24);
         assert!(muscle().force_n(0.0, 0.24) < -30.0);
-        let active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);
+        let mut active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);
         assert_eq!(active.observer.disturbance_n, -5.0);
+        // Creep that is believed and not there is not to be lifted.
+        active.held.fast_n = 60.0;
+        let goal = Contracting { load_n: 5.0, ..wanted(0.23) };
+        for _ in 0..10 {
+            active.period(&config, &muscle(), &slack, &port(&slack), &goal);
+        }
+        let most_n = -6.0 - active.held.force_n();
+        let learnt_n = active.observer.disturbance_n;
+        assert!((most_n..-40.0).contains(&learnt_n), "{learnt_n} N of {most_n} N");
     }
 
     /// The gas is that of where a moving reference is 2 ms later, half of the stroke and the dead time.
