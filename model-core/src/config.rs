@@ -285,6 +285,7 @@ impl Config {
         let period_s = f32::from(self.pwm_period_steps) * self.step_s * 1.000_001;
         let slowest_s = limit(period_s, 0.0, SLOWEST_S);
         within("valve.switch_time_s", self.valve.switch_time_s, 0.0, slowest_s)?;
+        within("controller.minimum_pulse_s", self.controller.minimum_pulse_s, 0.0, slowest_s)?;
         self.valve_kind.check()?;
         self.sensors.check()?;
         self.estimator.check()?;
@@ -318,6 +319,18 @@ mod tests {
         config.pwm_period_steps = 1000;
         config.valve.switch_time_s = 0.101;
         assert_eq!(config.check().unwrap_err().maximum, 0.1);
+    }
+
+    /// Or no pulse is ever given.
+    #[test]
+    fn the_shortest_pulse_fits_into_a_period() {
+        let mut config = Config::default();
+        config.controller.minimum_pulse_s = 0.01;
+        assert_eq!(config.check(), Ok(()));
+        config.controller.minimum_pulse_s = 0.0101;
+        let error = config.check().unwrap_err();
+        assert_eq!(error.field, "controller.minimum_pulse_s");
+        assert!((error.maximum / 0.01 - 1.0).abs() < 1e-5, "{error}");
     }
 
     /// A subnormal number is zero on one processor and not on another.

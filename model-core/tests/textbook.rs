@@ -228,7 +228,9 @@ fn run(plant: Plant) -> Worth {
         let sample = Sample::new(
             noise.code(0.1 + 0.8 * Plant::pressure_pa(&y) / 7.0e5, 0.8 * 150.0 / 7.0e5),
             noise.code(gas_share, 0.9 * 0.05 / (RANGE_K[1] - RANGE_K[0])),
-            noise.code(0.05 + 0.9 * y[2] / 0.4, 0.9 * 2.0e-5 / 0.4),
+            // A code of noise, as converters have: with a fifth of it a muscle that sticks while gas flows gives the
+            // same code for 60 ms, which is a frozen sensor.
+            noise.code(0.05 + 0.9 * y[2] / 0.4, 0.9 * 1.0e-4 / 0.4),
         );
         let telemetry = core.step(&sample);
         if time_s >= FROM_S {
@@ -294,14 +296,13 @@ fn heat_transfer_off_by_two() {
 
 #[test]
 fn lag_off_by_three() {
-    // Of strokes of 3 s the length leaves the sensor's range twice, for some steps: 1.6 K, 1.1 K without.
-    assert_worth(Plant { lag_s: 1.0, ..CONFIGURED }, 1.8, 0.2, 0.85);
-    assert_worth(Plant { lag_s: 9.0, ..CONFIGURED }, 1.5, 0.2, 0.85);
+    assert_worth(Plant { lag_s: 1.0, ..CONFIGURED }, 1.05, 0.2, 0.85);
+    assert_worth(Plant { lag_s: 9.0, ..CONFIGURED }, 1.0, 0.15, 0.85);
 }
 
 /// And never worse than the bare sensor.
 #[test]
 fn lag_off_by_six() {
-    assert_worth(Plant { lag_s: 0.5, ..CONFIGURED }, 2.0, 0.3, 0.85);
-    assert_worth(Plant { lag_s: 18.0, ..CONFIGURED }, 3.6, 0.45, 0.85);
+    assert_worth(Plant { lag_s: 0.5, ..CONFIGURED }, 1.1, 0.25, 0.85);
+    assert_worth(Plant { lag_s: 18.0, ..CONFIGURED }, 2.6, 0.25, 0.85);
 }

@@ -1,6 +1,7 @@
 //! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds
 //! on both sides: a figure far better than it can be is a broken measurement.
 
+use model_core::Duty;
 use thermyo_evaluate::control::{
     USUAL_GAINS, full, pressure_step, pressure_step_between, rest, sine,
 };
@@ -134,6 +135,59 @@ fn gas_relaxes_onto_the_set_point_of_pressure() {
     assert!((2..=10).contains(&pulses[0]) && pulses[1] <= 5, "{pulses:?}");
 }
 
+/// Mean error from 3 s on \[kPa\], and the share of the time with a valve driven, of a pressure that is held for 6 s.
+fn held_pressure(text: &str, pressure_pa: f64) -> (f64, f64) {
+    let text = format!("[run]\nduration_s = 6\n[plant]\nmodel = \"full\"\n{text}");
+    let held = parse(&text, "a held pressure".as_ref()).unwrap();
+    let held = held.driven(DriveKind::Pressure, vec![(0.0, pressure_pa), (6.0, pressure_pa)]);
+    let (mut off_kpa, mut driven, mut rows) = (0.0, 0.0, 0.0);
+    let mut observer = |row: &Row| {
+        if row.truth.time_s > 3.0 {
+            off_kpa += 1e-3 * (row.truth.pressure_pa - pressure_pa);
+            let command = row.telemetry.command;
+            driven +=
+                f64::from(u8::from(command.inlet > Duty::ZERO || command.outlet > Duty::ZERO));
+            rows += 1.0;
+        }
+        Ok(())
+    };
+    run::run(&held, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    (off_kpa / rows, driven / rows)
+}
+
+/// Gas that is on its way counts: valves whose pulse arrives in the next period, or the one after it, were driven for two
+/// thirds of the time at rest, in and out by turns, and proportional ones that are slow too.
+#[test]
+fn late_valves_come_to_rest() {
+    for valve in [
+        "pwm_hz = 200\ndead_time_s = 0.005",
+        "pwm_hz = 200\ndead_time_s = 0.008",
+        "pwm_hz = 100\ndead_time_s = 0.009",
+        "kind = \"proportional\"\nbandwidth_hz = 3\npwm_hz = 200",
+        "kind = \"proportional\"\nbandwidth_hz = 15\npwm_hz = 200",
+    ] {
+        let (off_kpa, driven) = held_pressure(&format!("[valve]\n{valve}\n"), 2.5e5);
+        assert_within(&format!("{valve}: off by kPa"), off_kpa.abs(), (0.05, 1.5));
+        assert_within(&format!("{valve}: driven"), driven, (0.0, 0.03));
+    }
+}
+
+/// Valves whose shortest pulse is more than the loop's share of an error rested up to 22 kPa off.
+#[test]
+fn coarse_valves_come_near_enough() {
+    for (valve, most_kpa) in [
+        ("pwm_hz = 200", 2.0),
+        ("preset = \"mhe4-class\"\npwm_hz = 200", 4.0),
+        ("preset = \"mhj10-class\"\npwm_hz = 200", 5.0),
+    ] {
+        let small =
+            format!("[muscle]\npreset = \"dmsp-10\"\n[load]\nforce_n = 60\n[valve]\n{valve}\n");
+        let (off_kpa, driven) = held_pressure(&small, 1.5e5);
+        assert_within(&format!("{valve}: off by kPa"), off_kpa.abs(), (0.05, most_kpa));
+        assert_within(&format!("{valve}: driven"), driven, (0.0, 0.03));
+    }
+}
+
 #[test]
 fn wrong_configuration_still_comes_to_rest() {
     let changes: [fn(&mut Scenario); 4] = [
@@ -172,7 +226,7 @@ fn proportional_valves_do_not_hunt() {
         let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut CoreBoard::default());
         let step = step.unwrap();
         assert_within("times the open valve", step.times_open_valve, (1.0, 1.3));
-        assert_within("overshoot %", step.overshoot_percent, (0.2, 2.0));
+        assert_within("overshoot %", step.overshoot_percent, (0.02, 2.0));
         let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
         assert_within("error %", held.error_percent, (0.1, 0.4));
         assert_within("ripple %", held.ripple_percent, (0.02, 0.5));

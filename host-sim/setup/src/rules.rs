@@ -54,6 +54,11 @@ pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
         let why = "at most a period of valve.pwm_hz, or both valves would be open together";
         within("valve.switch_time_s", scenario.valve.switch_time_s, (0.0, slowest), why)?;
     }
+    let period_s = f64::from(pwm_period_steps(scenario)) * scenario.run.step_s;
+    let longest = limits("controller.minimum_pulse_s").max.min(period_s);
+    let why = "at most a period of valve.pwm_hz, or no pulse would be given";
+    let shortest_s = short(scenario.controller.minimum_pulse_s);
+    within("controller.minimum_pulse_s", shortest_s, (0.0, longest), why)?;
     check_line(&scenario.tube)?;
     let heat = &scenario.heat;
     let largest = limits("heat.scale")

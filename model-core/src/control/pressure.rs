@@ -12,6 +12,7 @@
 //! pressure relax to as much on the other side before it gives gas again.
 
 use super::chamber_port::{ChamberPort, Feedback};
+use super::valve_drive::least_kg;
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
 use crate::sample::Estimate;
@@ -88,16 +89,25 @@ impl PressureLoop {
         let allowed_pa = limit(absolute(beyond_pa), zone_pa, f32::MAX);
         // A load that moves, or a leak, takes it out of what single pulses keep.
         self.reached &= !moving && off_pa <= LOST * allowed_pa;
-        let within =
-            if self.reached { off_pa <= allowed_pa } else { absolute(error_pa) <= 0.5 * zone_pa };
-        self.holding = within && !moving && port.in_flight_kg == 0.0;
+        // Where the pressure will be once the gas that is on its way has arrived.
+        let arrives = |error_pa: f32, within_pa: f32| {
+            let left_kg = port.mass_kg(error_pa, 0.0) - port.in_flight_kg;
+            absolute(left_kg) <= port.mass_kg(within_pa, 0.0)
+        };
+        let within = if self.reached {
+            arrives(self.reference_pa - feedback.pressure_pa, allowed_pa)
+        } else {
+            arrives(error_pa, 0.5 * zone_pa)
+        };
+        self.holding = within && !moving;
         if self.holding {
             self.reached = true;
             return None;
         }
+        let all_kg = port.mass_kg(error_pa, volume_change_m3) - port.in_flight_kg;
         if self.reached {
             // A set point that has been reached is held by single pulses.
-            return Some(port.mass_kg(error_pa, volume_change_m3) - port.in_flight_kg);
+            return Some(worth_it(config, feedback, port, all_kg, all_kg));
         }
         let gain = limit(period_s / tuning.pressure_loop_s, 0.0, 1.0);
         // Anti-windup: nothing is learnt while the valve is fully open, nor from an error that
@@ -116,7 +126,25 @@ impl PressureLoop {
             + self.bias_kg_s * period_s
             + port.leaked_kg
             - port.in_flight_kg;
-        Some(wanted_kg)
+        Some(worth_it(config, feedback, port, wanted_kg, all_kg))
+    }
+}
+
+/// A mass that is less than the shortest pulse's is raised to it where that leaves less of what is missing in all:
+/// otherwise the pressure would stay where it is.
+fn worth_it(
+    config: &Config,
+    feedback: &Feedback,
+    port: &ChamberPort,
+    wanted_kg: f32,
+    all_kg: f32,
+) -> f32 {
+    let pulse_kg = ROUNDED * least_kg(config, port.period_s, all_kg, feedback.muscle());
+    let too_little = absolute(wanted_kg) < pulse_kg && pulse_kg < 2.0 * absolute(all_kg);
+    match too_little {
+        true if all_kg > 0.0 => pulse_kg,
+        true => -pulse_kg,
+        false => wanted_kg,
     }
 }
 
@@ -131,6 +159,8 @@ fn falls_pa(feedback: &Feedback) -> f32 {
 const RELAXES: f32 = 0.015;
 /// Beyond so many times what is allowed, the set point has to be reached again.
 const LOST: f32 = 2.0;
+/// The shortest pulse is not to be lost by rounding \[-\].
+const ROUNDED: f32 = 1.001;
 /// Share of the pressure within which the bias learns \[-\].
 const LEARNING_BAND: f32 = 0.05;
 /// Largest bias: the gas that this share of the pressure is, per second \[1/s\].
@@ -139,6 +169,7 @@ const LARGEST_BIAS: f32 = 1.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::control::valve_drive::open_kg_s;
     use crate::sample::Estimate;
 
     /// 0.18 l of air at 298 K: what a pascal of it weighs is eq. (6) without motion \[kg/Pa\].
@@ -194,7 +225,9 @@ mod tests {
         }
         let in_flight = ChamberPort { in_flight_kg: 3000.0 * KG_PER_PA, ..port(3.0e5) };
         close(moved_pa(&mut started.clone(), &in_flight, 3.2e5), GAIN * 2.0e4 - 3000.0);
-        assert!(moved_pa(&mut started.clone(), &in_flight, 3.0e5).is_some(), "no rest in flight");
+        assert!(moved_pa(&mut started.clone(), &in_flight, 3.0e5).is_some(), "it will be beyond");
+        let arrives = ChamberPort { in_flight_kg: 3000.0 * KG_PER_PA, ..port(2.97e5) };
+        assert_eq!(moved_pa(&mut started.clone(), &arrives, 3.0e5), None, "it will be there");
         // The growth of the volume is filled up: k P dV/V.
         let moved_kg = started.clone().period(
             &Config::default(),
@@ -204,6 +237,26 @@ mod tests {
             3.2e5,
         );
         close(moved_kg.map(|kg| kg / KG_PER_PA), GAIN * 2.0e4 + 1.4 * 3.0e5 * 0.01);
+    }
+
+    /// Of a valve whose shortest pulse moves 4 kPa: it is given where more than half of that is missing.
+    #[test]
+    fn an_error_worth_a_pulse_gets_one() {
+        let mut config = Config::default();
+        let full_kg = 0.01 * open_kg_s(&config, 1.0, feedback(3.0e5).muscle());
+        // Shorter than the stroke: w^2/t_s.
+        let opening_s = 0.01 * 4000.0 * KG_PER_PA / full_kg;
+        config.controller.minimum_pulse_s = (opening_s * config.valve.switch_time_s).sqrt();
+        assert!(config.controller.minimum_pulse_s < config.valve.switch_time_s);
+        for (error_pa, expected_pa) in [(1900.0, GAIN * 1900.0), (2100.0, 4004.0), (3900.0, 4004.0)]
+        {
+            let mut active = PressureLoop::new(&feedback(3.0e5));
+            let asked =
+                active.period(&config, &feedback(3.0e5), &port(3.0e5), 0.0, 3.0e5 + error_pa);
+            let moved_pa = asked.unwrap() / KG_PER_PA;
+            // The bias begins to learn: a thirtieth of the share.
+            assert!((moved_pa / expected_pa - 1.0).abs() < 0.04, "{moved_pa} Pa for {error_pa} Pa");
+        }
     }
 
     /// A leak: the error stays, and in every period the loop adds its share over the reset time, up to

@@ -107,14 +107,23 @@ struct Ask {
 /// How an opening becomes a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Stage {
-    Pulsed(CarryOver),
-    Metered { spool: Spool, lag: Lag, inlet: Follower, outlet: Follower },
+    /// And the mass that a pulse moves later than a period after its own end \[kg\].
+    Pulsed {
+        carry_over: CarryOver,
+        later_kg: f32,
+    },
+    Metered {
+        spool: Spool,
+        lag: Lag,
+        inlet: Follower,
+        outlet: Follower,
+    },
 }
 
 impl Stage {
     fn new(config: &Config, period_s: f32) -> Self {
         match config.valve_kind {
-            ValveKind::Switching => Self::Pulsed(CarryOver::None),
+            ValveKind::Switching => Self::Pulsed { carry_over: CarryOver::None, later_kg: 0.0 },
             ValveKind::Proportional(spool) => Self::Metered {
                 spool,
                 lag: Lag::new(&spool, &config.valve, period_s),
@@ -127,9 +136,9 @@ impl Stage {
     /// A period with both valves closed; mass that comes after its end \[kg\].
     fn close(&mut self) -> f32 {
         match self {
-            Self::Pulsed(carry_over) => {
+            Self::Pulsed { carry_over, later_kg } => {
                 *carry_over = CarryOver::None;
-                0.0
+                core::mem::take(later_kg)
             }
             Self::Metered { lag, inlet, outlet, .. } => {
                 inlet.follow(lag, 0.0) - outlet.follow(lag, 0.0)
@@ -142,7 +151,7 @@ impl Stage {
     fn give(&mut self, config: &Config, ask: &Ask, pwm_hz: f32) -> Option<(f32, f32)> {
         let Ask { filling, opening_s, full_kg_s, period_s } = *ask;
         match self {
-            Self::Pulsed(carry_over) => {
+            Self::Pulsed { carry_over, later_kg } => {
                 let other = if filling { CarryOver::Outlet } else { CarryOver::Inlet };
                 let pulse_s = pulse_for_opening_s(&config.valve, period_s, opening_s);
                 let worth_it = pulse_s >= config.controller.minimum_pulse_s && pulse_s > 0.0;
@@ -155,9 +164,12 @@ impl Stage {
                     (true, true) => CarryOver::Inlet,
                     (true, false) => CarryOver::Outlet,
                 };
-                let sign = if filling { 1.0 } else { -1.0 };
-                let in_flight_kg = sign * full_kg_s * tail_s(&config.valve, period_s, pulse_s);
-                Some((pulse_s * pwm_hz, in_flight_kg))
+                let flow_kg_s = if filling { full_kg_s } else { -full_kg_s };
+                let after_kg = |end_s: f32| {
+                    flow_kg_s * limit(tail_s(&config.valve, end_s, pulse_s), 0.0, opening_s)
+                };
+                let in_flight_kg = core::mem::replace(later_kg, after_kg(2.0 * period_s));
+                Some((pulse_s * pwm_hz, in_flight_kg + after_kg(period_s)))
             }
             Self::Metered { spool, lag, inlet, outlet } => {
                 let opening = opening_s * pwm_hz;
@@ -175,7 +187,8 @@ impl Stage {
     /// Openings that were given outright.
     fn take(&mut self, command: Command) {
         match self {
-            Self::Pulsed(carry_over) => {
+            Self::Pulsed { carry_over, later_kg } => {
+                *later_kg = 0.0;
                 *carry_over = if command.outlet > Duty::ZERO {
                     CarryOver::Outlet
                 } else if command.inlet > Duty::ZERO {
@@ -359,11 +372,11 @@ fn pulse_for_opening_s(valve: &Valve, period_s: f32, opening_s: f32) -> f32 {
     }
 }
 
-/// Opening \[s\] of a pulse that falls after the end of its period: the poppet starts to move a dead
-/// time after the pin and is closed a switching time after the pulse.
-fn tail_s(valve: &Valve, period_s: f32, pulse_s: f32) -> f32 {
+/// Opening \[s\] of a pulse that falls after a time \[s\]: the poppet starts to move a dead time after the pin and is
+/// closed a switching time after the pulse.
+fn tail_s(valve: &Valve, end_s: f32, pulse_s: f32) -> f32 {
     let switch_s = valve.switch_time_s;
-    let after_s = pulse_s + switch_s + valve.dead_time_s - period_s;
+    let after_s = pulse_s + switch_s + valve.dead_time_s - end_s;
     if after_s <= 0.0 {
         0.0
     } else if after_s < switch_s {
@@ -371,6 +384,19 @@ fn tail_s(valve: &Valve, period_s: f32, pulse_s: f32) -> f32 {
     } else {
         after_s - 0.5 * switch_s
     }
+}
+
+/// Mass of the shortest pulse that is given, in the direction of a mass \[kg\].
+pub(super) fn least_kg(config: &Config, period_s: f32, mass_kg: f32, muscle: Reservoir) -> f32 {
+    let opening_s = match config.valve_kind {
+        ValveKind::Switching => {
+            let (pulse_s, switch_s) =
+                (config.controller.minimum_pulse_s, config.valve.switch_time_s);
+            if pulse_s < switch_s { pulse_s * pulse_s / switch_s } else { pulse_s }
+        }
+        ValveKind::Proportional(_) => LEAST_OPENING * period_s,
+    };
+    opening_s * open_kg_s(config, mass_kg, muscle)
 }
 
 #[cfg(test)]
