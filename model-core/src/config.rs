@@ -145,7 +145,7 @@ parameters! {
     /// `docs/reference/estimator-keys.md` states how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
-        gas_drift_k: 0.1, "K", 0.0 to 100.0, "drift of the gas temperature's error";
+        gas_drift_k: 0.3, "K", 0.0 to 100.0, "drift of the gas temperature's error";
         zone_drift: 0.1, "", 0.0 to 10.0, "drift of one zone's error, share of the gas's swing about the wall";
         wall_drift_k: 0.3, "K", 0.0 to 100.0, "drift of the wall temperature's error";
         heat_scale_sd: 0.4, "", 0.0 to 100.0, "logarithm of the heat transfer's scale";

@@ -365,7 +365,7 @@ pub struct Estimate {
     pub gas_k: f32,
     /// Its standard deviation \[K\].
     pub gas_sd_k: f32,
-    /// Whether it is to be relied on: its deviation is within `estimator.valid_sd_k`.
+    /// Whether it is to be relied on: its deviation is within `estimator.valid_sd_k`, and no leak was found.
     pub valid: bool,
     /// Wall temperature \[K\].
     pub wall_k: f32,

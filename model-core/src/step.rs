@@ -8,7 +8,7 @@ use crate::parameter::ConfigError;
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::safety::plausibility::PlausibilityMonitor;
 use crate::safety::supervisor::{Activity, FirstFailure, State, Supervisor};
-use crate::sample::{Command, Duty, Faults, Mode, Sample, SetPoint, Telemetry};
+use crate::sample::{Command, Duty, Estimate, Faults, Mode, Sample, SetPoint, Telemetry};
 use crate::sensing::{Reading, Readings, Sensing};
 
 /// Model, estimator, controller and supervisor of one muscle.
@@ -401,10 +401,11 @@ impl Core {
     /// The faults of this step, and what follows from them for the length and for the set point.
     fn supervise(&mut self, sample: &Sample, readings: &Readings) -> Verdict {
         let read_m = readings.length.value;
+        let found = core::mem::replace(&mut self.found, Faults::NONE);
         let activity = Activity {
             driven: self.controller.driven(),
             step: self.step,
-            found: core::mem::replace(&mut self.found, Faults::NONE),
+            found: found.with(Faults::LEAK.when(self.monitor.leaks())),
             impossible_length: !self.chamber.can_have_length_m(read_m),
         };
         let faults = self.supervisor.step(&sample.into(), readings, activity);
@@ -478,12 +479,15 @@ impl Core {
     }
 
     fn report(&self, sample: &Sample, verdict: &Verdict, action: Action) -> Telemetry {
+        let estimate = self.estimator.estimate();
+        // Its balance knows of no leak but the configured one.
+        let valid = estimate.valid && !verdict.faults.intersects(Faults::LEAK);
         Telemetry {
             step: self.step,
             sample: *sample,
             pressure_pa: self.pressure_pa,
             length_m: verdict.length_m,
-            estimate: self.estimator.estimate(),
+            estimate: Estimate { valid, ..estimate },
             command: action.command,
             mode: action.mode,
             limited: action.limited,

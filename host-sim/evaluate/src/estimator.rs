@@ -10,7 +10,7 @@ use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
 use thermyo_record::trace::Row;
 use thermyo_scenario::profile::Profile;
-use thermyo_scenario::{DriveKind, HeatModel, LoadKind, PlantModel};
+use thermyo_scenario::{ChannelFault, DriveKind, FaultWindow, HeatModel, LoadKind, PlantModel};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::CoreBoard;
@@ -120,6 +120,22 @@ pub fn cases() -> Vec<Case> {
         on_full("hose of 0.5 m", 0.4, |l| hose(l, 0.5)),
         on_full("hose of 1 m", 0.4, |l| hose(l, 1.0)),
         on_full("hose of 2 m", 0.4, |l| hose(l, 2.0)),
+        // 0.02 % of the gas a second, which a tight muscle loses.
+        on_full("held at 3 bar, a leak not believed", 1.0, |l| {
+            l.plant.drive.kind = DriveKind::Pressure;
+            l.drive_profile = profile(&[(0.0, 3.0e5)]);
+            l.plant.leak.conductance_m3_s_pa = 5.0e-13;
+        }),
+        on_full("strokes of 30 s, sensor frozen for 5 s", 0.6, |l| {
+            period(l, 30.0);
+            let frozen = FaultWindow {
+                gas: ChannelFault::Frozen,
+                from_s: 40.0,
+                until_s: 45.0,
+                ..FaultWindow::default()
+            };
+            l.plant.faults.own = frozen;
+        }),
     ]
 }
 

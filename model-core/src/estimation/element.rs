@@ -12,6 +12,8 @@ const UNMOVED_K: f32 = 0.3;
 /// Innovations that stay beyond so many deviations, averaged over half a second, show that the state is wrong and
 /// not the reading.
 const CONTRADICTION: f32 = 5.0;
+/// How far from ambient temperature strokes take an element that follows the gas, at most: assumed \[K\].
+const SWINGS_K: f32 = 30.0;
 /// A bias of the readings beyond so many deviations is none of the filter's errors. Measured: 1440 healthy random muscles
 /// with heat, lag, wall, friction and load configured wrong by up to two reach 2.8, 100 sensors that drift by 0.5 K/s
 /// or more at least 3.2 within 20 s.
@@ -288,12 +290,14 @@ impl Element {
     }
 
     /// Readings and model cannot both be right. Gas in a muscle returns to its surroundings within seconds, and so
-    /// does the element: the one that is further from them is wrong. Whether that is the model.
+    /// does the element: the one that is further from them is wrong. Whether that is the model. Readings that are
+    /// distrusted stay so until they have agreed with it for ten seconds, unless it is far from where an element swings.
     fn contradict(&mut self, coefficients: &Coefficients) -> bool {
         self.contradicted_intervals = coefficients.counts.ten_seconds_intervals / 2;
         let ambient_k = coefficients.ambient.temperature_k;
+        let swings_k = if self.distrusted { SWINGS_K } else { 0.0 };
         self.distrusted =
-            absolute(self.reading_k - ambient_k) > absolute(self.sensor_k - ambient_k);
+            absolute(self.reading_k - ambient_k) > absolute(self.sensor_k - ambient_k) - swings_k;
         !self.distrusted
     }
 

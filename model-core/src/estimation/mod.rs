@@ -446,6 +446,11 @@ impl Estimator {
         self.held = Held::default();
         self.started = true;
         self.zones = Zones::at(self.gas_k, self.mass_kg.value());
+        if self.element.implausible() {
+            // Readings have contradicted a state that they had led: its wall, which no reading moves within seconds, may
+            // be anywhere.
+            self.zones.set_walls_to(self.coefficients.ambient.temperature_k);
+        }
         self.port_ratio = 1.0;
         self.place = Place {
             energy_j,
@@ -771,6 +776,36 @@ mod tests {
         let (estimator, estimate) = contradicted(318.0, 318.0);
         assert!(estimator.sensor_implausible());
         assert!((315.0..320.0).contains(&estimate.gas_k), "the state: {estimate:?}");
+    }
+
+    /// At rest, with a gas sensor that says these temperatures for so many seconds each; the last estimate.
+    fn at_rest(ambient_k: f32, readings: &[(f32, u16)]) -> Estimate {
+        let mut config = Config::default();
+        config.ambient.temperature_k = ambient_k;
+        let mut estimator = Estimator::new(&config);
+        for (gas_k, for_s) in readings {
+            for _ in 0..for_s * 1000 {
+                estimator.step(&muscle(), &measurement(2.0e5, 0.28, *gas_k, 0));
+            }
+        }
+        estimator.estimate()
+    }
+
+    /// Also where they pass ambient temperature on their way, as those of a sensor that drifts in slow strokes do.
+    #[test]
+    fn readings_that_are_distrusted_lead_to_no_restart() {
+        let estimate = at_rest(293.15, &[(298.0, 20), (340.0, 3), (293.0, 2)]);
+        assert!((296.0..300.0).contains(&estimate.gas_k), "{estimate:?}");
+    }
+
+    /// A state of 350 K is wrong where the sensor says 320 K, and so is its wall, which is at ambient temperature and not
+    /// at that of gas that has just flowed in.
+    #[test]
+    fn a_restart_takes_the_wall_for_one_at_ambient_temperature() {
+        let before = at_rest(298.0, &[(350.0, 20)]);
+        assert!(before.wall_k > 330.0, "{before:?}");
+        let restarted = at_rest(298.0, &[(350.0, 20), (320.0, 2)]);
+        assert!((297.0..310.0).contains(&restarted.wall_k), "{restarted:?}");
     }
 
     /// A reading that drifts from 20 s on at rest \[K/s\]: after how long it is found \[s\].

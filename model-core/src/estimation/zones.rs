@@ -163,6 +163,11 @@ impl Zones {
         self.mean_wall_k = total(wall_k) * (1.0 / ZONES as f32);
     }
 
+    /// Sets both layers of the wall to one temperature \[K\].
+    pub fn set_walls_to(&mut self, temperature_k: f32) {
+        self.set_walls(&[temperature_k; ZONES], &[temperature_k; ZONES]);
+    }
+
     /// Scales the masses to that sum \[kg\], with no zone far from the others.
     pub fn set_mass(&mut self, mass_kg: f32) {
         let mean_kg = mass_kg * (1.0 / ZONES as f32);

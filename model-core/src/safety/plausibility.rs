@@ -272,6 +272,11 @@ impl PlausibilityMonitor {
         self.outlet.parts = self.outlet.parts.wrapping_add(outlet);
     }
 
+    /// Whether a leak was found within the last ten seconds of intervals.
+    pub fn leaks(&self) -> bool {
+        self.leak_windows > 0
+    }
+
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
     /// fault once but for a leak, which is shown for a while. `length_m`: measured, `None` where it is not
     /// trusted, and with it the volume: such an interval is not used, nor does the one before it, in
@@ -495,6 +500,7 @@ mod tests {
         let slow = gas(-0.8 * share, PRESSURE_PA);
         let found = bench.finds(Command::CLOSED, slow);
         close(found, windows_to_trip(0.8 * share, FORGOTTEN_PER_S), Faults::LEAK);
+        assert!(bench.monitor.leaks(), "also between two windows");
         let still = gas(0.0, PRESSURE_PA);
         let shown = (1..FOREVER)
             .take_while(|_| bench.window(Command::CLOSED, still, Some(STILL_M)) == Faults::LEAK)
