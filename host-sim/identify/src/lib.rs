@@ -51,7 +51,7 @@ use thermyo_plant::{BuildError, Diverged};
 use thermyo_record::measured::Measured;
 use thermyo_scenario::schema;
 use thermyo_scenario::schema::fittable;
-use thermyo_scenario::{PlantModel, Scenario, number, with_numbers};
+use thermyo_scenario::{HeatModel, PlantModel, Scenario, number, with_numbers};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::Effective;
 pub use uncertainty::correlation_rows;
@@ -100,6 +100,12 @@ pub fn identify(
 ) -> Result<Identified, IdentifyError> {
     let parameters = named(loaded, config)?;
     let mut data = Data::new(measured, data_file, &loaded.plant)?;
+    if matches!(data.input, Input::Given(_)) && loaded.plant.heat.model == HeatModel::Correlation {
+        let why = "heat.model = \"correlation\": pressure and length stand for the flow with heat.model = \"constant\" \
+                   only, which fits one coefficient to all of the motion; for the laws of air take stops, with \
+                   thermyo measure stop";
+        return Err(InputError::file(config, InputProblem::Unusable(why.to_owned())).into());
+    }
     let from_data = data.volume.is_some();
     data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
     let scenario = comparable(&loaded.plant, &data);

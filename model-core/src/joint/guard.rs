@@ -7,6 +7,8 @@ use crate::step_counts::StepCounts;
 
 /// Way from where it was armed, after which the direction is judged: 3 deg \[rad\].
 const JUDGED_RAD: f32 = 0.052;
+/// Nearer to where it began, nothing has moved \[rad\].
+const RETURNED_RAD: f32 = 0.1 * JUDGED_RAD;
 /// Torque against which a load may move a healthy joint, share of the torque limit \[-\].
 const LOADED: f32 = 0.5;
 /// Part of a rail's way that counts as on a stop \[rad\].
@@ -63,6 +65,8 @@ pub struct Motions {
     pub coulomb_n_m: f32,
     /// Torque that nothing explains \[N m\].
     pub disturbance_n_m: f32,
+    /// It is where it should be, and the valves rest.
+    pub holds: bool,
 }
 
 /// State of the guard.
@@ -72,9 +76,11 @@ pub struct Guard {
     stops_rad: [f32; 2],
     patience_steps: u16,
     beyond_steps: u16,
-    /// Angle at which it began to move, and the one of the step before \[rad\].
+    /// Angle at which it began to move \[rad\].
     start_rad: f32,
+    /// Angle \[rad\] and torque \[N m\] of the step before.
     before_rad: f32,
+    before_n_m: f32,
     /// Work of muscles and gravity since then \[J\].
     work_j: f32,
     /// It has moved the right way since it was armed.
@@ -94,6 +100,7 @@ impl Guard {
             beyond_steps: 0,
             start_rad: 0.0,
             before_rad: 0.0,
+            before_n_m: 0.0,
             work_j: 0.0,
             confirmed: false,
         }
@@ -109,8 +116,16 @@ impl Guard {
     /// Faults of a step in which the joint is driven.
     pub fn step(&mut self, now: &Motions) -> JointFaults {
         let moved_rad = now.angle_rad - core::mem::replace(&mut self.before_rad, now.angle_rad);
-        self.work_j += now.torque_n_m * moved_rad;
+        // The mean of both torques: a torque that follows the angle would give the noise of the angle a work of its own.
+        let before_n_m = core::mem::replace(&mut self.before_n_m, now.torque_n_m);
+        self.work_j += 0.5 * (before_n_m + now.torque_n_m) * moved_rad;
+        if now.holds {
+            self.start_rad = now.angle_rad;
+        }
         let way_rad = absolute(now.angle_rad - self.start_rad);
+        if way_rad < RETURNED_RAD {
+            self.work_j = 0.0;
+        }
         let mut wrong = false;
         if !self.confirmed && way_rad >= JUDGED_RAD {
             // From rest the muscles have done the work of the motion, up to that of a load.
@@ -139,7 +154,7 @@ mod tests {
     }
 
     fn at(angle_rad: f32, torque_n_m: f32, disturbance_n_m: f32) -> Motions {
-        Motions { angle_rad, torque_n_m, coulomb_n_m: 0.6, disturbance_n_m }
+        Motions { angle_rad, torque_n_m, coulomb_n_m: 0.6, disturbance_n_m, holds: false }
     }
 
     /// Found within 5 deg; a load of half the torque limit may move it.
@@ -154,6 +169,29 @@ mod tests {
             });
             assert_eq!(found.is_some(), expected, "{torque_n_m} N m");
             assert!(found.is_none_or(|way| way < 0.087), "{found:?}");
+        }
+    }
+
+    /// The noise of an angle that is held, or a vibration about it, is no motion: their work added up for minutes, until
+    /// the first motion of a healthy joint went the wrong way.
+    #[test]
+    fn what_goes_to_and_fro_does_no_work() {
+        for (size_rad, holds, away_rad) in
+            [(1.5e-3, true, 0.0), (0.025, false, 0.0), (1.5e-3, false, 0.025)]
+        {
+            let mut guard = guard();
+            let mut step = |angle_rad: f32, holds: bool| {
+                let torque_n_m = -14.0 * (angle_rad - 0.1);
+                guard.step(&Motions { holds, ..at(angle_rad, torque_n_m, 0.0) })
+            };
+            for turn in [-1.0, 1.0, 0.3, -0.3].into_iter().cycle().take(400_000) {
+                step(0.1 + away_rad + size_rad * turn, holds);
+            }
+            for way in 0..100 {
+                let faults = step(0.1 + away_rad + 1.0e-3 * way as f32, false);
+                // By its own torque it moves back, and here a load of less than half the limit moves it.
+                assert_eq!(faults, JointFaults::NONE, "{size_rad}, {holds}, {away_rad}");
+            }
         }
     }
 

@@ -535,6 +535,7 @@ impl Joint {
                 torque_n_m,
                 coulomb_n_m: self.controller.coulomb_n_m(),
                 disturbance_n_m: self.controller.disturbance_n_m(),
+                holds: self.controller.holding(),
             }));
         }
         self.present = present;

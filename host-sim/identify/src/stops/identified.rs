@@ -110,6 +110,12 @@ pub fn identify(loaded: &Loaded, table: &Table, data: &Path) -> Result<Identifie
     let (parameters, failed) = asked(&analysis, &loaded.believed);
     let scenario = adopted(loaded, &parameters, &analysis);
     let mut remarks: Vec<String> = failed.iter().cloned().collect();
+    if scenario.believed.heat.model == HeatModel::Correlation && parameters.contains_key(HOUSING) {
+        remarks.push(format!(
+            "{HOUSING} stays as configured: in still gas the foil's surroundings are late too, and the core has that \
+             apart from the housing."
+        ));
+    }
     remarks.extend(refusals(&analysis));
     let findings = Findings { converged: failed.is_none(), parameters, remarks, analysis, failed };
     Ok(Identified { findings, scenario, rows })
@@ -211,9 +217,12 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
         fitted.value > 0.0
             && fitted.standard_error.is_some_and(|error| error <= UNDETERMINED * fitted.value)
     };
+    // On the axis of still gas the profile that the core has looks like a longer housing: it would count twice.
+    let profiled = loaded.believed.heat.model == HeatModel::Correlation;
+    let kept = |path: &str| path == PLACE || (path == HOUSING && profiled);
     let values = parameters
         .iter()
-        .filter(|(path, fitted)| path.as_str() != PLACE && determined(fitted))
+        .filter(|(path, fitted)| !kept(path) && determined(fitted))
         .map(|(path, fitted)| (path.as_str(), fitted.value));
     adopted.believed = with_numbers(&adopted.believed, values);
     let heat = analysis.heat.as_ref().filter(|heat| heat.parted);
@@ -226,7 +235,7 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
             heat.and_then(|heat| heat.stirred_per_flow.as_ref()).map(relative),
         ),
         ("estimator.lag_sd", sensor.map(|sensor| sensor.lag_sd)),
-        ("estimator.housing_sd", sensor.map(|sensor| sensor.housing_sd)),
+        ("estimator.housing_sd", sensor.filter(|_| !profiled).map(|sensor| sensor.housing_sd)),
     ];
     // A core without one of these states has no key for it.
     let known = uncertainties.into_iter().filter_map(|(path, sd)| {
