@@ -231,7 +231,7 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
 fn time(controller: &mut JointController, document: &JointDocument, muscles: &[Loaded; 2]) {
     let given = |key: &str| document.has(&format!("joint.controller.{key}"));
     let [a, _] = muscles;
-    let period_s = 1.0 / a.believed.valve.pwm_hz;
+    let period_s = a.believed.pwm_period_s();
     if !given("waits_n_m") && period_s > WAITS_UP_TO_S {
         controller.waits_n_m = 0.0;
     }

@@ -64,10 +64,11 @@ fn a_heavy_arm_is_followed_at_two_hertz() {
 
 /// 20 deg at 1 Hz by a host that sends 100 set points a second, whatever the valves' period: the reference stood still
 /// between two of them (0.3 deg), at 50 Hz a small pulse waited for 20 ms (0.8 deg), and at 200 Hz gas masses took 14 ms
-/// to follow (0.6 deg).
+/// to follow (0.6 deg). At 60 Hz the plant's valves took up each duty a period late, and it swung from stop to stop.
 #[test]
 fn a_host_leads_the_joint_at_every_pwm_frequency() {
-    for pwm_hz in [50, 100, 200, 400] {
+    // The period of 60 Hz is no whole number of steps.
+    for pwm_hz in [50, 60, 100, 200, 400] {
         let loaded = loaded(&format!(
             "{HOSED}[valve]\npwm_hz = {pwm_hz}\n[run]\nduration_s = 4\n[drive]\nkind = \"joint\"\n\
              shape = \"sine\"\namplitude_rad = \"20 deg\"\nperiod_s = 1\nstiffness_n_m_rad = 14\n"
@@ -82,7 +83,7 @@ fn a_host_leads_the_joint_at_every_pwm_frequency() {
         })
         .unwrap();
         let rms_deg = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-        assert!((0.05..0.3).contains(&rms_deg), "{pwm_hz} Hz: {rms_deg} deg");
+        assert!((0.05..0.36).contains(&rms_deg), "{pwm_hz} Hz: {rms_deg} deg");
     }
 }
 

@@ -27,7 +27,7 @@ use super::{
     check_length,
 };
 use thermyo_compute::math;
-use thermyo_scenario::{LoadKind, Scenario};
+use thermyo_scenario::{LoadKind, Scenario, Valve};
 
 /// Longest integration step while a valve is open, and while both are shut \[s\].
 const LONGEST_OPEN_S: f64 = 1.0e-4;
@@ -839,14 +839,16 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let state = constants.state(&start, deflection);
         let closure = &constants.closure;
         let housing_s = scenario.sensor.gas.housing_time_constant_s;
+        // The board's timer counts steps: a valve with another period would latch its duties late, by up to a whole one.
+        let valve = Valve { pwm_hz: 1.0 / scenario.pwm_period_s(), ..scenario.valve.clone() };
         let mut full = Self {
             integrator: Rk4::new(state.len()),
             steps: 0,
             falling: None,
             power: LocalPower::new(-closure.exponent(), start.volume),
             air: AirNow::new(&constants, &state, (start.pressure, start.volume)),
-            inlet: DrivenValve::new(&scenario.valve),
-            outlet: DrivenValve::new(&scenario.valve),
+            inlet: DrivenValve::new(&valve),
+            outlet: DrivenValve::new(&valve),
             place: (start.pressure, start.volume),
             state,
             truth: Truth::default(),

@@ -352,6 +352,8 @@ fn own(arm: &Arm, scenarios: [&Scenario; 2], angle_rad: f64, exchange_s: f64) ->
         let mut own = scenarios[i].clone();
         own.load.kind = thermyo_scenario::LoadKind::Isometric;
         own.load.length_m = lengths_m[i];
+        // The board counts its own steps, and not these.
+        own.valve.pwm_hz = 1.0 / own.pwm_period_s();
         own.run.step_s = exchange_s;
         own
     })

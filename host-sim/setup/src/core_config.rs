@@ -102,7 +102,7 @@ pub fn core_config(believed: &Scenario) -> Config {
         moving_mass_kg: if full { s.load.mass_kg as f32 } else { 0.0 },
         valve: valve(s),
         valve_kind: valve_kind(s),
-        pwm_period_steps: pwm_period_steps(s),
+        pwm_period_steps: s.pwm_period_steps(),
         sensors: Sensors {
             adc: s.adc.core(),
             pressure: s.sensor.pressure.core(),
@@ -317,18 +317,13 @@ pub(super) fn flow_late_s(s: &Scenario) -> [f64; 2] {
     let Some([length_m, _]) = s.tube.line() else { return [valve.dead_time_s; 2] };
     let gas = IdealGas::new(&s.gas);
     let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
-    let period_s = f64::from(pwm_period_steps(s)) * s.run.step_s;
+    let period_s = s.pwm_period_s();
     let stroke_s = match valve.kind {
         thermyo_scenario::ValveKind::Switching => valve.switch_time_s,
         thermyo_scenario::ValveKind::Proportional => 0.0,
     };
     let longest_s = (period_s - stroke_s).min(limits("valve.dead_time_s").max);
     [valve.dead_time_s + length_m / sound_m_s, longest_s.max(valve.dead_time_s)]
-}
-
-/// The PWM's period, in steps of the core.
-pub fn pwm_period_steps(s: &Scenario) -> u16 {
-    (1.0 / (s.valve.pwm_hz * s.run.step_s)).round().clamp(1.0, 1000.0) as u16
 }
 
 /// Absolute pressure above which the board vents \[Pa\]: slightly below full scale, so that it

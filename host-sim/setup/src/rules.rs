@@ -1,6 +1,6 @@
 //! Rules that tie several keys together.
 
-use crate::core_config::{pressure_limit_pa, pwm_period_steps};
+use crate::core_config::pressure_limit_pa;
 use thermyo_files::input::nearest;
 use thermyo_plant::chamber;
 use thermyo_scenario::fault_rules;
@@ -49,12 +49,12 @@ pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
     if scenario.moves_in_full() && scenario.valve.kind == ValveKind::Switching {
         // All other plants have ideal valves.
-        let period_s = f64::from(pwm_period_steps(scenario)) * scenario.run.step_s;
+        let period_s = scenario.pwm_period_s();
         let slowest = limits("valve.switch_time_s").max.min(period_s);
         let why = "at most a period of valve.pwm_hz, or both valves would be open together";
         within("valve.switch_time_s", scenario.valve.switch_time_s, (0.0, slowest), why)?;
     }
-    let period_s = f64::from(pwm_period_steps(scenario)) * scenario.run.step_s;
+    let period_s = scenario.pwm_period_s();
     let longest = limits("controller.minimum_pulse_s").max.min(period_s);
     let why = "at most a period of valve.pwm_hz, or no pulse would be given";
     let shortest_s = short(scenario.controller.minimum_pulse_s);

@@ -35,7 +35,7 @@ const LEAST_SHARE: f64 = 0.1;
 pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     let (plant, believed) = (&loaded.plant, &loaded.believed);
     let is_controlled = matches!(plant.drive.kind, DriveKind::Pressure | DriveKind::Contraction);
-    let mut found = valves_and_line(loaded, is_controlled);
+    let mut found = valves_and_line(loaded, is_controlled.then_some(SLOW_PWM_HZ));
     let Some(moving) = chamber::of(believed).filter(|_| is_controlled) else { return found };
     let config = core_config(believed);
     let rest = Rest::at_the_goal(believed, &config, moving.as_ref());
@@ -45,10 +45,12 @@ pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     found
 }
 
-/// Warnings about valves and line, of one chamber or of a joint's muscle.
-pub fn valves_and_line(loaded: &Loaded, is_controlled: bool) -> Vec<Unrest> {
+/// Warnings about valves and line, of one chamber or of a joint's muscle; `slowest_hz`: where loops drive it, the PWM
+/// frequency below which they act too seldom \[Hz\].
+pub fn valves_and_line(loaded: &Loaded, slowest_hz: Option<f64>) -> Vec<Unrest> {
     let believed = &loaded.believed;
-    let loops = is_controlled.then(|| [seldom(believed), late(believed)]);
+    let loops = slowest_hz
+        .map(|slowest_hz| [seldom(believed, slowest_hz), uneven(believed), late(believed)]);
     let found = loops.into_iter().flatten().chain([starved(loaded)]);
     found.flatten().collect()
 }
@@ -192,15 +194,27 @@ fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest>
 }
 
 /// The loops work once in a period.
-fn seldom(s: &Scenario) -> Option<Unrest> {
+fn seldom(s: &Scenario, slowest_hz: f64) -> Option<Unrest> {
     let pwm_hz = s.valve.pwm_hz;
-    (pwm_hz < SLOW_PWM_HZ).then(|| {
+    (pwm_hz < slowest_hz).then(|| {
         let why = format!(
             "the loops act once in {:.0} ms: steps overshoot by a tenth and more, and settle late; from \
-             {SLOW_PWM_HZ:.0} Hz on by less",
+             {slowest_hz:.0} Hz on by less",
             1e3 / pwm_hz
         );
         ("valve.pwm_hz", format!("{pwm_hz:?}"), why)
+    })
+}
+
+/// The board counts a period in steps.
+fn uneven(s: &Scenario) -> Option<Unrest> {
+    let (asked_hz, has_hz) = (s.valve.pwm_hz, 1.0 / s.pwm_period_s());
+    ((has_hz / asked_hz - 1.0).abs() > 1e-6).then(|| {
+        let why = format!(
+            "its period is no whole number of run.step_s: board and valves have {has_hz:.4} Hz, {} steps",
+            s.pwm_period_steps()
+        );
+        ("valve.pwm_hz", format!("{asked_hz:?}"), why)
     })
 }
 

@@ -156,4 +156,14 @@ impl Scenario {
     pub fn moves_in_full(&self) -> bool {
         self.plant.kind != PlantKind::Vessel && self.plant.model == PlantModel::Full
     }
+
+    /// The PWM's period in steps of the core, which counts it: of a board, and of its valves.
+    pub fn pwm_period_steps(&self) -> u16 {
+        (1.0 / (self.valve.pwm_hz * self.run.step_s)).round().max(1.0) as u16
+    }
+
+    /// The same time \[s\].
+    pub fn pwm_period_s(&self) -> f64 {
+        f64::from(self.pwm_period_steps()) * self.run.step_s
+    }
 }
