@@ -17,8 +17,12 @@ use thermyo_scenario::{ChannelFault, Document, Load, LoadKind};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
 
-/// Interval over which the motion of a profile is taken \[s\].
-const DIFFERENCE_S: f64 = 0.01;
+/// Shortest and longest interval to either side over which the motion of a profile is taken \[s\]: differences over single
+/// rows of 10 ms would turn the last digit of an angle into an acceleration.
+const DIFFERENCES_S: [f64; 2] = [0.02, 0.05];
+/// Largest acceleration of a profile's motion, in those that the reference's torque gives at rest: an assumption, beyond
+/// what muscles do \[-\].
+const MOST_TIMES: f64 = 3.0;
 /// PWM period up to which a small pulse waits: longer ones give less than 100 pulses a second by themselves \[s\].
 const WAITS_UP_TO_S: f64 = 0.01;
 /// Share of an error of the gas mass that a PWM period closes at most: as the default does at 100 Hz \[-\].
@@ -66,8 +70,11 @@ impl JointLoaded {
     pub fn motion(&self, time_s: f64) -> Motion {
         match &self.profile {
             Some([angle, stiffness]) => {
-                let most = self.controller.reference_torque_n_m / self.believed.inertia_kg_m2;
-                course(angle, stiffness.value(time_s), most, time_s)
+                let JointController { reference_torque_n_m, reference_speed_rad_s, .. } =
+                    self.controller;
+                let most_rad_s2 = reference_torque_n_m / self.believed.inertia_kg_m2;
+                let limits = [reference_speed_rad_s, most_rad_s2];
+                course(angle, stiffness.value(time_s), limits, time_s)
             }
             None => shaped(&self.drive, time_s),
         }
@@ -123,18 +130,35 @@ fn arm(joint: &Joint) -> Arm {
     }
 }
 
-/// The set point of a profile at a time, with its derivatives. Where they are beyond what the reference may accelerate
-/// \[rad/s2\], it is a step, which has none.
-pub fn course(angle: &Profile, stiffness_n_m_rad: f64, most_rad_s2: f64, time_s: f64) -> Motion {
-    let [before, now, after] =
-        [-DIFFERENCE_S, 0.0, DIFFERENCE_S].map(|later_s| angle.value(time_s + later_s));
-    let acceleration = (after - 2.0 * now + before) / (DIFFERENCE_S * DIFFERENCE_S);
+/// The set point of a profile at a time, with its derivatives over as much time as its rows are apart. Where it moves
+/// faster than the reference may \[rad/s\], it is a step, which has none; its acceleration is limited \[rad/s2\].
+pub fn course(
+    angle: &Profile,
+    stiffness_n_m_rad: f64,
+    [fastest_rad_s, most_rad_s2]: [f64; 2],
+    time_s: f64,
+) -> Motion {
+    let [shortest_s, longest_s] = DIFFERENCES_S;
+    let apart = |within_s: f64| {
+        let points = angle.points();
+        let first = points.partition_point(|point| point.0 <= time_s - within_s).max(1) - 1;
+        let last = points.partition_point(|point| point.0 < time_s + within_s);
+        points[first..(last + 1).min(points.len())].windows(2)
+    };
+    let rows_s = apart(longest_s).map(|pair| pair[1].0 - pair[0].0).fold(longest_s, f64::min);
+    let over_s = rows_s.max(shortest_s);
+    let [before, now, after] = [-over_s, 0.0, over_s].map(|later_s| angle.value(time_s + later_s));
+    let jumps = apart(over_s)
+        .any(|pair| (pair[1].1 - pair[0].1).abs() > fastest_rad_s * (pair[1].0 - pair[0].0));
     let still = Motion::still(now as f32, stiffness_n_m_rad as f32);
-    if acceleration.abs() > most_rad_s2 {
+    if jumps {
         return still;
     }
+    let most_rad_s2 = MOST_TIMES * most_rad_s2;
+    let acceleration =
+        ((after - 2.0 * now + before) / (over_s * over_s)).clamp(-most_rad_s2, most_rad_s2);
     Motion {
-        speed_rad_s: ((after - before) / (2.0 * DIFFERENCE_S)) as f32,
+        speed_rad_s: ((after - before) / (2.0 * over_s)) as f32,
         acceleration_rad_s2: acceleration as f32,
         ..still
     }
@@ -557,12 +581,45 @@ mod tests {
         assert_eq!(joint(&document).unwrap().controller.lead_s, 0.002);
     }
 
+    /// Of the default joint: 4 rad/s, and 2.5 N m for 0.02 kg m2.
+    const LIMITS: [f64; 2] = [4.0, 125.0];
+
+    /// A sine of 20 deg at 1 Hz, in rows that are 10 to 50 ms apart, or rounded to the angle of an encoder's code: rows
+    /// of 20 ms gave twice the acceleration in every other sample, and none between them.
+    #[test]
+    fn a_table_of_a_motion_is_that_motion() {
+        let (w, size) = (TAU, 0.349);
+        for (apart_s, code_rad, most) in
+            [(0.01, 0.0, 0.02), (0.02, 0.0, 0.02), (0.05, 0.0, 0.06), (0.01, 1.5e-3, 0.5)]
+        {
+            let rounded =
+                |x: f64| if code_rad > 0.0 { (x / code_rad).round() * code_rad } else { x };
+            let row = |i: i32| {
+                let time_s = apart_s * f64::from(i);
+                (time_s, rounded(size * (w * time_s).sin()))
+            };
+            let table = Profile::new((0..300).map(row).collect()).unwrap();
+            for i in 20..100 {
+                let time_s = 0.007 * f64::from(i);
+                let found = course(&table, 14.0, LIMITS, time_s);
+                let speed = size * w * (w * time_s).cos() - f64::from(found.speed_rad_s);
+                let acceleration =
+                    -size * w * w * (w * time_s).sin() - f64::from(found.acceleration_rad_s2);
+                assert!(speed.abs() < most * size * w, "{apart_s} s, {speed} rad/s at {time_s} s");
+                assert!(
+                    acceleration.abs() < most * size * w * w,
+                    "{apart_s} s, {acceleration} rad/s2"
+                );
+            }
+        }
+    }
+
     #[test]
     fn a_jump_of_a_profile_is_a_step() {
         let jump = Profile::new(vec![(0.0, 0.0), (1.0, 0.0), (1.001, 0.5), (2.0, 0.5)]).unwrap();
-        assert_eq!(course(&jump, 14.0, 175.0, 0.995), Motion::still(0.0, 14.0));
-        assert_eq!(course(&jump, 14.0, 175.0, 1.002), Motion::still(0.5, 14.0));
+        assert_eq!(course(&jump, 14.0, LIMITS, 0.995), Motion::still(0.0, 14.0));
+        assert_eq!(course(&jump, 14.0, LIMITS, 1.002), Motion::still(0.5, 14.0));
         let ramp = Profile::new(vec![(0.0, 0.0), (1.0, 0.5)]).unwrap();
-        assert!((course(&ramp, 14.0, 175.0, 0.5).speed_rad_s - 0.5).abs() < 1e-6);
+        assert!((course(&ramp, 14.0, LIMITS, 0.5).speed_rad_s - 0.5).abs() < 1e-6);
     }
 }
