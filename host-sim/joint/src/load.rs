@@ -25,6 +25,9 @@ const DIFFERENCES_S: [f64; 2] = [0.02, 0.05];
 const MOST_TIMES: f64 = 3.0;
 /// PWM period up to which a small pulse waits: longer ones give less than 100 pulses a second by themselves \[s\].
 const WAITS_UP_TO_S: f64 = 0.01;
+/// Largest gain by inertia: 35 rad/s, a period and a half of 100 Hz being half a radian. On `scenarios/joint.toml` with 4e-3
+/// kg m2 the default gain, 55 rad/s, swings by 1.1 deg at rest \[1/s2\].
+const GAIN_PER_S2: f64 = 1200.0;
 /// Share of an error of the gas mass that a PWM period closes at most: as the default does at 100 Hz \[-\].
 const CLOSES: f64 = 0.7;
 /// Time of sound in a metre of hose, at 343 m/s \[s/m\].
@@ -251,7 +254,7 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     Ok(loaded)
 }
 
-/// Gives what the scenario leaves out of the controller's timing, as the core is configured.
+/// Gives what the scenario leaves out of the controller's timing, and of its gain, as the core is configured.
 fn time(controller: &mut JointController, document: &JointDocument, muscles: &[Loaded; 2]) {
     let given = |key: &str| document.has(&format!("joint.controller.{key}"));
     let [a, _] = muscles;
@@ -261,6 +264,10 @@ fn time(controller: &mut JointController, document: &JointDocument, muscles: &[L
     }
     if !given("mass_loop_s") {
         controller.mass_loop_s = controller.mass_loop_s.min(period_s / CLOSES);
+    }
+    if !given("gain_n_m_rad") {
+        let inertia_kg_m2 = document.believed.inertia_kg_m2;
+        controller.gain_n_m_rad = controller.gain_n_m_rad.min(GAIN_PER_S2 * inertia_kg_m2);
     }
     if !given("lead_s") {
         // A pulse waits for the next period or does not: a quarter of one in the mean.
@@ -569,6 +576,12 @@ mod tests {
         assert_eq!(valves(50), [0.0, 0.0, 0.014]);
         assert_eq!(valves(100), [0.0025, 0.2, 0.014]);
         assert_eq!(valves(200), [0.00125, 0.2, 0.005 / 0.7]);
+        let gain = |inertia: &str| {
+            let text = format!("[joint]\ninertia_kg_m2 = {inertia}\n");
+            let document = JointDocument::parse(&text, "joint.toml".as_ref()).unwrap();
+            joint(&document).unwrap().controller.gain_n_m_rad
+        };
+        assert_eq!([gain("0.001"), gain("0.02"), gain("0.2")], [1.2, 12.0, 12.0]);
         let hose = "[plant]\nmodel = \"full\"\n[tube]\nlength_m = 1\ndiameter_m = 0.004\n[joint]\n";
         let lead_s = |text: &str| timing(text)[0];
         assert_eq!(lead_s(hose), 0.0054);

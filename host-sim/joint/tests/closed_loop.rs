@@ -107,6 +107,28 @@ fn an_inertia_believed_twice_does_not_hunt_at_rest() {
     rests(&text, &[-23.0, 6.0, 16.0, 27.0]);
 }
 
+/// With the gain of a heavier arm it swings by 1 to 5 deg, with 100 pulses a second.
+#[test]
+fn a_light_arm_does_not_hunt_at_rest() {
+    for inertia_kg_m2 in [0.001, 0.004] {
+        rests(&format!("{HOSED}inertia_kg_m2 = {inertia_kg_m2}\n"), &[-20.0, 20.0]);
+    }
+}
+
+/// Two inlets that pass as much fill pressures that have different ways to go: the stiffness waits for the slower one, or
+/// the arm is thrown by 3 to 4 deg.
+#[test]
+fn another_stiffness_does_not_throw_the_arm() {
+    for goal_deg in [-30.0, 20.0] {
+        let loaded = loaded(HOSED);
+        let rows = run(&loaded, 4.0, |t| still(goal_deg, if t < 2.0 { 12.0 } else { 24.0 }));
+        let changing = rows.iter().filter(|row| row.time_s > 2.0);
+        let thrown = changing.map(|row| (row.truth.angle_rad.to_degrees() - goal_deg).abs());
+        let thrown_deg = thrown.fold(0.0, f64::max);
+        assert!((0.01..0.8).contains(&thrown_deg), "{thrown_deg} deg at {goal_deg} deg");
+    }
+}
+
 /// With small pulses that wait it swings by 1.2 deg at half of the angles.
 #[test]
 fn slow_valves_do_not_hunt_at_rest() {

@@ -383,7 +383,10 @@ impl JointController {
         }
         let lag_rad_s = self.reference.motion.speed_rad_s - self.observer.speed_rad_s;
         self.learn(error_rad);
-        self.reference.advance(&self.mechanism, &self.tuning, wanted, self.period_s);
+        // A valve that is fully open is late, and the other muscle's would turn the arm meanwhile.
+        let stiffens = !self.saturated();
+        let Self { mechanism, tuning, period_s, .. } = *self;
+        self.reference.advance(&mechanism, &tuning, wanted, period_s, stiffens);
         let [Measured { config, .. }, _] = muscles;
         let late_s = lead_s + config.valve_kind.late_s(&config.valve);
         let next = self.reference.ahead(late_s, self.period_s);
@@ -432,10 +435,14 @@ impl JointController {
         rests
     }
 
+    /// Whether a valve could not pass what was asked of it in the last period.
+    fn saturated(&self) -> bool {
+        self.sides.iter().any(|side| side.drive.saturated())
+    }
+
     /// One period of the integral.
     fn learn(&mut self, error_rad: f32) {
-        let saturated = self.sides.iter().any(|side| side.drive.saturated());
-        if !saturated {
+        if !self.saturated() {
             let gained_n_m = self.tuning.integral_n_m_rad_s * self.period_s * error_rad;
             let most_n_m = self.tuning.integral_limit_n_m;
             self.integral_n_m = limit(self.integral_n_m + gained_n_m, -most_n_m, most_n_m);

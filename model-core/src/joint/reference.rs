@@ -62,13 +62,14 @@ impl Reference {
         }
     }
 
-    /// One period \[s\] towards a set point that holds at its start.
+    /// One period \[s\] towards a set point that holds at its start. The stiffness waits where it may not change.
     pub fn advance(
         &mut self,
         mechanism: &Mechanism,
         tuning: &JointTuning,
         wanted: &Motion,
         period_s: f32,
+        stiffens: bool,
     ) {
         let gained_rad_s2 = wanted.acceleration_rad_s2 - self.wanted_rad_s2;
         self.wanted_rad_s2 = wanted.acceleration_rad_s2;
@@ -101,7 +102,7 @@ impl Reference {
         let gains = absolute(speed) > absolute(now.speed_rad_s);
         let acceleration = if gains { limited } else { acceleration };
         let speed_rad_s = now.speed_rad_s + acceleration * period_s;
-        let faster = tuning.stiffness_rate_n_m_rad_s * period_s;
+        let faster = if stiffens { tuning.stiffness_rate_n_m_rad_s * period_s } else { 0.0 };
         let missing = wanted.stiffness_n_m_rad - now.stiffness_n_m_rad;
         self.motion = Motion {
             angle_rad: now.angle_rad + 0.5 * (now.speed_rad_s + speed_rad_s) * period_s,
@@ -136,7 +137,7 @@ mod tests {
         let mut most = 0.0_f64;
         for period in 0..periods {
             let t = 0.01 * f64::from(period);
-            reference.advance(&mechanism, &tuning, &wanted(t), 0.01);
+            reference.advance(&mechanism, &tuning, &wanted(t), 0.01, true);
             most = most.max(f64::from(reference.motion.angle_rad));
         }
         (reference, most)
@@ -160,7 +161,7 @@ mod tests {
         let (mut most_rad, mut hardest) = (0.0_f32, 0.0_f32);
         for _ in 0..55 {
             let before = reference.motion.speed_rad_s;
-            reference.advance(&mechanism, &tuning, &Motion::still(0.698, 14.0), 0.01);
+            reference.advance(&mechanism, &tuning, &Motion::still(0.698, 14.0), 0.01, true);
             most_rad = most_rad.max(reference.motion.angle_rad);
             hardest = hardest.max((before - reference.motion.speed_rad_s) / 0.01);
         }
