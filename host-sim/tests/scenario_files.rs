@@ -663,9 +663,9 @@ fn implausible_values_are_reported() {
         ),
         (
             "[load]\nmass_kg = 50\n[drive]\nkind = \"contraction\"\ncontraction = 0.1",
-            "scenario.toml:2: load.mass_kg = 50.0: it flies 8 mm past a goal that it comes to at \
-             controller.contraction_rate_per_s, since only load.force_n and friction brake it, and may swing on; a \
-             lower rate lets it stop",
+            "scenario.toml:2: load.mass_kg = 50.0: it flies 11 mm past a goal that it comes to at \
+             controller.contraction_rate_per_s, since only load.force_n brakes it, and may swing on; a lower rate \
+             lets it stop",
         ),
         (
             "[tube]\nlength_m = 3\ndiameter_m = 0.006\n[drive]\nkind = \"pressure\"",

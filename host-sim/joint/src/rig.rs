@@ -185,10 +185,14 @@ impl Rig {
         let share = (truth.angle_rad - least) / (most - least);
         let mut samples = [0, 1].map(|i: usize| {
             let mut seen = self.faults[i].sensed(&truth.muscles[i]);
-            seen.sensor_length_m = share * self.scenarios[i].sensor.length.range_m;
+            // A drift of the channel, in shares of its range.
+            let range_m = self.scenarios[i].sensor.length.range_m;
+            let drift_m = seen.sensor_length_m - truth.muscles[i].sensor_length_m;
+            let share = share + drift_m / range_m;
+            seen.sensor_length_m = share * range_m;
             let mut codes = self.adc[i].convert(&seen);
             if let (0, Some(encoder)) = (i, &mut self.encoder) {
-                codes.length = encoder.convert((truth.angle_rad - least) / TAU);
+                codes.length = encoder.convert(share * (most - least) / TAU);
             }
             self.faults[i].apply(truth.muscles[i].time_s, codes)
         });

@@ -172,6 +172,19 @@ fn an_angle_that_goes_the_wrong_way_is_found_within_five_degrees() {
     assert_eq!(found.telemetry.commands(), [Command::VENT; 2]);
 }
 
+/// Its drift was injected into a channel that was then overwritten.
+#[test]
+fn an_angle_that_drifts_vents() {
+    for sensor in ["", "sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n"] {
+        let loaded = loaded(&format!(
+            "{HOSED}{sensor}[joint.a.faults]\nlength = \"drifting\"\nlength_drift_m_s = 0.05\nfrom_s = 1\n"
+        ));
+        let rows = run(&loaded, 4.0, |_| still(0.0, 14.0));
+        let found = rows.iter().find(|row| row.telemetry.faults.intersects(JointFaults::TORQUE));
+        assert!(found.is_some_and(|row| row.time_s > 1.1), "{found:?}");
+    }
+}
+
 #[test]
 fn a_torn_tendon_vents_both() {
     let loaded = loaded("model = \"lumped\"\n[joint]\n");
@@ -209,6 +222,20 @@ fn a_lock_holds_the_arm_where_the_angle_is_lost() {
     assert!(moved_deg > 20.0 && vents_s < 1.002, "vented: {moved_deg} deg, {vents_s} s");
     let (_, vents_s) = at_two_seconds(1.5, "pressure = \"open\"");
     assert!(vents_s < 1.02, "{vents_s} s");
+}
+
+/// The arm fell by 26 deg within the lock, until its time was over.
+#[test]
+fn a_leak_ends_a_lock() {
+    let loaded = loaded(
+        "model = \"full\"\n[joint]\ngravity_n_m = 4.9\nlock_s = 10\n[faults]\nlink = \"lost\"\n\
+         from_s = 1\n[joint.b.faults]\noutlet = \"leaking\"\noutlet_leak = 0.2\nfrom_s = 1\n",
+    );
+    let rows = run(&loaded, 4.0, |_| still(20.0, 14.0));
+    let first = |mode| rows.iter().find(|row| row.telemetry.mode == mode).map(|row| row.time_s);
+    let (locks_s, vents_s) = (first(JointMode::Locked), first(JointMode::Vent));
+    assert!(locks_s.is_some_and(|locks_s| locks_s < 1.6), "{locks_s:?}");
+    assert!(vents_s.is_some_and(|vents_s| (1.6..3.5).contains(&vents_s)), "{vents_s:?}");
 }
 
 /// A board that has restarted vents both muscles, whatever it is asked for: the default stops are not this joint's.

@@ -11,7 +11,7 @@ use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
 use thermyo_plant::line::Bore;
 use thermyo_plant::load_n;
-use thermyo_scenario::{DriveKind, LoadKind, Scenario, ValveKind};
+use thermyo_scenario::{DriveKind, LoadKind, PlantKind, Scenario, ValveKind};
 
 /// Key, value, and the consequence.
 pub type Unrest = (&'static str, String, String);
@@ -100,15 +100,15 @@ impl Rest {
         }
     }
 
-    /// The change by k R T dm \[J\] in words, where it leads beyond the zone.
-    fn beyond(&self, changed_j: f64) -> Option<String> {
+    /// The change by k R T dm \[J\] in words, where it leads beyond the zone, and what follows.
+    fn beyond(&self, changed_j: f64, so: &str) -> Option<String> {
         let changed_pa = changed_j / self.volume_m3;
         let Some(moved_m_pa) = self.moved_m_pa else {
             let zone_pa = self.zone;
             return (changed_pa > zone_pa).then(|| {
                 format!(
                     "the pressure by {changed_pa:.0} Pa, and the loop rests within {zone_pa:.0} Pa, \
-                     controller.pressure_dead_zone_pa to either side: the loop may never come to rest"
+                     controller.pressure_dead_zone_pa to either side: {so}"
                 )
             });
         };
@@ -116,7 +116,7 @@ impl Rest {
         (moved_m > zone_m).then(|| {
             format!(
                 "the end by {:.2} mm, and the loop rests within {:.2} mm, one and a half \
-                 controller.contraction_dead_zone to either side: the loop may never come to rest",
+                 controller.contraction_dead_zone to either side: {so}",
                 1e3 * moved_m,
                 1e3 * zone_m
             )
@@ -154,7 +154,8 @@ fn coarse(s: &Scenario, config: &Config, rest: &Rest) -> Option<Unrest> {
     };
     let gas = IdealGas::new(&s.gas);
     let moved_kg = opening_s * open_kg_s(s, config);
-    let beyond = rest.beyond(gas.k * gas.r * s.supply.temperature_k * moved_kg)?;
+    let so = "the loop may rest off its goal by half of that, or go on with single pulses";
+    let beyond = rest.beyond(gas.k * gas.r * s.supply.temperature_k * moved_kg, so)?;
     let why = format!("the shortest pulse, controller.minimum_pulse_s, moves {beyond}");
     Some(("valve.conductance_m3_s_pa", format!("{:e}", s.valve.conductance_m3_s_pa), why))
 }
@@ -166,12 +167,14 @@ fn leaking(s: &Scenario, rest: &Rest) -> Option<Unrest> {
     let leak = Iso6358::leak(leak_m3_s_pa, s.valve.critical_ratio, &gas)?;
     let wall_k = s.ambient.temperature_k;
     let lost_kg = leak.mass_flow(rest.pressure_pa, wall_k, s.ambient.pressure_pa) / s.valve.pwm_hz;
-    let beyond = rest.beyond(gas.k * gas.r * wall_k * lost_kg)?;
+    let so = "the loop may never come to rest";
+    let beyond = rest.beyond(gas.k * gas.r * wall_k * lost_kg, so)?;
     let why = format!("in a period of valve.pwm_hz it moves {beyond}");
     Some(("leak.conductance_m3_s_pa", format!("{leak_m3_s_pa:e}"), why))
 }
 
-/// A muscle pulls, and cannot push: a load that flies on is braked by its own force, by friction and by the bladder.
+/// A muscle pulls, and cannot push: a load that flies on is braked by its own force alone. A piston holds it, with its
+/// spring and friction.
 fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
     let mass_kg = f64::from(config.moving_mass_kg);
     if s.drive.kind != DriveKind::Contraction || mass_kg <= 0.0 {
@@ -179,15 +182,21 @@ fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest>
     }
     let rest_m = moving.rest_length();
     let load = load_n(s, moving).abs();
-    let held_n = moving.elastic(rest_m * (1.0 - s.drive.middle())).abs() + s.friction.force_n;
+    let is_muscle = s.plant.kind == PlantKind::Muscle;
+    let held_n = if is_muscle {
+        0.0
+    } else {
+        moving.elastic(rest_m * (1.0 - s.drive.middle())).abs() + s.friction.force_n
+    };
     let speed_m_s = f64::from(config.controller.contraction_rate_per_s) * rest_m;
     let way_m = 0.5 * speed_m_s * speed_m_s * mass_kg / (load + held_n);
     (way_m > THROWN * rest_m).then(|| {
         let by = if s.load.kind == LoadKind::Mass { "its weight" } else { "load.force_n" };
         let why = format!(
-            "it flies {:.0} mm past a goal that it comes to at controller.contraction_rate_per_s, since only {by} and \
-             friction brake it, and may swing on; a lower rate lets it stop",
-            1e3 * way_m
+            "it flies {:.0} mm past a goal that it comes to at controller.contraction_rate_per_s, since only {by} {} it, \
+             and may swing on; a lower rate lets it stop",
+            1e3 * way_m,
+            if is_muscle { "brakes" } else { "and friction brake" }
         );
         ("load.mass_kg", format!("{mass_kg:?}"), why)
     })

@@ -470,7 +470,7 @@ impl Joint {
                 self.disarm();
             }
         }
-        self.count_lock();
+        self.count_lock(&judged);
         if judged.iter().all(Judged::is_checked) {
             self.drive(angle_rad, &judged);
         }
@@ -498,15 +498,16 @@ impl Joint {
         wanted && driven && harmless && trusted && below
     }
 
-    /// Ends a lock whose time is over: both muscles vent in this step.
-    fn count_lock(&mut self) {
+    /// Ends a lock whose time is over, or in which a muscle leaks: both vent in this step.
+    fn count_lock(&mut self, judged: &[Judged; 2]) {
         if self.set_point != JointSetPoint::Lock {
             self.locked_steps = 0;
             return;
         }
         let [a, _] = &self.config.muscles;
         self.locked_steps = self.locked_steps.saturating_add(1);
-        if self.locked_steps > timeout_steps(self.config.mechanism.lock_s, a.step_s) {
+        let leaks = judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
+        if leaks || self.locked_steps > timeout_steps(self.config.mechanism.lock_s, a.step_s) {
             self.disarm();
         }
     }
