@@ -14,9 +14,8 @@ const CYCLE: usize = 5_000;
 /// The recorded cycle is the last one of so long a run \[s\]: the wall no longer warms from stroke to stroke, or a
 /// record that is repeated would contradict the law of the wall.
 const WARM_S: f64 = 600.0;
-/// By then the estimator has forgotten how it started: 1250 s, three time constants of the wall and twelve of its
-/// memory.
-const SETTLED_CYCLE: u32 = 250;
+/// By then the estimator has forgotten how it started: 1500 s, four time constants of the wall and five of its memory.
+const SETTLED_CYCLE: u32 = 300;
 
 /// One step of the record.
 struct Step {

@@ -100,12 +100,7 @@ pub fn identify(
 ) -> Result<Identified, IdentifyError> {
     let parameters = named(loaded, config)?;
     let mut data = Data::new(measured, data_file, &loaded.plant)?;
-    if matches!(data.input, Input::Given(_)) && loaded.plant.heat.model == HeatModel::Correlation {
-        let why = "heat.model = \"correlation\": pressure and length stand for the flow with heat.model = \"constant\" \
-                   only, which fits one coefficient to all of the motion; for the laws of air take stops, with \
-                   thermyo measure stop";
-        return Err(InputError::file(config, InputProblem::Unusable(why.to_owned())).into());
-    }
+    constant_where_given(loaded, config, &data)?;
     let from_data = data.volume.is_some();
     data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
     let scenario = comparable(&loaded.plant, &data);
@@ -149,13 +144,23 @@ pub fn identify(
         covariance: covariance.as_ref(),
         mass: gas_mass(&problem, &best.place, covariance.as_ref()),
     });
-    let values: Vec<(&str, f64)> = parameters
-        .iter()
-        .zip(best.place.iter())
-        .map(|(parameter, u)| (parameter.path.as_str(), parameter.value(*u)))
-        .collect();
+    let found = parameters.iter().zip(best.place.iter());
+    let values: Vec<(&str, f64)> =
+        found.map(|(parameter, u)| (parameter.path.as_str(), parameter.value(*u))).collect();
     let scenario = adopted(loaded, &data, &values, from_data.then_some(data_file));
     Ok(Identified { findings, scenario, data, residuals })
+}
+
+/// Pressure and length as inputs stand for the flow by the core's model of one constant coefficient.
+fn constant_where_given(loaded: &Loaded, config: &Path, data: &Data) -> Result<(), InputError> {
+    let given = matches!(data.input, Input::Given(_));
+    if !given || loaded.plant.heat.model != HeatModel::Correlation {
+        return Ok(());
+    }
+    let why = "heat.model = \"correlation\": pressure and length stand for the flow with heat.model = \"constant\" only, \
+               which fits one coefficient to all of the motion; for the laws of air take stops, with \
+               thermyo measure stop";
+    Err(InputError::file(config, InputProblem::Unusable(why.to_owned())))
 }
 
 /// The parameters that the scenario names.

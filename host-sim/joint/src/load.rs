@@ -609,15 +609,15 @@ mod tests {
                 |x: f64| if code_rad > 0.0 { (x / code_rad).round() * code_rad } else { x };
             let row = |i: i32| {
                 let time_s = apart_s * f64::from(i);
-                (time_s, rounded(size * (w * time_s).sin()))
+                (time_s, rounded(size * math::sin(w * time_s)))
             };
             let table = Profile::new((0..300).map(row).collect()).unwrap();
             for i in 20..100 {
                 let time_s = 0.007 * f64::from(i);
                 let found = course(&table, 14.0, LIMITS, time_s);
-                let speed = size * w * (w * time_s).cos() - f64::from(found.speed_rad_s);
+                let speed = size * w * math::cos(w * time_s) - f64::from(found.speed_rad_s);
                 let acceleration =
-                    -size * w * w * (w * time_s).sin() - f64::from(found.acceleration_rad_s2);
+                    -size * w * w * math::sin(w * time_s) - f64::from(found.acceleration_rad_s2);
                 assert!(speed.abs() < most * size * w, "{apart_s} s, {speed} rad/s at {time_s} s");
                 assert!(
                     acceleration.abs() < most * size * w * w,

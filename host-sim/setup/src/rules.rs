@@ -40,6 +40,21 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     check_believed(scenario)
 }
 
+/// Pulses and the valves' stroke have to fit into a PWM period.
+fn check_pulses(scenario: &Scenario) -> Result<(), Violation> {
+    let period_s = scenario.pwm_period_s();
+    if scenario.moves_in_full() && scenario.valve.kind == ValveKind::Switching {
+        // All other plants have ideal valves.
+        let slowest = limits("valve.switch_time_s").max.min(period_s);
+        let why = "at most a period of valve.pwm_hz, or both valves would be open together";
+        within("valve.switch_time_s", scenario.valve.switch_time_s, (0.0, slowest), why)?;
+    }
+    let longest = limits("controller.minimum_pulse_s").max.min(period_s);
+    let why = "at most a period of valve.pwm_hz, or no pulse would be given";
+    let shortest_s = short(scenario.controller.minimum_pulse_s);
+    within("controller.minimum_pulse_s", shortest_s, (0.0, longest), why)
+}
+
 /// Rules for the core's configuration, which hold for the plant too.
 pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     let slowest = 1.0 / (MOST_PWM_STEPS * scenario.run.step_s);
@@ -47,18 +62,7 @@ pub fn check_believed(scenario: &Scenario) -> Result<(), Violation> {
     // With a small margin: 1/(1000 step) is rounded.
     let why = "a period of at most 1000 times run.step_s";
     within("valve.pwm_hz", scenario.valve.pwm_hz, (slowest * (1.0 - 1e-12), fastest), why)?;
-    if scenario.moves_in_full() && scenario.valve.kind == ValveKind::Switching {
-        // All other plants have ideal valves.
-        let period_s = scenario.pwm_period_s();
-        let slowest = limits("valve.switch_time_s").max.min(period_s);
-        let why = "at most a period of valve.pwm_hz, or both valves would be open together";
-        within("valve.switch_time_s", scenario.valve.switch_time_s, (0.0, slowest), why)?;
-    }
-    let period_s = scenario.pwm_period_s();
-    let longest = limits("controller.minimum_pulse_s").max.min(period_s);
-    let why = "at most a period of valve.pwm_hz, or no pulse would be given";
-    let shortest_s = short(scenario.controller.minimum_pulse_s);
-    within("controller.minimum_pulse_s", shortest_s, (0.0, longest), why)?;
+    check_pulses(scenario)?;
     check_line(&scenario.tube)?;
     let heat = &scenario.heat;
     let largest = limits("heat.scale")

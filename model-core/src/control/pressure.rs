@@ -89,15 +89,10 @@ impl PressureLoop {
         let allowed_pa = limit(absolute(beyond_pa), zone_pa, f32::MAX);
         // A load that moves, or a leak, takes it out of what single pulses keep.
         self.reached &= !moving && off_pa <= LOST * allowed_pa;
-        // Where the pressure will be once the gas that is on its way has arrived.
-        let arrives = |error_pa: f32, within_pa: f32| {
-            let left_kg = port.mass_kg(error_pa, 0.0) - port.in_flight_kg;
-            absolute(left_kg) <= port.mass_kg(within_pa, 0.0)
-        };
         let within = if self.reached {
-            arrives(self.reference_pa - feedback.pressure_pa, allowed_pa)
+            arrives(port, self.reference_pa - feedback.pressure_pa, allowed_pa)
         } else {
-            arrives(error_pa, 0.5 * zone_pa)
+            arrives(port, error_pa, 0.5 * zone_pa)
         };
         self.holding = within && !moving;
         if self.holding {
@@ -110,24 +105,38 @@ impl PressureLoop {
             return Some(worth_it(config, feedback, port, all_kg, all_kg));
         }
         let gain = limit(period_s / tuning.pressure_loop_s, 0.0, 1.0);
-        // Anti-windup: nothing is learnt while the valve is fully open, nor from an error that
-        // one period's flow would not close.
-        let small = absolute(error_pa) < LEARNING_BAND * feedback.pressure_pa;
-        let leak_kg = port.mass_kg(error_pa, 0.0);
-        if small && !port.saturated {
-            let limit_kg_s = LARGEST_BIAS * port.mass_kg(feedback.pressure_pa, 0.0);
-            self.bias_kg_s = limit(
-                self.bias_kg_s + leak_kg * gain / tuning.pressure_reset_s,
-                -limit_kg_s,
-                limit_kg_s,
-            );
-        }
+        self.learn(tuning, feedback, port, error_pa, gain);
         let wanted_kg = port.mass_kg(gain * error_pa, volume_change_m3)
             + self.bias_kg_s * period_s
             + port.leaked_kg
             - port.in_flight_kg;
         Some(worth_it(config, feedback, port, wanted_kg, all_kg))
     }
+
+    /// One period of the bias. Anti-windup: nothing is learnt while the valve is fully open, nor from an error that one
+    /// period's flow would not close.
+    fn learn(
+        &mut self,
+        tuning: &ControllerConfig,
+        feedback: &Feedback,
+        port: &ChamberPort,
+        error_pa: f32,
+        gain: f32,
+    ) {
+        let small = absolute(error_pa) < LEARNING_BAND * feedback.pressure_pa;
+        if !small || port.saturated {
+            return;
+        }
+        let most_kg_s = LARGEST_BIAS * port.mass_kg(feedback.pressure_pa, 0.0);
+        let learns_kg_s = port.mass_kg(error_pa, 0.0) * gain / tuning.pressure_reset_s;
+        self.bias_kg_s = limit(self.bias_kg_s + learns_kg_s, -most_kg_s, most_kg_s);
+    }
+}
+
+/// Whether an error \[Pa\] will be within that \[Pa\] once the gas that is on its way has arrived.
+fn arrives(port: &ChamberPort, error_pa: f32, within_pa: f32) -> bool {
+    let left_kg = port.mass_kg(error_pa, 0.0) - port.in_flight_kg;
+    absolute(left_kg) <= port.mass_kg(within_pa, 0.0)
 }
 
 /// A mass that is less than the shortest pulse's is raised to it where that leaves less of what is missing in all:

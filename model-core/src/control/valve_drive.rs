@@ -159,14 +159,20 @@ impl Stage {
                     return None;
                 }
                 let switch_s = config.valve.switch_time_s;
-                *carry_over = match (pulse_s + switch_s > period_s, filling) {
+                let shuts_s = pulse_s + switch_s;
+                *carry_over = match (shuts_s > period_s, filling) {
                     (false, _) => CarryOver::None,
                     (true, true) => CarryOver::Inlet,
                     (true, false) => CarryOver::Outlet,
                 };
                 let flow_kg_s = if filling { full_kg_s } else { -full_kg_s };
+                // The poppet starts to move a dead time after the pin and is closed a switching time after the pulse.
+                let shut_s = shuts_s + config.valve.dead_time_s;
                 let after_kg = |end_s: f32| {
-                    flow_kg_s * limit(tail_s(&config.valve, end_s, pulse_s), 0.0, opening_s)
+                    if shut_s <= end_s {
+                        return 0.0;
+                    }
+                    flow_kg_s * limit(tail_s(shut_s - end_s, switch_s), 0.0, opening_s)
                 };
                 let in_flight_kg = core::mem::replace(later_kg, after_kg(2.0 * period_s));
                 Some((pulse_s * pwm_hz, in_flight_kg + after_kg(period_s)))
@@ -372,18 +378,9 @@ fn pulse_for_opening_s(valve: &Valve, period_s: f32, opening_s: f32) -> f32 {
     }
 }
 
-/// Opening \[s\] of a pulse that falls after a time \[s\]: the poppet starts to move a dead time after the pin and is
-/// closed a switching time after the pulse.
-fn tail_s(valve: &Valve, end_s: f32, pulse_s: f32) -> f32 {
-    let switch_s = valve.switch_time_s;
-    let after_s = pulse_s + switch_s + valve.dead_time_s - end_s;
-    if after_s <= 0.0 {
-        0.0
-    } else if after_s < switch_s {
-        0.5 * after_s * after_s / switch_s
-    } else {
-        after_s - 0.5 * switch_s
-    }
+/// Opening \[s\] of a poppet in the time until it is shut \[s\], above 0.
+fn tail_s(until_s: f32, switch_s: f32) -> f32 {
+    if until_s < switch_s { 0.5 * until_s * until_s / switch_s } else { until_s - 0.5 * switch_s }
 }
 
 /// Mass of the shortest pulse that is given, in the direction of a mass \[kg\].

@@ -28,7 +28,7 @@ impl Motion {
     }
 
     /// That much later \[s\], while the acceleration changes by `gained_rad_s2`.
-    pub(super) fn later(&self, time_s: f32, gained_rad_s2: f32) -> Self {
+    fn later(&self, time_s: f32, gained_rad_s2: f32) -> Self {
         let mean_rad_s2 = self.acceleration_rad_s2 + 0.5 * gained_rad_s2;
         let early_rad_s2 = self.acceleration_rad_s2 + (1.0 / 3.0) * gained_rad_s2;
         Self {

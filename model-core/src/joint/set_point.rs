@@ -157,10 +157,12 @@ impl JointSetPoint {
         if speed_rad_s == 0.0 && acceleration_rad_s2 == 0.0 {
             return *self;
         }
-        let moved = given.later(limit(age_s, 0.0, LONGEST_S), 0.0);
-        let angle_rad = limit(moved.angle_rad, mechanism.minimum_rad, mechanism.maximum_rad);
-        Self::Angle(if age_s < LONGEST_S && angle_rad == moved.angle_rad {
-            moved
+        let for_s = limit(age_s, 0.0, LONGEST_S);
+        let gained_rad_s = acceleration_rad_s2 * for_s;
+        let moved_rad = given.angle_rad + for_s * (speed_rad_s + 0.5 * gained_rad_s);
+        let angle_rad = limit(moved_rad, mechanism.minimum_rad, mechanism.maximum_rad);
+        Self::Angle(if age_s < LONGEST_S && angle_rad == moved_rad {
+            Motion { angle_rad, speed_rad_s: speed_rad_s + gained_rad_s, ..given }
         } else {
             Motion::still(angle_rad, stiffness_n_m_rad)
         })

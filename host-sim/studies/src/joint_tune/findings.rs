@@ -380,9 +380,17 @@ impl Findings {
     /// The result in a sentence.
     pub fn headline(&self) -> String {
         let Check { before, after } = self.check;
+        let (improved, followed) = compared(before.sine_rms_rad, after.sine_rms_rad);
+        let kept = if self.adopted {
+            String::new()
+        } else if followed {
+            let moves_deg = after.rest_motion_rad.to_degrees();
+            format!(", and at rest it moves by {moves_deg:.2} deg: the former values are kept")
+        } else {
+            ": the former values are kept".to_owned()
+        };
         let [before, after] = [before, after].map(|figures| figures.sine_rms_rad.to_degrees());
-        let word = word(self.improved, self.adopted);
-        let kept = if self.adopted { "" } else { ": the former values are kept" };
+        let word = word(improved, followed);
         format!(
             "with the tuned values a sine of 1 Hz is followed {word} ({before:.2} -> {after:.2} deg, RMS){kept}"
         )
