@@ -326,6 +326,7 @@ mod tests {
                     "muscle.rest_length_m",
                     "muscle.slack_m",
                     "valve.switch_time_s",
+                    "controller.minimum_pulse_s",
                     "sensor.gas.range_max_k",
                     "sensor.max31865.highest_k",
                 ]
