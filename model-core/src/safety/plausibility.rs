@@ -278,7 +278,7 @@ impl PlausibilityMonitor {
     }
 
     /// Takes the balance of one interval of the estimator; returns what the one before has found, each
-    /// fault once but for a leak, which is shown for a while. `length_m`: measured, `None` where it is not
+    /// fault once; [`leaks`](Self::leaks) goes on for a while. `length_m`: measured, `None` where it is not
     /// trusted, and with it the volume: such an interval is not used, nor does the one before it, in
     /// which the length broke, nor the one after it, in which the volume comes back.
     pub fn add(
@@ -290,6 +290,7 @@ impl PlausibilityMonitor {
         let closing_windows = self.limits.closing_windows;
         let inlet_parts = self.inlet.end_window(closing_windows);
         let outlet_parts = self.outlet.end_window(closing_windows);
+        self.leak_windows = self.leak_windows.saturating_sub(1);
         let Some(length_m) = length_m else {
             self.blind = true;
             self.found = Faults::NONE;
@@ -303,7 +304,11 @@ impl PlausibilityMonitor {
             self.force(chamber, balance, length_m);
             self.findings()
         };
-        core::mem::replace(&mut self.found, found)
+        let found = core::mem::replace(&mut self.found, found);
+        if found.intersects(Faults::LEAK) {
+            self.leak_windows = self.limits.shown_windows;
+        }
+        found
     }
 
     /// Counts what came and went, against what the valves were asked for.
@@ -368,7 +373,7 @@ impl PlausibilityMonitor {
             } else if self.inlet.asked_per_s + self.lost_per_s > BURST_PER_S {
                 found = found.with(Faults::NO_INFLOW);
             } else {
-                self.leak_windows = self.limits.shown_windows;
+                found = found.with(Faults::LEAK);
             }
         }
         if self.outlet.trips() {
@@ -378,10 +383,6 @@ impl PlausibilityMonitor {
         if self.impossible_windows > self.limits.impossible_windows {
             found = found.with(Faults::FORCE);
             self.impossible_windows = 0;
-        }
-        self.leak_windows = self.leak_windows.saturating_sub(1);
-        if self.leak_windows > 0 {
-            found = found.with(Faults::LEAK);
         }
         found
     }
@@ -441,7 +442,8 @@ mod tests {
             for _ in 0..20 {
                 self.monitor.drive(command);
             }
-            self.monitor.add(&self.chamber, &balance, length_m)
+            let found = self.monitor.add(&self.chamber, &balance, length_m);
+            found.with(Faults::LEAK.when(self.monitor.leaks()))
         }
 
         /// Faults found in so many windows.
@@ -508,6 +510,23 @@ mod tests {
         assert!(shown.abs_diff(500) <= 2, "{shown} windows");
         let found = Bench::nominal().finds(Command::CLOSED, gas(-1.3 * share, PRESSURE_PA));
         close(found, windows_to_trip(1.3 * share, FORGOTTEN_PER_S), Faults::BURST);
+    }
+
+    /// The interval in which the length broke finds no leak, which would end a lock; one that was found before is shown
+    /// for ten seconds also while the length is not known.
+    #[test]
+    fn without_a_length_no_leak_is_found_and_none_is_shown_for_ever() {
+        let slow = gas(-0.8 * BURST_PER_S * WINDOW_S, PRESSURE_PA);
+        let (count, _) = Bench::nominal().finds(Command::CLOSED, slow).unwrap();
+        let leaks_after = |windows: u32, blind: u32| {
+            let mut bench = Bench::nominal();
+            bench.windows(windows, Command::CLOSED, slow);
+            (0..blind).for_each(|_| _ = bench.window(Command::CLOSED, slow, None));
+            bench.monitor.leaks()
+        };
+        assert!(!leaks_after(count - 1, 1), "the interval in which it broke");
+        assert!(leaks_after(count, 1) && leaks_after(count, 490));
+        assert!(!leaks_after(count, 510));
     }
 
     /// A muscle that warms and cools over minutes neither leaks nor gains; twice as much does.
