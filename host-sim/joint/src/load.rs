@@ -240,7 +240,7 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
         scenario.faults.windows_mut().for_each(|window| window.length = ChannelFault::None);
     }
     let mut controller = document.controller.clone();
-    time(&mut controller, document, &muscles);
+    derive(&mut controller, document, &muscles);
     let loaded = JointLoaded {
         muscles,
         joint: document.joint.clone(),
@@ -255,7 +255,7 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
 }
 
 /// Gives what the scenario leaves out of the controller's timing, and of its gain, as the core is configured.
-fn time(controller: &mut JointController, document: &JointDocument, muscles: &[Loaded; 2]) {
+fn derive(controller: &mut JointController, document: &JointDocument, muscles: &[Loaded; 2]) {
     let given = |key: &str| document.has(&format!("joint.controller.{key}"));
     let [a, _] = muscles;
     let period_s = a.believed.pwm_period_s();

@@ -79,7 +79,7 @@ pub struct Row {
     /// Inputs that the step began with.
     pub inputs: Inputs,
     /// Their set point as it is by now: a motion has gone on since it was given.
-    pub wanted: JointSetPoint,
+    pub set_point: JointSetPoint,
     /// The core's output.
     pub telemetry: JointTelemetry,
     /// Readings of the gas sensors, with their noise \[K\].
@@ -251,7 +251,7 @@ impl Rig {
             stiffness_n_m_rad: self.stiffness_n_m_rad(&truth),
             sensor_gas_k: [self.adc[0].gas_reading_k(), self.adc[1].gas_reading_k()],
             inputs: self.inputs,
-            wanted: self.inputs.set_point.after(age_s as f32, &self.mechanism),
+            set_point: self.inputs.set_point.after(age_s as f32, &self.mechanism),
             truth,
             telemetry,
         }
@@ -331,7 +331,7 @@ fn scenarios(loaded: &JointLoaded) -> [Scenario; 2] {
 impl Row {
     /// Set point of angle \[rad\] and stiffness \[N m/rad\], where it has them.
     pub fn wanted(&self) -> Option<[f64; 2]> {
-        match self.wanted {
+        match self.set_point {
             JointSetPoint::Angle(Motion { angle_rad, stiffness_n_m_rad, .. }) => {
                 Some([angle_rad, stiffness_n_m_rad].map(f64::from))
             }

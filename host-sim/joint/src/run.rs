@@ -36,10 +36,10 @@ impl JointLoaded {
     pub fn follow(&self, inputs: &mut Inputs, step: u64) {
         let step_s = self.muscles[0].plant.run.step_s;
         let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
-        let next = self.inputs(step as f64 * step_s);
-        inputs.load_n_m = next.load_n_m;
+        let time_s = step as f64 * step_s;
+        inputs.load_n_m = self.load_n_m(time_s);
         if step.is_multiple_of(every) {
-            inputs.set_point = next.set_point;
+            inputs.set_point = self.inputs(time_s).set_point;
         }
     }
 }

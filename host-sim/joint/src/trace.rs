@@ -199,7 +199,7 @@ impl Row {
             truth,
             stiffness_n_m_rad: telemetry.stiffness_n_m_rad.into(),
             inputs: Inputs { set_point: telemetry.set_point, load_n_m: unknown, torn: [false; 2] },
-            wanted: telemetry.set_point,
+            set_point: telemetry.set_point,
             telemetry: *telemetry,
             sensor_gas_k: [reading(0), reading(1)],
         }

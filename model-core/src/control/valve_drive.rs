@@ -174,8 +174,13 @@ impl Stage {
                     }
                     flow_kg_s * limit(tail_s(shut_s - end_s, switch_s), 0.0, opening_s)
                 };
-                let in_flight_kg = core::mem::replace(later_kg, after_kg(2.0 * period_s));
-                Some((pulse_s * pwm_hz, in_flight_kg + after_kg(period_s)))
+                let mut in_flight_kg = core::mem::take(later_kg);
+                // Most pulses end within their period.
+                if shut_s > period_s {
+                    in_flight_kg += after_kg(period_s);
+                    *later_kg = after_kg(2.0 * period_s);
+                }
+                Some((pulse_s * pwm_hz, in_flight_kg))
             }
             Self::Metered { spool, lag, inlet, outlet } => {
                 let opening = opening_s * pwm_hz;

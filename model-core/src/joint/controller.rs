@@ -385,8 +385,8 @@ impl JointController {
         self.learn(error_rad);
         // A valve that is fully open is late, and the other muscle's would turn the arm meanwhile.
         let stiffens = !self.saturated();
-        let Self { mechanism, tuning, period_s, .. } = *self;
-        self.reference.advance(&mechanism, &tuning, wanted, period_s, stiffens);
+        let Self { reference, mechanism, tuning, period_s, .. } = self;
+        reference.advance(mechanism, tuning, wanted, *period_s, stiffens);
         let [Measured { config, .. }, _] = muscles;
         let late_s = lead_s + config.valve_kind.late_s(&config.valve);
         let next = self.reference.ahead(late_s, self.period_s);

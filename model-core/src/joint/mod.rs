@@ -574,8 +574,13 @@ impl Joint {
                 self.guard.restart(angle_rad);
                 self.started = true;
             }
-            let age_s = self.set_steps as f32 * config_a.step_s;
-            let set_point = self.set_point.after(age_s, &self.config.mechanism);
+            let set_point = match self.set_point {
+                JointSetPoint::Angle(motion) if motion.moves() => {
+                    let age_s = self.set_steps as f32 * config_a.step_s;
+                    self.set_point.after(age_s, &self.config.mechanism)
+                }
+                given => given,
+            };
             self.commands = self.controller.period(&set_point, angle_rad, &measured);
         }
         self.set_steps = self.set_steps.saturating_add(1);

@@ -27,6 +27,11 @@ impl Motion {
         Self { angle_rad, speed_rad_s: 0.0, acceleration_rad_s2: 0.0, stiffness_n_m_rad }
     }
 
+    /// Whether it has a speed or an acceleration.
+    pub(super) fn moves(&self) -> bool {
+        self.speed_rad_s != 0.0 || self.acceleration_rad_s2 != 0.0
+    }
+
     /// That much later \[s\], while the acceleration changes by `gained_rad_s2`.
     fn later(&self, time_s: f32, gained_rad_s2: f32) -> Self {
         let mean_rad_s2 = self.acceleration_rad_s2 + 0.5 * gained_rad_s2;
@@ -120,8 +125,7 @@ impl Reference {
 
     /// Whether it has arrived at a set point at rest, up to that angle \[rad\].
     pub fn rests_at(&self, wanted: &Motion, within_rad: f32) -> bool {
-        wanted.speed_rad_s == 0.0
-            && wanted.acceleration_rad_s2 == 0.0
+        !wanted.moves()
             && absolute(wanted.angle_rad - self.motion.angle_rad) <= within_rad
             && wanted.stiffness_n_m_rad == self.motion.stiffness_n_m_rad
     }

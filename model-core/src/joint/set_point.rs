@@ -154,9 +154,6 @@ impl JointSetPoint {
     pub fn after(&self, age_s: f32, mechanism: &Mechanism) -> Self {
         let Self::Angle(given) = *self else { return *self };
         let Motion { speed_rad_s, acceleration_rad_s2, stiffness_n_m_rad, .. } = given;
-        if speed_rad_s == 0.0 && acceleration_rad_s2 == 0.0 {
-            return *self;
-        }
         let for_s = limit(age_s, 0.0, LONGEST_S);
         let gained_rad_s = acceleration_rad_s2 * for_s;
         let moved_rad = given.angle_rad + for_s * (speed_rad_s + 0.5 * gained_rad_s);

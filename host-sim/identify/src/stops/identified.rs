@@ -110,7 +110,7 @@ pub fn identify(loaded: &Loaded, table: &Table, data: &Path) -> Result<Identifie
     let (parameters, failed) = asked(&analysis, &loaded.believed);
     let scenario = adopted(loaded, &parameters, &analysis);
     let mut remarks: Vec<String> = failed.iter().cloned().collect();
-    if scenario.believed.heat.model == HeatModel::Correlation && parameters.contains_key(HOUSING) {
+    if has_profile(&loaded.believed) && parameters.contains_key(HOUSING) {
         remarks.push(format!(
             "{HOUSING} stays as configured: in still gas the foil's surroundings are late too, and the core has that \
              apart from the housing."
@@ -210,6 +210,12 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
     }
 }
 
+/// Whether the core has the profile of still gas, which looks like a longer housing on its axis: a housing that is found
+/// would count twice.
+fn has_profile(believed: &Scenario) -> bool {
+    believed.heat.model == HeatModel::Correlation
+}
+
 /// The scenario with the values for the core, and the uncertainty that the core begins with.
 fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &Analysis) -> Loaded {
     let mut adopted = loaded.clone();
@@ -217,8 +223,7 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
         fitted.value > 0.0
             && fitted.standard_error.is_some_and(|error| error <= UNDETERMINED * fitted.value)
     };
-    // On the axis of still gas the profile that the core has looks like a longer housing: it would count twice.
-    let profiled = loaded.believed.heat.model == HeatModel::Correlation;
+    let profiled = has_profile(&loaded.believed);
     let kept = |path: &str| path == PLACE || (path == HOUSING && profiled);
     let values = parameters
         .iter()

@@ -365,7 +365,7 @@ pub struct Findings {
     pub check: Check,
     /// The error of the sine has fallen by at least a tenth.
     pub improved: bool,
-    /// The error of the sine has not grown by more than a tenth: the board keeps the tuned values.
+    /// The error of the sine has not grown by more than a tenth, and the joint rests: the board keeps the tuned values.
     pub adopted: bool,
 }
 
@@ -380,7 +380,7 @@ impl Findings {
     /// The result in a sentence.
     pub fn headline(&self) -> String {
         let Check { before, after } = self.check;
-        let (improved, followed) = compared(before.sine_rms_rad, after.sine_rms_rad);
+        let (_, followed) = compared(before.sine_rms_rad, after.sine_rms_rad);
         let kept = if self.adopted {
             String::new()
         } else if followed {
@@ -390,7 +390,7 @@ impl Findings {
             ": the former values are kept".to_owned()
         };
         let [before, after] = [before, after].map(|figures| figures.sine_rms_rad.to_degrees());
-        let word = word(improved, followed);
+        let word = word(self.improved, followed);
         format!(
             "with the tuned values a sine of 1 Hz is followed {word} ({before:.2} -> {after:.2} deg, RMS){kept}"
         )
