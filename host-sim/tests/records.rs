@@ -200,6 +200,7 @@ fn published_data_that_are_damaged_are_refused() {
     let map = "rest_length_m,gauge_pressure_pa,length_m,force_n\n0.25,600000,0.25,497\n0.25,200000,0.25,145\n\
                0.25,600000,0.236,356\n0.25,200000,0.236,78\n0.25,600000,0.207,120\n";
     let (spring_csv, map_csv) = ("gas_spring/upper_2022-01-28.csv", "muscle_static/five.csv");
+    let vessel_csv = "dynamic/vessel_a.csv";
     for (file, text, message) in [
         (
             spring_csv,
@@ -222,6 +223,26 @@ fn published_data_that_are_damaged_are_refused() {
             map.to_owned(),
             "five.csv: 5 readings with a force above 1 % of the largest: must be at least 6; five are fitted, the \
              others compared",
+        ),
+        (
+            vessel_csv,
+            "time_s,pressure_pa\n0,7e5\n5,6.9e5\n".to_owned(),
+            "a.csv: column time_s: 0 rows from 15.0 s on: must be 10 or more",
+        ),
+        (
+            vessel_csv,
+            "time_s,pressure_pa\n0,700\n50,690\n".to_owned(),
+            "a.csv:2: column pressure_pa = 700.0: must be absolute and in Pa, and at least 20000 somewhere: is this kPa?",
+        ),
+        (
+            vessel_csv,
+            "time_s,pressure_pa\n0,7e5\n50,6.9e5\n40,6.8e5\n".to_owned(),
+            "a.csv:4: column time_s = 40.0: must be later than the row before it, at 50.0 s",
+        ),
+        (
+            "dynamic/antagonist_5050.csv",
+            "time_s,force_command_n,length_1_m,length_2_m,pressure_1_pa,pressure_2_pa\n0,1,0.2,0.2,3e5,3e5\n".to_owned(),
+            "_5050.csv: column time_s: 0 rows before its last 9.0 s, which are compared: must be 10 or more",
         ),
         (
             "notes.txt",

@@ -5,11 +5,12 @@ use super::{CaseFigures, Figure};
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use thermyo_compute::parallel;
-use thermyo_files::input::InputError;
+use thermyo_files::input::{InputError, Problem};
 use thermyo_files::shipped;
 use thermyo_files::table::{Table, read_whole};
 use thermyo_identify::motion::{LawLeft, laws};
 use thermyo_identify::pair::pair;
+use thermyo_record::measured::{check_pressures, check_rising};
 
 /// Smallest coefficient of determination of what a pair does, from the commanded force alone.
 const PAIR_R2: f64 = 0.97;
@@ -30,6 +31,8 @@ const SEAL_N: f64 = 1.0;
 const SHUT_S: f64 = 15.0;
 /// Share of a vessel's record that is fitted \[-\].
 const FITTED: f64 = 0.6;
+/// Fewest rows of it.
+const FEWEST: usize = 10;
 /// Largest error of a vessel's pressure in the rest, of the pressure at the start \[%\].
 const VESSEL_PERCENT: f64 = 1.0;
 
@@ -92,13 +95,14 @@ fn half_width(table: &Table) -> Result<(f64, f64), InputError> {
     let [lengths, pressures, forces] =
         ["length_m", "pressure_pa", "force_n"].map(|name| table.filled(name));
     let (lengths, pressures, forces) = (lengths?, pressures?, forces?);
+    check_pressures(table, "pressure_pa", AMBIENT_PA)?;
     let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
     let most = lengths.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let inside = (least + ENDS * (most - least))..(most - ENDS * (most - least));
     let area_m2 = PI / 4.0 * BORE_M * BORE_M;
     let mut sums = [(0.0, 0.0); 2];
     let mut pressure = 0.0;
-    for i in 1..lengths.len() - 1 {
+    for i in 1..lengths.len().saturating_sub(1) {
         if inside.contains(&lengths[i]) {
             let way = usize::from(lengths[i + 1] > lengths[i - 1]);
             let gauge_pa = pressures[i] - AMBIENT_PA;
@@ -106,8 +110,16 @@ fn half_width(table: &Table) -> Result<(f64, f64), InputError> {
             pressure += gauge_pa;
         }
     }
+    if sums.iter().any(|(count, _)| *count == 0.0) {
+        let why = "half of a loop takes rows of a stroke in and of one out".to_owned();
+        return Err(unusable(table, "length_m", why));
+    }
     let [back, forth] = sums.map(|(count, sum)| sum / count);
     Ok((0.5 * (forth - back).abs(), pressure / (sums[0].0 + sums[1].0)))
+}
+
+fn unusable(table: &Table, column: &str, why: String) -> InputError {
+    table.header_error(Problem::UnusableColumn { column: column.to_owned(), why })
 }
 
 fn seal_of(seal: &str, files: &[PathBuf; 4]) -> Result<CaseFigures, InputError> {
@@ -161,9 +173,15 @@ fn leaked(times: &[f64], first_pa: f64, [per_s, critical]: [f64; 2]) -> Vec<f64>
 fn vessel_of(file: &Path) -> Result<CaseFigures, InputError> {
     let table = read_whole(file)?;
     let (mut times, mut pressures) = (table.filled("time_s")?, table.filled("pressure_pa")?);
+    check_rising(&table, &times)?;
+    check_pressures(&table, "pressure_pa", AMBIENT_PA)?;
     let begins = times.partition_point(|time| *time < SHUT_S);
     times.drain(..begins);
     pressures.drain(..begins);
+    if times.len() < FEWEST {
+        let why = format!("{} rows from {SHUT_S:?} s on: must be {FEWEST} or more", times.len());
+        return Err(unusable(&table, "time_s", why));
+    }
     let cut = (FITTED * times.len() as f64) as usize;
     let left = |found: &[f64], measured: &[f64]| {
         let squares = found.iter().zip(measured).map(|(found, is)| (found - is).powi(2));
@@ -235,6 +253,9 @@ mod tests {
         }
         let table = Table::parse(&text, "seal.csv".as_ref()).unwrap();
         let (half_n, pressure_pa) = half_width(&table).unwrap();
+        let one_way = "time_s,length_m,pressure_pa,force_n\n0,0.1,3e5,1\n1,0.2,3e5,1\n2,0.3,3e5,1\n";
+        let error = half_width(&Table::parse(one_way, "seal.csv".as_ref()).unwrap()).unwrap_err();
+        assert!(error.to_string().contains("seal.csv: column length_m: "), "{error}");
         assert!((half_n - 5.0).abs() < 0.05 && (pressure_pa - 2.0e5).abs() < 1.0, "{half_n}");
     }
 }

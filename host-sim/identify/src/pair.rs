@@ -10,14 +10,17 @@
 
 use super::search::{self, LeastSquares};
 use nalgebra::{DMatrix, DVector};
-use thermyo_files::input::InputError;
+use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::table::Table;
+use thermyo_record::measured::check_rising;
 
 /// Columns of a record.
 const COLUMNS: [&str; 6] =
     ["time_s", "force_command_n", "length_1_m", "length_2_m", "pressure_1_pa", "pressure_2_pa"];
 /// Last part of the record, which is not fitted \[s\].
 const HELD_OUT_S: f64 = 9.0;
+/// Fewest rows before it.
+const FEWEST: usize = 10;
 /// Step of the differences.
 const DIFFERENCE: f64 = 1.0e-4;
 
@@ -96,16 +99,24 @@ impl LeastSquares for Problem<'_> {
 /// Fits all but the last part of a record, and compares with that.
 ///
 /// # Errors
-/// For missing columns and empty cells.
+/// For missing columns, empty cells, times that do not rise, and a record without a part to fit.
 pub fn pair(table: &Table) -> Result<Pair, InputError> {
     let [times, forces, first, second, pressure_1, pressure_2] =
         COLUMNS.map(|name| table.filled(name));
     let (times, forces) = (times?, forces?);
+    check_rising(table, &times)?;
     let ways: Vec<f64> =
         first?.iter().zip(&second?).map(|(first, second)| 0.5 * (second - first)).collect();
     let pressures = [pressure_1?, pressure_2?];
     let end_s = times.last().copied().unwrap_or_default();
     let cut = times.partition_point(|time| *time < end_s - HELD_OUT_S);
+    if cut < FEWEST {
+        let why = format!(
+            "{cut} rows before its last {HELD_OUT_S:?} s, which are compared: must be {FEWEST} or more"
+        );
+        let column = COLUMNS[0].to_owned();
+        return Err(table.header_error(InputProblem::UnusableColumn { column, why }));
+    }
     let of = |slips: bool| {
         let problem = Problem { forces: &forces[..cut], ways: &ways[..cut], slips };
         let place = search::minimize(&problem, DVector::from_row_slice(&START), 1.0e-10, 200).place;

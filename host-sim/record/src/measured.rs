@@ -23,6 +23,8 @@ const POSSIBLE: [(&str, Limits); 10] = [
 
 /// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
 const NOT_ABSOLUTE: f64 = 0.8;
+/// A record with no pressure above this one is in another unit \[Pa\].
+const LEAST_PRESSURE_PA: f64 = 2.0e4;
 
 /// Refuses gauge pressures of a muscle in a column, if the table has it.
 ///
@@ -34,9 +36,46 @@ pub fn check_absolute(table: &Table, column: &str, ambient_pa: f64) -> Result<()
     match cells.cells.iter().position(|cell| cell.is_some_and(|pressure| pressure < least_pa)) {
         Some(row) => {
             let allowed = format!(
-                "absolute, and no less than {least_pa:.0} Pa: is this gauge pressure? Add ambient.pressure_pa"
+                "absolute, and no less than {least_pa:.0} Pa, 80 % of ambient.pressure_pa = {ambient_pa:?}: is this gauge \
+                 pressure? Add the ambient one; at altitude set that key"
             );
             Err(table.cell_error(row, column, &allowed))
+        }
+        None => Ok(()),
+    }
+}
+
+/// Refuses pressures of a column that are in another unit, and gauge pressures.
+///
+/// # Errors
+/// With the line of the highest pressure, or of the first gauge pressure; for an empty cell; where there is no such
+/// column.
+pub fn check_pressures(table: &Table, column: &str, ambient_pa: f64) -> Result<(), InputError> {
+    let pressures = table.filled(column)?;
+    let highest = pressures.into_iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b));
+    let Some((row, pressure)) = highest.filter(|(_, pressure)| *pressure < LEAST_PRESSURE_PA)
+    else {
+        return check_absolute(table, column, ambient_pa);
+    };
+    let unit = match pressure {
+        ..2.0 => "MPa",
+        ..50.0 => "bar",
+        _ => "kPa",
+    };
+    let allowed =
+        format!("absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
+    Err(table.cell_error(row, column, &allowed))
+}
+
+/// Refuses times that do not rise.
+///
+/// # Errors
+/// With the first line.
+pub fn check_rising(table: &Table, times: &[f64]) -> Result<(), InputError> {
+    match times.windows(2).position(|pair| pair[1] <= pair[0]) {
+        Some(row) => {
+            let allowed = format!("later than the row before it, at {:?} s", times[row]);
+            Err(table.cell_error(row + 1, TIME, &allowed))
         }
         None => Ok(()),
     }
@@ -246,8 +285,8 @@ mod tests {
             let table = Table::parse(text, "m.csv".as_ref()).unwrap();
             check_absolute(&table, "pressure_pa", 1.0e5).map_err(|error| error.to_string())
         };
-        let gauge = "m.csv:3: column pressure_pa = 0.0: must be absolute, and no less than 80000 Pa: is this gauge \
-             pressure? Add ambient.pressure_pa";
+        let gauge = "m.csv:3: column pressure_pa = 0.0: must be absolute, and no less than 80000 Pa, 80 % of \
+             ambient.pressure_pa = 100000.0: is this gauge pressure? Add the ambient one; at altitude set that key";
         assert_eq!(checked("time_s,pressure_pa\n0,2e5\n1,0\n"), Err(gauge.to_owned()));
         assert_eq!(checked("time_s,pressure_pa\n0,2e5\n1,\n2,1e5\n"), Ok(()));
         assert_eq!(checked("time_s,length_m\n0,0.2\n"), Ok(()));

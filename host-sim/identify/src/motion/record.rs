@@ -2,7 +2,7 @@
 
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
-use thermyo_record::measured::{check_absolute, since_s};
+use thermyo_record::measured::{check_pressures, check_rising, since_s};
 use thermyo_scenario::Scenario;
 
 /// Required columns, and the optional one.
@@ -12,8 +12,6 @@ const FORCE: &str = "force_n";
 const GAP_ROWS: f64 = 20.0;
 /// ... unless it is closer than this \[s\].
 const LEAST_GAP_S: f64 = 0.1;
-/// A record with no pressure above this one is in another unit \[Pa\].
-const LEAST_PRESSURE_PA: f64 = 2.0e4;
 /// Lengths of a muscle, share of its rest length \[-\].
 const LENGTHS: [f64; 2] = [0.5, 1.1];
 /// A muscle whose length changes by more than this share of its rest length moves \[-\].
@@ -61,7 +59,7 @@ impl Record {
         }
         check_times(table, &times)?;
         check_lengths(table, &lengths, scenario.muscle.rest_length_m)?;
-        check_pressures(table, &pressures, scenario.ambient.pressure_pa)?;
+        check_pressures(table, COLUMNS[2], scenario.ambient.pressure_pa)?;
         match &forces {
             Some(forces) => check_forces(table, forces)?,
             None => check_sign(table, &lengths, &pressures, scenario.muscle.rest_length_m)?,
@@ -139,11 +137,8 @@ fn largest(values: &[f64]) -> usize {
 
 /// Times rise, without gaps: slip and creep in between would be unknown.
 fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
+    check_rising(table, times)?;
     let mut distances: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    if let Some(row) = distances.iter().position(|distance| *distance <= 0.0) {
-        let allowed = format!("later than the row before it, at {:?} s", times[row]);
-        return Err(table.cell_error(row + 1, COLUMNS[0], &allowed));
-    }
     let all = distances.clone();
     distances.sort_by(f64::total_cmp);
     let usual_s = distances[distances.len() / 2];
@@ -178,23 +173,6 @@ fn check_lengths(table: &Table, lengths: &[f64], rest_m: f64) -> Result<(), Inpu
     let allowed =
         format!("a length from {low} to {high} m, by muscle.rest_length_m = {rest_m:?}{unit}");
     Err(table.cell_error(row, COLUMNS[1], &allowed))
-}
-
-fn check_pressures(table: &Table, pressures: &[f64], ambient_pa: f64) -> Result<(), InputError> {
-    let highest = largest(pressures);
-    let pressure = pressures[highest];
-    if pressure < LEAST_PRESSURE_PA {
-        let unit = match pressure {
-            ..2.0 => "MPa",
-            ..50.0 => "bar",
-            _ => "kPa",
-        };
-        let allowed = format!(
-            "absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?"
-        );
-        return Err(table.cell_error(highest, COLUMNS[2], &allowed));
-    }
-    check_absolute(table, COLUMNS[2], ambient_pa)
 }
 
 fn check_forces(table: &Table, forces: &[f64]) -> Result<(), InputError> {
