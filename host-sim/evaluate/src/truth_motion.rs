@@ -253,7 +253,8 @@ mod tests {
         }
         let table = Table::parse(&text, "seal.csv".as_ref()).unwrap();
         let (half_n, pressure_pa) = half_width(&table).unwrap();
-        let one_way = "time_s,length_m,pressure_pa,force_n\n0,0.1,3e5,1\n1,0.2,3e5,1\n2,0.3,3e5,1\n";
+        let one_way =
+            "time_s,length_m,pressure_pa,force_n\n0,0.1,3e5,1\n1,0.2,3e5,1\n2,0.3,3e5,1\n";
         let error = half_width(&Table::parse(one_way, "seal.csv".as_ref()).unwrap()).unwrap_err();
         assert!(error.to_string().contains("seal.csv: column length_m: "), "{error}");
         assert!((half_n - 5.0).abs() < 0.05 && (pressure_pa - 2.0e5).abs() < 1.0, "{half_n}");

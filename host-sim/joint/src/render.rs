@@ -70,6 +70,9 @@ fn sections(loaded: &Loaded) -> Vec<Section> {
         }
     }
     sections.retain(|section| !left_out(&section.name));
+    for section in sections.iter_mut().filter(|section| section.name.ends_with("controller")) {
+        section.meaning = "  # a joint uses minimum_pulse_s of it alone".to_owned();
+    }
     sections
 }
 
@@ -163,6 +166,15 @@ mod tests {
         assert_eq!((&again.joint, &again.believed), (&loaded.joint, &loaded.believed));
         assert_eq!((&again.controller, &again.drive), (&loaded.controller, &loaded.drive));
         assert_eq!(render(&again), printed, "{text}");
+    }
+
+    #[test]
+    fn a_controller_of_one_muscle_is_stated_to_be_unused_but_for_its_pulse() {
+        let text = render(&parse("[joint]\n", "j.toml".as_ref()).unwrap());
+        assert!(
+            text.contains("\n[controller]  # a joint uses minimum_pulse_s of it alone\n"),
+            "{text}"
+        );
     }
 
     #[test]

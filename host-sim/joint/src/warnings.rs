@@ -10,7 +10,7 @@ use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_scenario::DriveKind;
 use thermyo_scenario::joint::{JointDocument, JointShape, is_joint};
-use thermyo_setup::{Loaded, valves_and_line};
+use thermyo_setup::{Loaded, unused_in_joint, valves_and_line};
 
 /// How wrong an inertia may be believed: on `scenarios/joint.toml` twice and half of it step well, four times of it
 /// swings from stop to stop, a quarter overshoots by 39 % \[-\].
@@ -47,6 +47,7 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
     let mut found: Vec<Warning> = Vec::new();
     for (document, muscle) in document.muscles.iter().zip(&loaded.muscles) {
         all.extend(thermyo_setup::warnings(document, &driven(muscle)));
+        all.extend(unused_in_joint(document));
         let of_loops = valves_and_line(muscle, Some(SLOW_PWM_HZ)).into_iter();
         found.extend(of_loops.map(|(key, value, why)| (key.to_owned(), value, why)));
     }
@@ -298,6 +299,16 @@ mod tests {
                 "[joint]\n[vessel]\nvolume_m3 = 1e-3\n",
                 "joint.toml:3: [vessel] is not used: plant.kind is another one",
                 "",
+            ),
+            (
+                "[joint]\n[controller]\nlength_gain = 2\nminimum_pulse_s = 0.002\n",
+                "joint.toml:3: controller.length_gain = 2: not used: a joint has [joint.controller]; ",
+                "it uses minimum_pulse_s alone",
+            ),
+            (
+                "[joint]\n[joint.b.believed.controller]\nlength_gain = 2\n",
+                "joint.toml:3: believed.controller.length_gain = 2: not used: ",
+                "it uses minimum_pulse_s alone",
             ),
             (
                 "[joint]\n[valve]\npwm_hz = 5\n",

@@ -459,6 +459,10 @@ fn unknown_header(name: &str) -> Option<Problem> {
             };
             Some(Problem::UnknownTable { table: quoted(name), instead })
         }
+        Part::Muscle(_) if is_of_joint(table) => {
+            let why = "both muscles have one pulley and one controller, those of [joint] and [joint.controller]";
+            Some(Problem::UnusedTable { table: quoted(name), why })
+        }
         Part::Muscle(_) => match unknown_table(table)? {
             Problem::UnknownTable { instead, .. } => {
                 let prefix = name.strip_suffix(table).unwrap_or_default();
@@ -724,6 +728,16 @@ mod tests {
                 "[joint]\n[joint.c.muscle]\nzones = 3\n",
                 "joint.toml:2: unknown table [joint.c.muscle]; known here: [joint], [believed.joint], [joint.controller], \
                  [joint.a.TABLE], [joint.b.TABLE]",
+            ),
+            (
+                "[joint]\n[joint.a.joint]\nradius_m = 0.02\n",
+                "joint.toml:2: [joint.a.joint] is not used: both muscles have one pulley and one controller, those of \
+                 [joint] and [joint.controller]",
+            ),
+            (
+                "[joint]\n[joint.b.believed.joint]\nradius_m = 0.02\n",
+                "joint.toml:2: [joint.b.believed.joint] is not used: both muscles have one pulley and one controller, \
+                 those of [joint] and [joint.controller]",
             ),
             (
                 "[joint.controler]\nsettling_s = 1\n",

@@ -26,4 +26,4 @@ pub use loaded::Loaded;
 pub use render::render;
 pub use rules::{OBSERVABLE, highest_pa, set_points};
 pub use unrest::{Unrest, valves_and_line};
-pub use warnings::warnings;
+pub use warnings::{unused_in_joint, warnings};

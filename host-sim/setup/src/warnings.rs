@@ -176,6 +176,30 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .collect()
 }
 
+/// Changed values of `[controller]` that a joint does not use.
+pub fn unused_in_joint(document: &Document) -> Vec<InputError> {
+    let defaults = Scenario::default().to_table();
+    let unused = |entry: &&Entry| {
+        let of_loops = entry.table == "controller" && entry.key.name != "minimum_pulse_s";
+        of_loops && !same(value(&defaults, &entry.table, entry.key.name), Some(&entry.value))
+    };
+    let of = |entries: &Entries| {
+        let warning = |entry: &Entry| {
+            let why = "not used: a joint has [joint.controller]; of [controller] it uses minimum_pulse_s alone";
+            let problem = Problem::NoSense {
+                key: entries.full_path(&entry.path()),
+                value: entry.written.clone(),
+                why: why.to_owned(),
+            };
+            problem_at(document, entry.line, problem)
+        };
+        entries.iter().filter(unused).map(warning).collect::<Vec<_>>()
+    };
+    let mut all = of(&document.plant);
+    all.extend(of(&document.believed));
+    all
+}
+
 /// Presets that keys contradict, each with the keys, which win.
 fn contradicted(document: &Document) -> Vec<InputError> {
     let of = |entries: &Entries| {
