@@ -127,6 +127,8 @@ pub struct Part {
     /// Step of its first row. Beyond 0 the state of the core at that step is not in the record, and
     /// the replay begins with a core that has just started.
     pub first_step: u32,
+    /// Its last step, and that of the row after it.
+    ends: Option<[u32; 2]>,
 }
 
 impl Part {
@@ -151,22 +153,28 @@ impl Part {
             rows: longest.len(),
             after: steps.len() - longest.end,
             first_step: steps[longest.start] as u32,
+            ends: steps.get(longest.end).map(|next| [steps[longest.end - 1] as u32, *next as u32]),
         })
     }
 
     /// Which rows are replayed, where it is not the whole record from a start on.
     pub fn note(&self) -> Option<String> {
-        let Self { before, rows, after, first_step } = *self;
+        let Self { before, rows, after, first_step, ends } = *self;
         let all = before + rows + after;
+        let end = match ends {
+            None => String::new(),
+            Some([_, 0]) => "; then the core starts again".to_owned(),
+            Some([last, next]) => format!("; step {last} is followed by {next}"),
+        };
         match first_step {
             0 if rows == all => None,
             0 => Some(format!(
-                "replayed from the start of the core in row {} on, {rows} of {all} rows",
+                "replayed from the start of the core in row {} on, {rows} of {all} rows{end}",
                 before + 1
             )),
             _ => Some(format!(
                 "the record has no start of the core: replayed from its step {first_step} on ({rows} of \
-                 {all} rows) with a core that starts there, so that the first seconds differ"
+                 {all} rows{end}) with a core that starts there, so that the first seconds differ"
             )),
         }
     }
@@ -214,9 +222,12 @@ mod tests {
 
     #[test]
     fn a_part_is_replayed_from_a_start_of_the_core_on() {
-        let part = |steps: &[u32]| {
+        let of = |steps: &[u32]| {
             let steps: Vec<f64> = steps.iter().map(|step| f64::from(*step)).collect();
-            let Part { before, rows, after, first_step } = Part::of(&steps, |_| true).unwrap();
+            Part::of(&steps, |_| true).unwrap()
+        };
+        let part = |steps: &[u32]| {
+            let Part { before, rows, after, first_step, .. } = of(steps);
             [before, rows, after, first_step as usize]
         };
         assert_eq!(part(&[0, 1, 2]), [0, 3, 0, 0]);
@@ -227,5 +238,8 @@ mod tests {
         let other = Part::of(&steps, |row| row > 2).unwrap();
         assert_eq!((other.before, other.rows), (3, 2), "of the configuration that is replayed");
         assert!(other.note().unwrap().contains("in row 4 on, 2 of 5 rows"));
+        let ends = |steps: &[u32], end: &str| of(steps).note().unwrap().ends_with(end);
+        assert!(ends(&[0, 1, 3, 4], "2 of 4 rows; step 1 is followed by 3"));
+        assert!(ends(&[0, 1, 2, 0, 1], "3 of 5 rows; then the core starts again"));
     }
 }

@@ -48,12 +48,12 @@ pub fn replay(
         let Some(replayed) = board.step(&sample)?.telemetry else { continue };
         let Some(row) = rows.get(replayed.step as usize) else { continue };
         outcome.steps += 1;
-        if !identical(&row.telemetry, &replayed) {
+        if let Some((name, recorded, replayed_as)) = difference(&row.telemetry, &replayed) {
             outcome.mismatches += 1;
             outcome.first.get_or_insert_with(|| Mismatch {
                 step: replayed.step,
-                recorded: format!("{:?}", row.telemetry.estimate),
-                replayed: format!("{:?}", replayed.estimate),
+                recorded: format!("{name} = {recorded}"),
+                replayed: replayed_as,
             });
         }
         let go_on = each(&row.telemetry, &replayed);
@@ -223,34 +223,48 @@ fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError>
 
 /// Bitwise equal: a NaN equals itself, and the two zeros differ.
 pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
-    let integers = |t: &Telemetry| {
-        (t.step, t.sample, t.command, t.mode, t.limited, t.faults, t.estimate.valid)
-    };
-    let bits = |t: &Telemetry| {
-        let Estimate {
-            gas_k,
-            gas_sd_k,
-            valid: _,
-            wall_k,
-            sensor_k,
-            mass_kg,
-            heat_scale,
-            sensor_lag_s,
-        } = t.estimate;
-        [
-            t.pressure_pa,
-            t.length_m,
-            gas_k,
-            gas_sd_k,
-            wall_k,
-            sensor_k,
-            mass_kg,
-            heat_scale,
-            sensor_lag_s,
-        ]
-        .map(f32::to_bits)
-    };
-    integers(a) == integers(b) && bits(a) == bits(b)
+    difference(a, b).is_none()
+}
+
+/// The first column that is not bitwise equal, with both values.
+fn difference(a: &Telemetry, b: &Telemetry) -> Option<(&'static str, String, String)> {
+    let numbers = numbers(a).into_iter().zip(numbers(b));
+    let different = |((_, a), (_, b)): &((_, f32), (_, f32))| a.to_bits() != b.to_bits();
+    if let Some(((name, a), (_, b))) = numbers.into_iter().find(different) {
+        return Some((name, a.to_string(), b.to_string()));
+    }
+    let whole = |t: &Telemetry| (t.step, t.sample, t.mode, t.limited, t.faults, t.estimate.valid);
+    if whole(a) == whole(b) {
+        return None;
+    }
+    let columns = [
+        ("mode", [a, b].map(|t| format!("{:?}", t.mode))),
+        ("faults", [a, b].map(|t| t.faults.0.to_string())),
+        ("limited", [a, b].map(|t| t.limited.to_string())),
+        ("estimate_valid", [a, b].map(|t| t.estimate.valid.to_string())),
+        ("step", [a, b].map(|t| t.step.to_string())),
+        ("the sample", [a, b].map(|t| format!("{:?}", t.sample))),
+    ];
+    columns.into_iter().find(|(_, [a, b])| a != b).map(|(name, [a, b])| (name, a, b))
+}
+
+/// Outputs of a step that are numbers, under the names of their columns.
+fn numbers(t: &Telemetry) -> [(&'static str, f32); 11] {
+    let Estimate { gas_k, gas_sd_k, valid: _, wall_k, sensor_k, mass_kg, heat_scale, sensor_lag_s } =
+        t.estimate;
+    [
+        ("measured_pressure_pa", t.pressure_pa),
+        ("measured_length_m", t.length_m),
+        ("estimate_k", gas_k),
+        ("estimate_sd_k", gas_sd_k),
+        ("wall_estimate_k", wall_k),
+        ("sensor_estimate_k", sensor_k),
+        ("mass_estimate_kg", mass_kg),
+        ("heat_scale", heat_scale),
+        ("sensor_lag_s", sensor_lag_s),
+        ("duty_in", t.command.inlet.share()),
+        ("duty_out", t.command.outlet.share()),
+    ]
 }
 
 #[cfg(test)]
@@ -297,7 +311,24 @@ mod tests {
         estimate.wall_k = f32::from_bits(estimate.wall_k.to_bits() ^ 1);
         let outcome = again(&config, &rows);
         assert_eq!(outcome.mismatches, 1);
-        assert_eq!(outcome.first.unwrap().step, 77);
+        let first = outcome.first.unwrap();
+        assert_eq!(first.step, 77);
+        assert!(first.recorded.starts_with("wall_estimate_k = "), "{first:?}");
+        assert_ne!(first.recorded, format!("wall_estimate_k = {}", first.replayed));
+    }
+
+    /// Both estimates were printed whatever differed, and were equal then.
+    #[test]
+    fn what_differs_is_named() {
+        let config = Config::default();
+        let mut rows = record(&config);
+        rows[200].telemetry.mode = Mode::StartupCheck;
+        let first = again(&config, &rows).first.unwrap();
+        assert_eq!((first.step, first.recorded.as_str()), (200, "mode = StartupCheck"));
+        let mut rows = record(&config);
+        rows[300].telemetry.command.inlet = Duty::from_share(0.123);
+        let first = again(&config, &rows).first.unwrap();
+        assert!(first.step == 300 && first.recorded.starts_with("duty_in = 0.123"), "{first:?}");
     }
 
     #[test]
