@@ -3,6 +3,9 @@
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
+use thermyo_files::input::InputError;
+use thermyo_scenario::DriveKind;
+use thermyo_scenario::preset::{MusclePreset, PressurePreset};
 
 /// Exit code, stdout, stderr, without a terminal.
 fn thermyo(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
@@ -46,6 +49,44 @@ fn flags_make_a_scenario_that_runs_and_nothing_is_overwritten() {
     let (code, _, err) = thermyo(folder.path(), &FLAGS);
     assert!(code == 2 && err.contains("muscle.toml: exists already"), "{err}");
     assert_eq!(fs::read_to_string(&file).unwrap(), written);
+}
+
+/// The drive was a contraction of 10 % in any case, which most of these rigs do not reach.
+#[test]
+fn every_rig_of_presets_drives_what_it_reaches() {
+    let folder = tempfile::tempdir().unwrap();
+    let own = ["--rest-length", "0.3", "--diameter", "0.02", "--braid-angle", "25"];
+    let mut number = 0;
+    for muscle in MusclePreset::WORDS {
+        for sensor in PressurePreset::WORDS {
+            for (load, supply) in [("10", "600000"), ("3", "1.6bar"), ("100", "8bar")] {
+                number += 1;
+                let name = format!("{number}.toml");
+                let mut arguments = vec!["init", "--out", &name, "--muscle", muscle];
+                arguments.extend(["--valve", "mhe2-class", "--pressure-sensor", sensor]);
+                arguments.extend(["--load", load, "--supply", supply]);
+                arguments.extend(own.iter().filter(|_| *muscle == "none"));
+                let (code, out, err) = thermyo(folder.path(), &arguments);
+                assert!(code == 0, "{arguments:?}: {err}");
+                let (loaded, warnings) =
+                    thermyo_setup::load_with_warnings(&folder.path().join(&name)).unwrap();
+                let reached = |warning: &&InputError| warning.to_string().contains("drive.");
+                assert!(!warnings.iter().any(|warning| reached(&warning)), "{warnings:?}");
+                let lifts = loaded.plant.drive.kind == DriveKind::Contraction;
+                assert_eq!(lifts, !out.contains("drives a pressure"), "{arguments:?}: {out}");
+                assert!(load != "100" || !lifts || *muscle != "dmsp-10", "{arguments:?}");
+            }
+        }
+    }
+}
+
+/// The command beside a key finds it.
+#[test]
+fn the_unknown_keys_are_those_of_the_default_heat_transfer() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, out, _) = thermyo(folder.path(), &FLAGS);
+    assert!(out.contains("heat.scale, sensor.gas.time_constant_s: stops"), "{out}");
+    assert!(!out.contains("heat.inner_w_m2_k"), "{out}");
 }
 
 #[test]

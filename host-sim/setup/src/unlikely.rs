@@ -88,6 +88,19 @@ fn out_of_reach(s: &Scenario) -> Option<Unrest> {
     })
 }
 
+/// Largest contraction by whole percents up to `most` that a pressure below the highest one by a tenth of its gauge
+/// pressure holds by the static law; none where the load is not lifted \[-\].
+pub fn contraction_held(s: &Scenario, most: f64) -> Option<f64> {
+    let moving = chamber::of(s)?;
+    let most_pa = s.ambient.pressure_pa + 0.9 * (highest_pa(s) - s.ambient.pressure_pa);
+    let held = |contraction: &f64| {
+        let needed_pa = needed_pa(s, moving.as_ref(), *contraction);
+        needed_pa.is_none_or(|needed_pa| needed_pa <= most_pa)
+    };
+    let percents = (1..=(100.0 * most).round() as u32).rev();
+    percents.map(|percent| f64::from(percent) / 100.0).find(held)
+}
+
 /// Pressure that holds the load at a contraction; infinite where the gas does not pull there \[Pa\].
 fn needed_pa(s: &Scenario, moving: &dyn Chamber, contraction: f64) -> Option<f64> {
     let length_m = moving.rest_length() * (1.0 - contraction);

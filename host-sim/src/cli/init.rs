@@ -1,13 +1,17 @@
 //! `thermyo init`: a scenario of one's own rig, from a few answers.
 
-use super::{Failure, FormatArgs, print, quantity};
+use super::{Failure, FormatArgs, print, print_warnings, quantity};
 use clap::Args;
 use std::fmt::Write as _;
 use std::io::{self, BufRead, IsTerminal, Write};
 use std::path::PathBuf;
 use thermyo_files::input::{is_new, write_new};
 use thermyo_scenario::preset::{MusclePreset, Preset, PressurePreset, ValvePreset};
-use thermyo_scenario::schema;
+use thermyo_scenario::{Scenario, schema};
+use thermyo_setup::{contraction_held, highest_pa};
+
+/// Contraction that is driven where the rig reaches it \[-\].
+const USUAL_CONTRACTION: f64 = 0.1;
 
 #[derive(Debug, Args)]
 pub(super) struct InitArgs {
@@ -168,13 +172,17 @@ pub(super) fn run(
     let load_kg = answers.number(&LOAD, args.load)?;
     let supply_pa = answers.number(&SUPPLY, args.supply)?;
     let presets = [("muscle", muscle), ("valve", valve), ("sensor.pressure", sensor)];
-    let text = scenario(&presets, &dimensions, load_kg, supply_pa);
+    let rig = rig(&presets, &dimensions, load_kg, supply_pa);
     // Answers may contradict each other.
-    thermyo_setup::parse(&text, &args.out)?;
+    let loaded = thermyo_setup::parse(&rig, &args.out)?;
+    let (drive, note) = drive(&loaded.plant);
+    let text = rig + &drive;
+    let (_, warnings) = thermyo_setup::parse_with_warnings(&text, &args.out)?;
     write_new(&args.out, &text)?;
+    print_warnings(&warnings, answers.stderr);
     let unknown = unknown(&presets);
     let name = args.out.display();
-    let mut words = format!("{name} is written. Still unknown, and how to find it:\n");
+    let mut words = format!("{name} is written{note}. Still unknown, and how to find it:\n");
     for (keys, how) in &unknown {
         let _ = writeln!(words, "  {}: {how}", keys.join(", "));
     }
@@ -188,8 +196,8 @@ pub(super) fn run(
     args.format.done(stdout, &json, &words)
 }
 
-/// The scenario's text, each part with its source.
-fn scenario(
+/// The rig's text, each part with its source.
+fn rig(
     presets: &[(&str, String)],
     dimensions: &[(&str, f64)],
     load_kg: f64,
@@ -210,9 +218,19 @@ fn scenario(
         }
     }
     text + &format!(
-        "\n[supply]\npressure_pa = {supply_pa:?}\n\n[load]\nkind = \"mass\"\nmass_kg = {load_kg:?}\n\n\
-         [drive]\nkind = \"contraction\"\ncontraction = 0.1\n"
+        "\n[supply]\npressure_pa = {supply_pa:?}\n\n[load]\nkind = \"mass\"\nmass_kg = {load_kg:?}\n"
     )
+}
+
+/// The drive's text, a set point that the rig reaches, and a note where that is no usual one.
+fn drive(plant: &Scenario) -> (String, &'static str) {
+    if let Some(contraction) = contraction_held(plant, USUAL_CONTRACTION) {
+        let text = format!("\n[drive]\nkind = \"contraction\"\ncontraction = {contraction:?}\n");
+        return (text, "");
+    }
+    let middle_pa = 0.5 * (plant.ambient.pressure_pa + highest_pa(plant));
+    let text = format!("\n[drive]\nkind = \"pressure\"\npressure_pa = {middle_pa:.0}.0\n");
+    (text, ", and drives a pressure: supply and sensor do not reach the one that lifts this load")
 }
 
 /// Keys that no answer has settled, and the experiment that finds them.
@@ -227,26 +245,27 @@ fn unknown(presets: &[(&str, String)]) -> Vec<(Vec<&'static str>, &'static str)>
     if of("muscle").is_none() {
         all.push((
             vec!["muscle.bladder_saturation_n", "muscle.bladder_strain", "muscle.slack_m"],
-            "five static readings: thermyo identify --plan --config scenarios/static_map.toml",
+            "five static readings, which thermyo identify --plan lists for scenarios/static_map.toml with your dimensions",
         ));
     }
     if of("muscle").is_none_or(|preset| preset.unknown.contains(&"muscle.slip_force_n")) {
         all.push((
             vec!["muscle.slip_force_n", "muscle.creep_fast_n_m", "muscle.creep_slow_n_m"],
-            "a record of motion: thermyo identify --plan motion --config scenarios/motion.toml",
+            "four minutes of motion on the board: thermyo tune --plan motion",
         ));
     }
     all.push((
-        vec!["friction.force_n", "valve.conductance_m3_s_pa", "muscle.dead_volume_m3"],
-        "a short experiment on the board: thermyo tune",
+        vec!["friction.force_n", "valve.conductance_m3_s_pa", "valve.switch_time_s"],
+        "a minute of motion on the board: thermyo tune",
     ));
     all.push((
-        vec!["heat.inner_w_m2_k", "wall.heat_capacity_j_k"],
-        "stops of a record: thermyo measure stop, or thermyo identify",
+        vec!["heat.scale", "sensor.gas.time_constant_s"],
+        "stops, with the valves shut: thermyo measure stop, then thermyo identify",
     ));
     all.push((
-        vec!["sensor.pressure.offset_pa", "sensor.length.range_m", "sensor.gas.time_constant_s"],
-        "two points each: thermyo board PORT calibrate",
+        vec!["sensor.pressure.offset_pa", "sensor.length.offset_m", "sensor.gas.offset_k"],
+        "two points each, with the gain: thermyo board PORT calibrate",
     ));
+    all.push((vec!["muscle.dead_volume_m3", "sensor.length.range_m"], "fittings and data sheet"));
     all
 }
