@@ -37,7 +37,9 @@ pub struct OutputDir {
     path: PathBuf,
     /// Folders that did not exist before, innermost first.
     created: Vec<PathBuf>,
+    /// Created with the first file: a command that is killed before leaves no empty folder.
     unfinished: PathBuf,
+    begun: bool,
     files: Vec<&'static str>,
     kept: bool,
 }
@@ -53,12 +55,16 @@ impl OutputDir {
             .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
             .map(Path::to_path_buf)
             .collect();
-        let unfinished = fs::create_dir_all(path).and_then(|()| new_folder(path, "unfinished"));
-        match unfinished {
-            Ok(unfinished) => Ok(Self {
+        let tried = fs::create_dir_all(path)
+            .and_then(|()| new_folder(path, "unfinished"))
+            .and_then(fs::remove_dir);
+        match tried {
+            Ok(()) => Ok(Self {
                 path: path.to_path_buf(),
                 created,
-                unfinished,
+                // The name of no folder.
+                unfinished: path.join("unfinished-0"),
+                begun: false,
                 files: Vec::new(),
                 kept: false,
             }),
@@ -86,7 +92,8 @@ impl OutputDir {
     pub fn reopen(path: &Path, unfinished: PathBuf) -> Self {
         let there = |name: &&str| unfinished.join(name).exists();
         let files = RESULTS.into_iter().filter(there).collect();
-        Self { path: path.to_path_buf(), created: Vec::new(), unfinished, files, kept: true }
+        let path = path.to_path_buf();
+        Self { path, created: Vec::new(), unfinished, begun: true, files, kept: true }
     }
 
     /// Keeps the unfinished folder even if this is dropped.
@@ -94,7 +101,7 @@ impl OutputDir {
         self.kept = true;
     }
 
-    /// The folder with the results before they are published.
+    /// The folder with the results before they are published; it is there from the first file on.
     pub fn place(&self) -> &Path {
         &self.unfinished
     }
@@ -105,24 +112,30 @@ impl OutputDir {
     }
 
     pub fn file(&mut self, name: &'static str) -> Result<File, InputError> {
-        self.add(name);
+        self.add(name)?;
         File::create(self.unfinished.join(name)).map_err(|error| self.unwritable(name, &error))
     }
 
     /// Writes a whole file. It replaces one that this command wrote before, which stays until
     /// then.
     pub fn text(&mut self, name: &'static str, text: &str) -> Result<(), InputError> {
-        self.add(name);
+        self.add(name)?;
         let (new, whole) =
             (self.unfinished.join(format!("{name}.new")), self.unfinished.join(name));
         let written = fs::write(&new, text).and_then(|()| fs::rename(&new, whole));
         written.map_err(|error| self.unwritable(name, &error))
     }
 
-    fn add(&mut self, name: &'static str) {
+    fn add(&mut self, name: &'static str) -> Result<(), InputError> {
+        if !self.begun {
+            let made = new_folder(&self.path, "unfinished");
+            self.unfinished = made.map_err(|error| self.unwritable(name, &error))?;
+            self.begun = true;
+        }
         if !self.files.contains(&name) {
             self.files.push(name);
         }
+        Ok(())
     }
 
     /// The error for a file of this folder that cannot be written.
@@ -255,6 +268,16 @@ mod tests {
         ] {
             assert_eq!(fs::read_to_string(folder.join(file)).unwrap(), text, "{file}");
         }
+    }
+
+    #[test]
+    fn what_is_killed_before_its_first_file_leaves_no_empty_folder() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("out");
+        let mut killed = OutputDir::create(&folder).unwrap();
+        killed.keep();
+        drop(killed);
+        assert_eq!(names(&folder), [""; 0]);
     }
 
     #[test]
