@@ -348,7 +348,8 @@ fn profile(
 pub fn set_points_in(table: &CsvTable, scenario: &Scenario) -> Result<Profile, InputError> {
     let has = |name: &str| table.columns().iter().any(|column| column.name == name);
     let quantity = SET_POINT_COLUMNS.iter().find(|(_, kind)| *kind == scenario.drive.kind);
-    let column = quantity.map(|(name, _)| *name).filter(|name| has(name)).unwrap_or("value");
+    let named = quantity.map(|(name, _)| *name).filter(|name| has(name) || !has("value"));
+    let column = named.unwrap_or("value");
     profile_in(table, column, rules::set_points(scenario))
 }
 
@@ -382,4 +383,22 @@ pub fn profile_in(
     let rows = numbers(table, ["time_s", column], wrong)?;
     Profile::new(rows.into_iter().map(|[time, value]| (time, value)).collect())
         .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_profile_without_its_column_is_asked_for_the_one_of_its_drive() {
+        let mut scenario = Scenario::default();
+        for (kind, column) in SET_POINT_COLUMNS.map(|(column, kind)| (kind, column)) {
+            scenario.drive.kind = kind;
+            let table = CsvTable::parse("time_s,pressure_kpa\n0,150\n", "p.csv".as_ref()).unwrap();
+            let error = set_points_in(&table, &scenario).unwrap_err().to_string();
+            let expected =
+                format!("p.csv: column {column} is missing; the file has time_s, pressure_kpa");
+            assert_eq!(error, expected);
+        }
+    }
 }
