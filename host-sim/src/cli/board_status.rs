@@ -129,7 +129,7 @@ pub(super) fn config_file(
              checksum"
         );
     }
-    let words = format!("{named} in {}\n", file.display());
+    let words = format!("{}: {named}\n", file.display());
     let mut json = configuration_json(status);
     json["file"] = json!(file.display().to_string());
     format.done(out, &json, &words)

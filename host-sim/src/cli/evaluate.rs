@@ -183,6 +183,7 @@ pub(super) fn run(
     }
     match thermyo_evaluate::missed(&lines) {
         (0, _) => Ok(()),
+        (1, all) => Err(Failure::Check(format!("1 of {all} targets is missed"))),
         (missed, all) => Err(Failure::Check(format!("{missed} of {all} targets are missed"))),
     }
 }

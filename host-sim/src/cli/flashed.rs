@@ -64,7 +64,7 @@ enum BoardTask {
     Drive(DriveArgs),
     /// Plug in the emulated board again, with the muscle of a scenario, or with the joint of one and its image
     Plug {
-        /// Scenario file (TOML) [default: the nominal muscle]
+        /// Scenario file (TOML) [default: the muscle of the default keys]
         scenario: Option<PathBuf>,
     },
     /// Unplug the emulated board
@@ -222,7 +222,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     }
     let loaded = match scenario {
         Some(path) => thermyo_setup::load(path)?,
-        None => thermyo_setup::parse("", Path::new("the nominal muscle"))?,
+        None => thermyo_setup::parse("", Path::new("the default muscle"))?,
     };
     Ok(service::serve(files, Port::Uart, service::muscle(&loaded)?)?)
 }

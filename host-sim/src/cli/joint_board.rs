@@ -95,7 +95,9 @@ pub(super) fn run(
         JointTask::Write { file } => write(&mut board, &file, format, out),
         JointTask::Save => {
             board.save()?;
-            show_configuration(&mut board, format, out)
+            let status = board.status()?;
+            let words = format!("saved: {}\n", configuration(&status));
+            format.done(out, &configuration_json(&status), &words)
         }
         JointTask::Forget => {
             board.forget()?;

@@ -64,7 +64,8 @@ pub enum Refusal {
     NotMoved { moved_rad: f64, asked_rad: f64 },
     #[error(
         "the balance of torques cannot be fitted to the {windows} intervals of 0.1 s in which the joint slid evenly \
-         with both tendons taut: they are too few or too alike"
+         with both tendons taut: they are too few or too alike, or the angle grows where muscle a lengthens (its sign \
+         is reversed, or the muscles are exchanged)"
     )]
     TooFew { windows: usize },
     #[error("{path} came out as {value:.4e}: must be {allowed}")]
