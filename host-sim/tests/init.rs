@@ -119,6 +119,11 @@ fn a_key_stands_above_its_preset_and_one_line_says_so() {
              above it"
         ]
     );
+    let text = "[valve]\npreset = \"mhe2-class\"\nkind = \"proportional\"\n";
+    let (_, warnings) = thermyo_setup::parse_with_warnings(text, "own.toml".as_ref()).unwrap();
+    let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    let line = "own.toml:2: valve.preset = \"mhe2-class\": valve.kind of the file stands above it";
+    assert!(lines.contains(&line.to_owned()), "{lines:?}");
     let (_, none) =
         thermyo_setup::parse_with_warnings("[muscle]\npreset = \"dmsp-20\"\n", "own.toml".as_ref())
             .unwrap();

@@ -9,7 +9,7 @@ use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_scenario::DriveKind;
-use thermyo_scenario::joint::{JointDocument, JointShape, is_joint};
+use thermyo_scenario::joint::{JointDocument, JointDrive, JointShape, is_joint};
 use thermyo_setup::{Loaded, unused_in_joint, valves_and_line};
 
 /// How wrong an inertia may be believed: on `scenarios/joint.toml` twice and half of it step well, four times of it
@@ -51,6 +51,7 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
         let of_loops = valves_and_line(muscle, Some(SLOW_PWM_HZ)).into_iter();
         found.extend(of_loops.map(|(key, value, why)| (key.to_owned(), value, why)));
     }
+    all.extend(unused_in_drive(document, &loaded.drive));
     found.extend(believed_inertia(loaded));
     found.extend(slow_step(loaded));
     found.extend(beyond_the_muscles(loaded));
@@ -73,6 +74,34 @@ fn driven(muscle: &Loaded) -> Loaded {
         scenario.drive.kind = DriveKind::MassFlow;
     }
     muscle
+}
+
+/// Changed keys of the drive without effect, and a shape that does not move.
+fn unused_in_drive(document: &JointDocument, drive: &JointDrive) -> Vec<InputError> {
+    let usual = JointDrive::default();
+    let constant = drive.shape == JointShape::Constant;
+    let still = !constant && drive.amplitude_rad == 0.0;
+    let by_table = drive.profile_csv.as_ref().map(|_| "not used: drive.profile_csv sets it");
+    let by_shape = by_table.or(constant.then_some("not used: drive.shape is \"constant\""));
+    let shape =
+        by_table.or(still.then_some("drive.amplitude_rad is 0: the angle stays where it is"));
+    let number = |key, value: f64, usual: f64, why: Option<&'static str>| {
+        (key, format!("{value:?}"), why.filter(|_| value != usual))
+    };
+    let JointDrive { angle_rad, stiffness_n_m_rad, amplitude_rad, period_s, .. } = *drive;
+    [
+        number("drive.angle_rad", angle_rad, usual.angle_rad, by_table),
+        number("drive.stiffness_n_m_rad", stiffness_n_m_rad, usual.stiffness_n_m_rad, by_table),
+        ("drive.shape", format!("{:?}", drive.shape.word()), shape.filter(|_| !constant)),
+        number("drive.amplitude_rad", amplitude_rad, usual.amplitude_rad, by_shape),
+        number("drive.period_s", period_s, usual.period_s, by_shape),
+    ]
+    .into_iter()
+    .filter_map(|(key, value, why)| {
+        let problem = Problem::NoSense { key: key.to_owned(), value, why: why?.to_owned() };
+        Some(document.blame(key, problem))
+    })
+    .collect()
 }
 
 fn believed_inertia(loaded: &JointLoaded) -> Option<Warning> {
@@ -301,6 +330,21 @@ mod tests {
                 "",
             ),
             (
+                "[joint]\n[drive]\namplitude_rad = 0.1\n",
+                "joint.toml:3: drive.amplitude_rad = 0.1: not used: drive.shape is \"constant\"",
+                "",
+            ),
+            (
+                "[joint]\n[drive]\nperiod_s = 2\n",
+                "joint.toml:3: drive.period_s = 2.0: not used: drive.shape is \"constant\"",
+                "",
+            ),
+            (
+                "[joint]\n[drive]\nshape = \"sine\"\n",
+                "joint.toml:3: drive.shape = \"sine\": drive.amplitude_rad is 0: ",
+                "the angle stays where it is",
+            ),
+            (
                 "[joint]\n[controller]\nlength_gain = 2\nminimum_pulse_s = 0.002\n",
                 "joint.toml:3: controller.length_gain = 2: not used: a joint has [joint.controller]; ",
                 "it uses minimum_pulse_s alone",
@@ -333,6 +377,24 @@ mod tests {
         let said = found.iter().map(ToString::to_string).collect::<String>();
         assert!(said.contains("joint.toml:3: drive.profile_csv = "), "{said}");
         assert!(said.contains("course.csv\": it asks for 1000.0 N m/rad: at 0.30 rad"), "{said}");
+    }
+
+    #[test]
+    fn a_profile_stands_above_all_other_keys_of_the_drive() {
+        let folder = tempfile::tempdir().unwrap();
+        let rows = "time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n1,0.1,14\n";
+        std::fs::write(folder.path().join("course.csv"), rows).unwrap();
+        let path = folder.path().join("joint.toml");
+        let drive = "profile_csv = \"course.csv\"\nangle_rad = 0.1\nstiffness_n_m_rad = 12\nshape = \"sine\"\n\
+                     amplitude_rad = 0.1\nperiod_s = 2\n";
+        std::fs::write(&path, format!("[joint]\n[drive]\n{drive}")).unwrap();
+        let (_, found) = load_with_warnings(&path).unwrap().unwrap();
+        let lines: Vec<Option<u64>> = found.iter().map(|warning| warning.line).collect();
+        assert_eq!(lines, [4, 5, 6, 7, 8].map(Some), "{found:?}");
+        let by_table = |warning: &InputError| {
+            warning.to_string().ends_with("not used: drive.profile_csv sets it")
+        };
+        assert!(found.iter().all(by_table), "{found:?}");
     }
 
     #[test]

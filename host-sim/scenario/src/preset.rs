@@ -62,8 +62,9 @@ const fn number(value: f64) -> PresetValue {
 
 /// By the nominal flow q of a data sheet, 6 to 5 bar gauge: q = C 7 bar sqrt(1 - ((6/7 - b)/(1 - b))^2)
 /// with b = 0.3, which they do not state: 100 l/min are 3.93e-9 m3/(s Pa).
-const fn valve(litres_per_min: f64, switch_time_s: f64) -> [(&'static str, PresetValue); 4] {
+const fn valve(litres_per_min: f64, switch_time_s: f64) -> [(&'static str, PresetValue); 5] {
     [
+        ("valve.kind", PresetValue::Word("switching")),
         ("valve.conductance_m3_s_pa", number(3.93e-11 * litres_per_min)),
         ("valve.critical_ratio", number(0.3)),
         ("valve.switch_time_s", number(switch_time_s)),
@@ -71,10 +72,10 @@ const fn valve(litres_per_min: f64, switch_time_s: f64) -> [(&'static str, Prese
     ]
 }
 
-const MHE2: [(&str, PresetValue); 4] = valve(100.0, 0.002);
-const MHE3: [(&str, PresetValue); 4] = valve(200.0, 0.0028);
-const MHE4: [(&str, PresetValue); 4] = valve(400.0, 0.0035);
-const MHJ10: [(&str, PresetValue); 4] = valve(100.0, 0.001);
+const MHE2: [(&str, PresetValue); 5] = valve(100.0, 0.002);
+const MHE3: [(&str, PresetValue); 5] = valve(200.0, 0.0028);
+const MHE4: [(&str, PresetValue); 5] = valve(400.0, 0.0035);
+const MHJ10: [(&str, PresetValue); 5] = valve(100.0, 0.001);
 const VALVE_UNKNOWN: &[&str] = &["valve.critical_ratio", "valve.dead_time_s"];
 
 /// A ratiometric sensor of 10 to 90 %, with that range \[Pa\]: 0.03 % of it resolved, 1 ms.
