@@ -59,6 +59,8 @@ fault_set!(JointFaults);
 pub struct Motions {
     /// Measured angle \[rad\].
     pub angle_rad: f32,
+    /// Observed speed \[rad/s\].
+    pub speed_rad_s: f32,
     /// Torque of muscles and gravity \[N m\].
     pub torque_n_m: f32,
     /// Dry friction that there may be \[N m\].
@@ -73,6 +75,7 @@ pub struct Motions {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Guard {
     torque_limit_n_m: f32,
+    half_inertia_kg_m2: f32,
     stops_rad: [f32; 2],
     patience_steps: u16,
     beyond_steps: u16,
@@ -81,8 +84,9 @@ pub struct Guard {
     /// Angle \[rad\] and torque \[N m\] of the step before.
     before_rad: f32,
     before_n_m: f32,
-    /// Work of muscles and gravity since then \[J\].
+    /// Work of muscles and gravity since then, and the kinetic energy that it had there \[J\].
     work_j: f32,
+    swing_j: f32,
     /// It has moved the right way since it was armed.
     confirmed: bool,
 }
@@ -91,9 +95,11 @@ impl Guard {
     /// One that has seen nothing.
     pub fn new(config: &JointConfig) -> Self {
         let [a, _] = &config.muscles;
-        let Mechanism { torque_limit_n_m, minimum_rad, maximum_rad, .. } = config.mechanism;
+        let Mechanism { torque_limit_n_m, inertia_kg_m2, minimum_rad, maximum_rad, .. } =
+            config.mechanism;
         Self {
             torque_limit_n_m,
+            half_inertia_kg_m2: 0.5 * inertia_kg_m2,
             stops_rad: [minimum_rad + STOP_RAD, maximum_rad - STOP_RAD],
             // A tenth of a second.
             patience_steps: StepCounts::new(a.step_s).patience_steps.saturating_mul(10),
@@ -102,6 +108,7 @@ impl Guard {
             before_rad: 0.0,
             before_n_m: 0.0,
             work_j: 0.0,
+            swing_j: 0.0,
             confirmed: false,
         }
     }
@@ -109,8 +116,8 @@ impl Guard {
     /// The joint begins to move from this angle \[rad\].
     pub fn restart(&mut self, angle_rad: f32) {
         let (start_rad, before_rad) = (angle_rad, angle_rad);
-        *self =
-            Self { start_rad, before_rad, work_j: 0.0, confirmed: false, beyond_steps: 0, ..*self };
+        (self.work_j, self.swing_j) = (0.0, 0.0);
+        *self = Self { start_rad, before_rad, confirmed: false, beyond_steps: 0, ..*self };
     }
 
     /// Faults of a step in which the joint is driven.
@@ -125,12 +132,14 @@ impl Guard {
         let way_rad = absolute(now.angle_rad - self.start_rad);
         if way_rad < RETURNED_RAD {
             self.work_j = 0.0;
+            self.swing_j = self.half_inertia_kg_m2 * now.speed_rad_s * now.speed_rad_s;
         }
         let mut wrong = false;
         if !self.confirmed && way_rad >= JUDGED_RAD {
-            // From rest the muscles have done the work of the motion, up to that of a load.
+            // From rest the muscles have done the work of the motion, up to that of a load; an arm that swings through
+            // goes on against them.
             let loaded_n_m = LOADED * self.torque_limit_n_m + 0.5 * now.coulomb_n_m;
-            wrong = self.work_j < -loaded_n_m * way_rad;
+            wrong = self.work_j + self.swing_j < -loaded_n_m * way_rad;
             self.confirmed = self.work_j > 0.0;
         }
         let [least_rad, most_rad] = self.stops_rad;
@@ -154,7 +163,28 @@ mod tests {
     }
 
     fn at(angle_rad: f32, torque_n_m: f32, disturbance_n_m: f32) -> Motions {
-        Motions { angle_rad, torque_n_m, coulomb_n_m: 0.6, disturbance_n_m, holds: false }
+        let speed_rad_s = 0.0;
+        let (coulomb_n_m, holds) = (0.6, false);
+        Motions { angle_rad, speed_rad_s, torque_n_m, coulomb_n_m, disturbance_n_m, holds }
+    }
+
+    /// A heavy arm at 5 Hz: it has not gone far enough to be judged when it turns, swings through where it began, and is
+    /// braked beyond by the muscles.
+    #[test]
+    fn an_arm_that_swings_through_is_braked_and_not_on_the_wrong_way() {
+        let mut config = JointConfig::default();
+        config.mechanism.inertia_kg_m2 = 0.145;
+        let mut guard = Guard::new(&config);
+        guard.restart(0.0);
+        let w = core::f32::consts::TAU * 5.0;
+        for step in 0..200_u16 {
+            let phase = w * 1.0e-3 * f32::from(step);
+            let size_rad = if step < 100 { 0.045 } else { 0.06 };
+            let (angle_rad, speed_rad_s) = (size_rad * phase.sin(), size_rad * w * phase.cos());
+            let torque_n_m = -0.145 * w * w * angle_rad;
+            let faults = guard.step(&Motions { speed_rad_s, ..at(angle_rad, torque_n_m, 0.0) });
+            assert_eq!(faults, JointFaults::NONE, "{step}: {angle_rad} rad");
+        }
     }
 
     /// Found within 5 deg; a load of half the torque limit may move it.

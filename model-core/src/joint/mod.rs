@@ -533,6 +533,7 @@ impl Joint {
             let torque_n_m = self.controller.observe(angle_rad, gauge_pa);
             present = present.with(self.guard.step(&Motions {
                 angle_rad,
+                speed_rad_s: self.controller.speed_rad_s(),
                 torque_n_m,
                 coulomb_n_m: self.controller.coulomb_n_m(),
                 disturbance_n_m: self.controller.disturbance_n_m(),
