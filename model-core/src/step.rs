@@ -366,6 +366,11 @@ impl Core {
         self.controller.worked()
     }
 
+    /// Whether the step under way is the last one of a PWM period.
+    pub(crate) fn ends_period(&self) -> bool {
+        self.controller.ends_period()
+    }
+
     /// Number of the step under way.
     pub(crate) fn steps(&self) -> u32 {
         self.step

@@ -35,14 +35,12 @@ pub struct StepCounts {
     pub shut_steps: u16,
     /// Intervals in a tenth of a second, ...
     pub tenth_intervals: u16,
-    /// ... in half a second, ...
-    pub half_second_intervals: u16,
-    /// ... in a second, ...
+    /// ... in a second ...
     pub second_intervals: u16,
-    /// ... in five, ...
-    pub five_seconds_intervals: u16,
     /// ... and in ten.
     pub ten_seconds_intervals: u16,
+    /// Updates in ten seconds.
+    pub ten_seconds_updates: u16,
 }
 
 impl StepCounts {
@@ -72,10 +70,9 @@ impl StepCounts {
             late_steps: steps(25, 2),
             shut_steps: steps(100, 2),
             tenth_intervals: intervals(100),
-            half_second_intervals: intervals(500),
             second_intervals: intervals(1000),
-            five_seconds_intervals: intervals(5000),
             ten_seconds_intervals: intervals(10_000),
+            ten_seconds_updates: count(10_000_000, u32::from(update_steps) * (step_ns / 1000), 1),
         }
     }
 }
@@ -104,15 +101,11 @@ mod tests {
             [20, 10, 50]
         );
         assert_eq!([counts.late_steps, counts.shut_steps, counts.move_steps], [25, 100, 10]);
-        let intervals = [
-            counts.tenth_intervals,
-            counts.half_second_intervals,
-            counts.second_intervals,
-            counts.five_seconds_intervals,
-            counts.ten_seconds_intervals,
-        ];
-        assert_eq!(intervals, [5, 25, 50, 250, 500]);
+        let intervals =
+            [counts.tenth_intervals, counts.second_intervals, counts.ten_seconds_intervals];
+        assert_eq!(intervals, [5, 50, 500]);
         assert_eq!([counts.update_steps, counts.parts_per_step], [40, 1]);
+        assert_eq!(counts.ten_seconds_updates, 250);
     }
 
     /// Whatever the step, a time stays what it is, to a step and to the least count.

@@ -24,7 +24,7 @@
 
 use super::chamber_port::{ChamberPort, Feedback};
 use super::load_observer::{Balance, LoadObserver};
-use super::valve_drive::open_kg_s;
+use super::valve_drive::OpenFlow;
 use crate::config::{Config, ControllerConfig};
 use crate::math::{absolute, limit};
 use crate::physics::chamber::Chamber;
@@ -309,7 +309,7 @@ impl ContractionLoop {
         self.given_m3 = self.arrival.volume_m3;
     }
 
-    /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
+    /// Mass to move in the coming period \[kg\], positive into the muscle, and the open valve's flow; `None` to rest.
     pub fn period(
         &mut self,
         config: &Config,
@@ -317,7 +317,7 @@ impl ContractionLoop {
         feedback: &Feedback,
         port: &ChamberPort,
         wanted: &Contracting,
-    ) -> Option<f32> {
+    ) -> Option<(f32, OpenFlow)> {
         let Contracting { contraction, load_n, softening, .. } = *wanted;
         let rest_m = chamber.rest_length_m();
         let target_m = chamber.limit_length_m(rest_m - rest_m * contraction);
@@ -376,10 +376,11 @@ impl ContractionLoop {
         let change_pa = self.arrival.pressure_pa - self.given_pa + given * missing_pa;
         let change_m3 = self.arrival.volume_m3 - self.given_m3 + given * missing_m3;
         let wanted_kg = port.mass_kg(change_pa, change_m3) + port.leaked_kg - port.in_flight_kg;
-        let open_kg = port.period_s * open_kg_s(config, wanted_kg, feedback.muscle());
+        let open = OpenFlow::new(config, wanted_kg, feedback.muscle());
+        let open_kg = port.period_s * open.kg_s;
         let per_rest_kg = absolute(port.mass_kg(0.0, slope_m2 * rest_m));
         let ahead_m3 = self.arrival.volume_m3 - start_m3;
-        Some(self.spare(port, wanted_kg, open_kg, per_rest_kg, ahead_m3))
+        Some((self.spare(port, wanted_kg, open_kg, per_rest_kg, ahead_m3), open))
     }
 
     /// Share of the lead that damps, or that friction can take \[-\].
@@ -782,7 +783,7 @@ mod tests {
             let mut active = started(&config, &now);
             for _ in 0..60 {
                 let asked = active.period(&config, &muscle(), &now, &port(&now), &wanted(goal_m));
-                let Some(kg) = asked else { break };
+                let Some((kg, _)) = asked else { break };
                 let change_m3 = active.arrival.volume_m3 - muscle().volume_m3(now.length_m);
                 // It is ahead of what is measured where the speed changes: damping.
                 let change_pa = active.arrival.pressure_pa - now.pressure_pa;
@@ -818,7 +819,8 @@ mod tests {
             let mut active = started(&config, &balance);
             let now = feedback(balance.pressure_pa + off_pa, LENGTH_M + off_m);
             let port = ChamberPort { in_flight_kg, ..port(&now) };
-            let kg = active.period(&config, &muscle(), &now, &port, &wanted(LENGTH_M)).unwrap();
+            let asked = active.period(&config, &muscle(), &now, &port, &wanted(LENGTH_M));
+            let (kg, _) = asked.unwrap();
             let missing_m3 = 0.7 * 2.0 * (muscle().volume_m3(LENGTH_M) - port.volume_m3);
             let expected_kg = mass_kg(&now, -gain * off_pa, gain * missing_m3);
             let off_kg = f64::from(kg + in_flight_kg) - expected_kg;
@@ -1062,7 +1064,7 @@ mod tests {
             );
             let change_m3 = active.arrival.volume_m3 - muscle().volume_m3(LENGTH_M);
             close(
-                asked.unwrap(),
+                asked.unwrap().0,
                 mass_kg(&now, active.arrival.pressure_pa - now.pressure_pa, change_m3),
             );
         }

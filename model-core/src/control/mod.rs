@@ -42,7 +42,7 @@ use self::contraction::{Contracting, ContractionLoop, Gains};
 use self::cycle::{Cycle, Strokes};
 use self::pressure::PressureLoop;
 use crate::config::{Config, Load};
-use crate::control::valve_drive::FlowDrive;
+use crate::control::valve_drive::{FlowDrive, OpenFlow};
 use crate::math::limit;
 use crate::physics::chamber::Chamber;
 use crate::sample::{Command, Duty};
@@ -150,6 +150,11 @@ impl Controller {
         self.elapsed_steps == 1
     }
 
+    /// Whether the next step begins a PWM period.
+    pub fn ends_period(&self) -> bool {
+        self.remaining_steps == 0
+    }
+
     /// Whether the set point asks for more than the working limit gives.
     pub fn limited(&self) -> bool {
         self.limited
@@ -244,7 +249,10 @@ impl Controller {
                         softening: self.softening,
                         most_pa: self.working_limit_pa,
                     };
-                    self.contraction_mass_kg(config, chamber, feedback, &port, &wanted)
+                    let asked = self.contraction_mass_kg(config, chamber, feedback, &port, &wanted);
+                    let Some((mass_kg, open)) = asked else { return self.drive.closed() };
+                    let mass_kg = self.limited_kg(&port, mass_kg);
+                    return self.drive.mass_through(config, mass_kg, muscle, open);
                 }
                 _ => return self.drive.direct(Command::VENT),
             },
@@ -298,7 +306,7 @@ impl Controller {
         mass_kg
     }
 
-    /// Mass that the contraction loop asks for \[kg\]; `None` to rest.
+    /// Mass that the contraction loop asks for \[kg\], and the open valve's flow; `None` to rest.
     fn contraction_mass_kg(
         &mut self,
         config: &Config,
@@ -306,7 +314,7 @@ impl Controller {
         feedback: &Feedback,
         port: &ChamberPort,
         wanted: &Contracting,
-    ) -> Option<f32> {
+    ) -> Option<(f32, OpenFlow)> {
         let mut active = match self.active {
             ActiveLoop::Contraction(active) => active,
             _ => ContractionLoop::new(

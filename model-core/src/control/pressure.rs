@@ -178,7 +178,7 @@ const LARGEST_BIAS: f32 = 1.0;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::control::valve_drive::open_kg_s;
+    use crate::control::valve_drive::OpenFlow;
     use crate::sample::Estimate;
 
     /// 0.18 l of air at 298 K: what a pascal of it weighs is eq. (6) without motion \[kg/Pa\].
@@ -252,7 +252,7 @@ mod tests {
     #[test]
     fn an_error_worth_a_pulse_gets_one() {
         let mut config = Config::default();
-        let full_kg = 0.01 * open_kg_s(&config, 1.0, feedback(3.0e5).muscle());
+        let full_kg = 0.01 * OpenFlow::new(&config, 1.0, feedback(3.0e5).muscle()).kg_s;
         // Shorter than the stroke: w^2/t_s.
         let opening_s = 0.01 * 4000.0 * KG_PER_PA / full_kg;
         config.controller.minimum_pulse_s = (opening_s * config.valve.switch_time_s).sqrt();

@@ -314,7 +314,7 @@ impl FlowDrive {
     /// Openings for the coming period that move what of [`Self::owing_kg`] is allowed. What the period cannot
     /// move of it, or what is too little for a pulse, is owed to the next one.
     pub fn flow(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> Command {
-        let (command, moved_kg, full_kg) = self.pulse(config, mass_kg, muscle);
+        let (command, moved_kg, full_kg) = self.pulse(config, mass_kg, muscle, None);
         // Gas that one open period cannot move is not owed for longer than one more.
         self.owed_kg = limit(mass_kg - moved_kg, -2.0 * full_kg, 2.0 * full_kg);
         command
@@ -323,13 +323,33 @@ impl FlowDrive {
     /// Openings for the coming period that move `mass_kg` (negative: out), once. For a loop, which
     /// measures what is left.
     pub fn mass(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> Command {
-        self.pulse(config, mass_kg, muscle).0
+        self.pulse(config, mass_kg, muscle, None).0
+    }
+
+    /// [`mass`](Self::mass), where the loop has worked out an open valve's flow already.
+    pub fn mass_through(
+        &mut self,
+        config: &Config,
+        mass_kg: f32,
+        muscle: Reservoir,
+        open: OpenFlow,
+    ) -> Command {
+        self.pulse(config, mass_kg, muscle, Some(open)).0
     }
 
     /// The command for a mass; the mass that it moves, and the one of a whole period.
-    fn pulse(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> (Command, f32, f32) {
+    fn pulse(
+        &mut self,
+        config: &Config,
+        mass_kg: f32,
+        muscle: Reservoir,
+        known: Option<OpenFlow>,
+    ) -> (Command, f32, f32) {
         let filling = mass_kg > 0.0;
-        let full_kg_s = open_kg_s(config, mass_kg, muscle);
+        let full_kg_s = match known {
+            Some(open) if open.filling == filling => open.kg_s,
+            _ => OpenFlow::new(config, mass_kg, muscle).kg_s,
+        };
         let full_kg = full_kg_s * self.period_s;
         let wanted_kg = if filling { mass_kg } else { -mass_kg };
         let opening_s = if wanted_kg < full_kg {
@@ -360,14 +380,23 @@ impl FlowDrive {
     }
 }
 
-/// Mass flow of the open valve that moves a mass in this direction \[kg/s\].
-pub(crate) fn open_kg_s(config: &Config, mass_kg: f32, muscle: Reservoir) -> f32 {
-    let (upstream, downstream) = if mass_kg > 0.0 {
-        (config.supply.into(), muscle)
-    } else {
-        (muscle, config.ambient.into())
-    };
-    config.valve.mass_flow_kg_s(&config.gas, upstream, downstream.pressure_pa)
+/// Flow of an open valve.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OpenFlow {
+    filling: bool,
+    /// \[kg/s\].
+    pub kg_s: f32,
+}
+
+impl OpenFlow {
+    /// Of the valve that moves a mass in this direction \[kg\].
+    pub fn new(config: &Config, mass_kg: f32, muscle: Reservoir) -> Self {
+        let filling = mass_kg > 0.0;
+        let (upstream, downstream) =
+            if filling { (config.supply.into(), muscle) } else { (muscle, config.ambient.into()) };
+        let kg_s = config.valve.mass_flow_kg_s(&config.gas, upstream, downstream.pressure_pa);
+        Self { filling, kg_s }
+    }
 }
 
 /// Pulse \[s\] that opens a valve for `opening_s` of a period.
@@ -398,7 +427,7 @@ pub(super) fn least_kg(config: &Config, period_s: f32, mass_kg: f32, muscle: Res
         }
         ValveKind::Proportional(_) => LEAST_OPENING * period_s,
     };
-    opening_s * open_kg_s(config, mass_kg, muscle)
+    opening_s * OpenFlow::new(config, mass_kg, muscle).kg_s
 }
 
 #[cfg(test)]

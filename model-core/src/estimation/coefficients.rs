@@ -26,6 +26,8 @@ pub const LOWEST_PA: f32 = 5.0e3;
 const NOISE_DEVIATIONS: f32 = 4.0;
 /// Averaging time of the mean square of the swing \[s\].
 const SWING_S: f32 = 8.0;
+/// Time of each of the two averages of the innovations that show a contradiction \[s\].
+const SMOOTHING_S: f32 = 0.5;
 /// Time over which innovations are added up to see a bias \[s\].
 const BIAS_S: f32 = 20.0;
 /// Housings faster than this are none \[s\].
@@ -87,7 +89,7 @@ pub struct Coefficients {
     pub per_move: f32,
     /// Share of an interval in the mean square of the swing.
     pub swing_window: f32,
-    /// Share of an innovation in each of two averages in series: half a second.
+    /// Share of an innovation in each of two averages in series.
     pub smoothing: f32,
     /// Share of the innovations' sum that an interval keeps.
     pub bias_kept: f32,
@@ -158,7 +160,7 @@ impl Coefficients {
             per_move: 1.0 / (ZONES as f32 * f32::from(counts.move_steps)),
             forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
-            smoothing: limit(2.0 / f32::from(counts.half_second_intervals), 0.0, 1.0),
+            smoothing: limit(interval_s * (1.0 / SMOOTHING_S), 0.0, 1.0),
             bias_kept: 1.0 - limit(interval_s * (1.0 / BIAS_S), 0.0, 1.0),
             forget: interval_s / config.estimator.memory_s,
             keep: kept(&config.estimator, interval_s),

@@ -21,8 +21,8 @@ const BIASED: f32 = 2.4;
 /// A bias that has moved the housing by less \[K\] may be a room's, or the sun's. An assumption; sensors that drift by
 /// 0.5 K/s or more move it by at least 8 K.
 const LEAST_DRIFT_K: f32 = 5.0;
-/// Intervals of variance that a bias starts with: a few innovations show none.
-const UNBIASED_INTERVALS: f32 = 100.0;
+/// Updates of variance that a bias starts with, four seconds: a few innovations show none.
+const UNBIASED_UPDATES: f32 = 100.0;
 /// How far the estimated lags and the foil's place may be from what is configured: by a factor, and a share of
 /// the length.
 const LAGS: f32 = 12.0;
@@ -39,7 +39,7 @@ struct Bias {
 }
 
 impl Bias {
-    const NONE: Self = Self { sum: 0.0, variance: UNBIASED_INTERVALS, moved_k: 0.0 };
+    const NONE: Self = Self { sum: 0.0, variance: UNBIASED_UPDATES, moved_k: 0.0 };
 
     /// Adds an innovation, in its deviations, that moved the housing by `moved_k` \[K\]; `kept`: share of the sums that
     /// an interval keeps.
@@ -83,7 +83,7 @@ pub struct Element {
     unmoved_k: f32,
     frozen: bool,
     /// Updates for which a contradiction of readings and model is still reported.
-    contradicted_intervals: u16,
+    contradicted_updates: u16,
     /// The sensor is the wrong one of the two: its readings correct nothing.
     distrusted: bool,
     /// Innovations, averaged twice \[K\].
@@ -146,7 +146,7 @@ impl Element {
             reading_k: temperature_k,
             unmoved_k: 0.0,
             frozen: false,
-            contradicted_intervals: 0,
+            contradicted_updates: 0,
             distrusted: false,
             smooth_k: 0.0,
             smoother_k: 0.0,
@@ -249,8 +249,8 @@ impl Element {
         }
         let reading = gas.filter(|_| !self.frozen);
         self.frozen |= self.unmoved_k > coefficients.frozen_k;
-        self.contradicted_intervals = self.contradicted_intervals.saturating_sub(1);
-        self.distrusted &= self.contradicted_intervals > 0;
+        self.contradicted_updates = self.contradicted_updates.saturating_sub(1);
+        self.distrusted &= self.contradicted_updates > 0;
         reading
     }
 
@@ -272,14 +272,14 @@ impl Element {
         (innovation_k, variance_k2): (f32, f32),
         housing_gain: f32,
     ) {
-        if self.contradicted_intervals > 0 {
+        if self.contradicted_updates > 0 {
             self.forget_bias();
             return;
         }
         let deviations = innovation_k / sqrt(variance_k2);
         self.bias.add(c.bias_kept, deviations, housing_gain * innovation_k);
         if self.bias.is_drift(self.reading_k - c.ambient.temperature_k) {
-            self.contradicted_intervals = c.counts.ten_seconds_intervals / 2;
+            self.contradicted_updates = c.counts.ten_seconds_updates;
             self.distrusted = true;
         }
     }
@@ -293,7 +293,7 @@ impl Element {
     /// does the element: the one that is further from them is wrong. Whether that is the model. Readings that are
     /// distrusted stay so until they have agreed with it for ten seconds, unless it is far from where an element swings.
     fn contradict(&mut self, coefficients: &Coefficients) -> bool {
-        self.contradicted_intervals = coefficients.counts.ten_seconds_intervals / 2;
+        self.contradicted_updates = coefficients.counts.ten_seconds_updates;
         let ambient_k = coefficients.ambient.temperature_k;
         let swings_k = if self.distrusted { SWINGS_K } else { 0.0 };
         self.distrusted =
@@ -312,7 +312,7 @@ impl Element {
     }
 
     pub fn implausible(&self) -> bool {
-        self.frozen || self.contradicted_intervals > 0
+        self.frozen || self.contradicted_updates > 0
     }
 
     /// Corrects the lags by factors, given as logarithms, and the place.

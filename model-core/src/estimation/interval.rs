@@ -1,4 +1,6 @@
-//! The end of an interval: sums become a linearised error dynamics, and its work is left for the steps that follow.
+//! Movements of the zones and the end of an interval. Each leaves work for the steps that follow, so that no step has more
+//! than one of: the controller's period, a movement, what it leaves to sums and element, the heat transfer that follows,
+//! a part of the covariance. At the end of an interval sums become a linearised error dynamics.
 
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
 use super::element::Response;
@@ -8,12 +10,11 @@ use super::{Balance, Coefficients, Estimator, LengthSource, Measurement};
 use crate::config::EstimatorConfig;
 use crate::math::{CompensatedSum, absolute, limit, small_exp, sqrt};
 use crate::physics::chamber::Chamber;
+use crate::sensing::GasReading;
 
 /// Rows that an interval moves.
 const ROWS: u8 = 7;
-/// Step of an interval in which the work of the one before begins: the first is the controller's.
-const FIRST_PART: u16 = 2;
-/// Steps after a movement of the zones for which the heat transfer that follows from it may wait.
+/// Steps after a movement of the zones for which all that follows from it may wait.
 const LATE_STEPS: u16 = 2;
 /// Work that has no more steps to spare than this does not wait any longer.
 const SPARE_STEPS: u16 = 4;
@@ -29,7 +30,7 @@ const UNLIKELY: f32 = 5.0;
 const FACTORS: [f32; 2] = [1.0 / 12.0, 12.0];
 
 /// Sums over one interval.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Interval {
     pub steps: u16,
     /// Enthalpy that leaked \[J\].
@@ -38,8 +39,15 @@ pub(super) struct Interval {
     pub void: bool,
     /// Since the zones moved last.
     pub flow: Flow,
-    /// Until then.
-    pub moved: Movements,
+}
+
+/// An interval that has ended, and whose sums wait for its last movement.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ended {
+    steps: u16,
+    leaked_j: f32,
+    /// Mean reading of the gas sensor over it.
+    gas: Option<GasReading>,
 }
 
 /// Sums over the movements of the zones in an interval.
@@ -77,18 +85,6 @@ impl Default for Movements {
             gas_k: [0.0; ZONES],
             faces: Faces::default(),
             response: Response::NONE,
-        }
-    }
-}
-
-impl Default for Interval {
-    fn default() -> Self {
-        Self {
-            steps: 0,
-            leaked_j: 0.0,
-            void: false,
-            flow: Flow::default(),
-            moved: Movements::default(),
         }
     }
 }
@@ -212,18 +208,25 @@ impl GasRow {
 }
 
 impl Movements {
-    fn add(&mut self, flow: &Flow, moved: &Moved, conductance_j_k: &PerZone) {
+    /// Flow of a movement, before the zones move by it.
+    fn add_flow(&mut self, flow: &Flow, zones: &Zones) {
+        if self.count == 0 {
+            self.mass_kg = zones.mass_kg;
+        }
         self.count += 1;
         self.steps += flow.steps;
         self.flowing_steps += flow.flowing_steps;
         self.inflow_kg += flow.inflow_kg;
         self.outflow_kg += flow.outflow_kg;
+    }
+
+    fn add(&mut self, moved: &Moved, conductance_j_k: &PerZone) {
+        let steps = f32::from(moved.steps);
         self.energy_j += moved.energy_j;
         self.heat_j = plus(&self.heat_j, &moved.heat_j);
         self.stirred_j = plus(&self.stirred_j, &moved.stirred_j);
-        self.conductance_j_k =
-            plus(&self.conductance_j_k, &scaled(conductance_j_k, flow.steps.into()));
-        self.gas_k = plus(&self.gas_k, &scaled(&moved.gas_k, flow.steps.into()));
+        self.conductance_j_k = plus(&self.conductance_j_k, &scaled(conductance_j_k, steps));
+        self.gas_k = plus(&self.gas_k, &scaled(&moved.gas_k, steps));
         let add = |sum: &mut [f32; 3], more: &[f32; 3]| {
             sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
         };
@@ -256,33 +259,49 @@ impl Movements {
 }
 
 impl Estimator {
-    /// The work of an interval, one part a step, kept clear of the steps in which the controller has its own
-    /// to do, as long as there are others left.
+    /// Moves the zones when they are due, and does what that leaves, and the work of an interval, one part a step, clear
+    /// of the steps in which the controller has its own to do, as long as there are others left.
     pub(super) fn advance_covariance(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
-        let left = self.coefficients.counts.update_steps.saturating_sub(self.interval.steps);
-        let moves = left == 0 || self.interval.flow.steps == self.coefficients.counts.move_steps;
-        // The movement's own step is long enough without it.
-        let exchanges = self.exchange_due
-            && (moves || !measurement.busy || self.interval.flow.steps > LATE_STEPS);
-        if exchanges {
-            self.set_exchange();
+        let counts = self.coefficients.counts;
+        let left = counts.update_steps.saturating_sub(self.interval.steps);
+        let moves = left == 0 || self.interval.flow.steps == counts.move_steps;
+        let late = moves || self.interval.flow.steps > LATE_STEPS;
+        let mut idle = !(measurement.busy || moves);
+        // One a step, but no movement before all that the one before has left.
+        while (idle || late) && self.follow_movement() {
+            idle = false;
+            if !moves {
+                break;
+            }
         }
         if moves {
             self.move_zones(chamber, measurement);
         }
         if left == 0 {
             self.end_interval(measurement);
-        } else if self.interval.steps >= FIRST_PART {
-            let parts = self.coefficients.counts.parts_per_step;
-            // Not a quotient: the optimiser cannot see that `parts` is never 0.
-            let spared = left.saturating_sub(SPARE_STEPS);
-            let hurried = spared.saturating_mul(parts) <= self.pending.work.parts();
-            if hurried || !(measurement.busy || moves || exchanges) {
-                for _ in 0..parts {
-                    self.work();
-                }
+            return;
+        }
+        let parts = counts.parts_per_step;
+        // Not a quotient: the optimiser cannot see that `parts` is never 0.
+        let spared = left.saturating_sub(SPARE_STEPS);
+        if idle || spared.saturating_mul(parts) <= self.pending.work.parts() {
+            for _ in 0..parts {
+                self.work();
             }
         }
+    }
+
+    /// The next thing that a movement of the zones has left: sums and element, the interval's end, the heat transfer
+    /// that follows; whether there was any.
+    fn follow_movement(&mut self) -> bool {
+        if let Some(moved) = self.moved.take() {
+            self.add_movement(&moved);
+        } else if self.exchange_due {
+            self.set_exchange();
+        } else {
+            return false;
+        }
+        true
     }
 
     /// The next part of the work that is left.
@@ -333,9 +352,7 @@ impl Estimator {
         if self.interval.void || flow.steps == 0 {
             return;
         }
-        let c = &self.coefficients;
         let length_m = measurement.length.value;
-        let steps = f32::from(flow.steps);
         let place = Place {
             energy_j: self.energy.energy_j(),
             pressure_pa: self.pressure_pa,
@@ -343,26 +360,34 @@ impl Estimator {
             rest_length_m: chamber.rest_length_m(),
             volume_m3: self.volume_m3,
             surface_m2: chamber.surface_m2(length_m),
-            speed_m_s: (length_m - self.length_m) / (steps * c.step_s),
-            friction_j: self.rub(self.length_m - length_m),
+            way_m: length_m - self.length_m,
+            friction_j: self.place.friction_j,
             mass_kg: self.mass_kg.value(),
         };
-        let c = &self.coefficients;
         self.length_m = length_m;
-        if self.interval.moved.count == 0 {
-            self.interval.moved.mass_kg = self.zones.mass_kg;
-        }
-        let moved = self.zones.advance(c, &flow, &self.exchange, &place);
-        let sums = &mut self.interval.moved;
-        sums.add(&flow, &moved, &self.exchange.settled_j_k());
+        self.movements.add_flow(&flow, &self.zones);
+        self.moved = Some(self.zones.advance(&self.coefficients, &flow, &self.exchange, &place));
+        self.place = place;
+        self.exchange_due = true;
+        self.set_leak(self.pressure_pa);
+    }
+
+    /// Has sums and element follow the last movement of the zones, and an interval that ended with it. The wall gets the
+    /// heat of friction with the next one.
+    fn add_movement(&mut self, moved: &Moved) {
+        self.place.friction_j = self.rub(-self.place.way_m);
+        let c = &self.coefficients;
+        let sums = &mut self.movements;
+        sums.add(moved, &self.exchange.settled_j_k());
         if c.profile.exists {
             let excess_k = minus(&moved.gas_k, &self.zones.wall_k);
             self.element.conduct(c, &self.exchange, &excess_k);
         }
-        self.element.follow(&moved.gas_k, (steps, c.step_s), &mut sums.response);
-        self.place = place;
-        self.exchange_due = true;
-        self.set_leak(self.pressure_pa);
+        let steps = (f32::from(moved.steps), c.step_s);
+        self.element.follow(&moved.gas_k, steps, &mut sums.response);
+        if let Some(ended) = self.ended.take() {
+            self.close_interval(&ended);
+        }
     }
 
     /// Moves slip and creep by a contraction; returns the heat that the wall gets of them and of friction \[J\].
@@ -378,36 +403,56 @@ impl Estimator {
     }
 
     fn end_interval(&mut self, measurement: &Measurement) {
-        let interval = core::mem::take(&mut self.interval);
-        if interval.void {
-            self.pending.work = Work::Drift;
-            return;
+        let Interval { steps, leaked_j, void, .. } = core::mem::take(&mut self.interval);
+        if void {
+            self.drop_interval();
+        } else {
+            self.ended = Some(Ended { steps, leaked_j, gas: measurement.gas });
         }
+    }
+
+    /// Leaves out an interval that counts for nothing, its drift excepted.
+    pub(super) fn drop_interval(&mut self) {
+        self.interval = Interval::default();
+        self.forget_movements();
+        self.pending.work = Work::Drift;
+    }
+
+    /// Forgets the movements since the last interval.
+    pub(super) fn forget_movements(&mut self) {
+        self.moved = None;
+        self.movements = Movements::default();
+        self.ended = None;
+    }
+
+    /// Leaves the work of an interval whose sums are complete.
+    fn close_interval(&mut self, ended: &Ended) {
+        let moved = core::mem::take(&mut self.movements);
         let c = self.coefficients;
         if c.leaks {
             // No number where next to no gas is left.
-            self.pending.leaked = limit(interval.leaked_j * self.per_enthalpy(), -1.0, 1.0);
+            self.pending.leaked = limit(ended.leaked_j * self.per_enthalpy(), -1.0, 1.0);
         }
         let swing_k = self.gas_k - self.zones.mean_wall_k();
         self.swing_k2 += c.swing_window * (swing_k * swing_k - self.swing_k2);
-        self.pending.moved = interval.moved;
+        self.pending.moved = moved;
         self.pending.mass_kg = self.zones.mass_kg;
         self.pending.work = Work::Transition;
         self.scale += c.forget * (1.0 - self.scale);
         self.stirring += c.forget * (1.0 - self.stirring);
-        self.read_element(measurement, &interval.moved.response, interval.steps);
+        self.read_element(ended, &moved.response);
         self.element.fade(&self.coefficients);
     }
 
     /// Compares the element with its reading.
-    fn read_element(&mut self, measurement: &Measurement, response: &Response, steps: u16) {
+    fn read_element(&mut self, ended: &Ended, response: &Response) {
         let share = 1.0 - response.element_left;
-        let reading = self.element.judge(&self.coefficients, measurement.gas, share, self.gas_sd_k);
+        let reading = self.element.judge(&self.coefficients, ended.gas, share, self.gas_sd_k);
         // The mean of the readings belongs to the mean of the element. Ten milliseconds seem little
         // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
         // a second more of lag. A digital part's readings carry their own age.
-        let age_steps = measurement.gas.and_then(|gas| gas.age_steps);
-        let steps = f32::from(steps);
+        let age_steps = ended.gas.and_then(|gas| gas.age_steps);
+        let steps = f32::from(ended.steps);
         let expected_k = match age_steps {
             Some(age_steps) => self.element.sensor_k - age_steps / steps * response.element_k,
             None => response.mean_k / steps,
@@ -621,7 +666,7 @@ impl Estimator {
         element.sensor_k += gains.element * innovation_k;
         element.foil_k += gains.foil * innovation_k;
         // The interval that has begun is to be compared with its reading as if it had begun corrected.
-        let moved = &mut self.interval.moved;
+        let moved = &mut self.movements;
         moved.response.mean_k += gains.element * innovation_k * f32::from(moved.steps);
         if learns {
             let by = |factor: f32, gain: f32| {

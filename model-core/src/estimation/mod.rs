@@ -68,9 +68,9 @@ use self::coefficients::{Coefficients, LOWEST_PA};
 use self::covariance::Covariance;
 use self::element::Element;
 use self::energy::Energy;
-use self::interval::{Interval, Pending, Window, Work};
+use self::interval::{Ended, Interval, Movements, Pending, Window, Work};
 use self::trend::{FlowState, Trend, Uncertainty};
-use self::zones::{Exchange, Place, Zones};
+use self::zones::{Exchange, Moved, Place, Zones};
 use crate::config::Config;
 use crate::math::{CompensatedSum, is_above, is_within, limit};
 use crate::physics::chamber::Chamber;
@@ -87,6 +87,9 @@ const LEAST_SD_K: f32 = 1.0e-3;
 const UNKNOWN: f32 = 0.1;
 /// Gas mass that stands for none \[kg\].
 const LEAST_KG: f32 = 1.0e-9;
+/// Steps between a movement of the zones and the end of a balance: with what either leaves, they are done one after the
+/// other.
+const WINDOW_STEPS: u16 = 3;
 /// Range of temperatures of gas and wall \[K\].
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
@@ -196,6 +199,10 @@ pub struct Estimator {
     exchange: Exchange,
     /// The zones have moved since.
     exchange_due: bool,
+    /// Last movement of the zones, until sums and element have followed it.
+    moved: Option<Moved>,
+    movements: Movements,
+    ended: Option<Ended>,
     place: Place,
     element: Element,
     /// Scale of the heat transfer, and of what flows stir \[-\].
@@ -246,7 +253,7 @@ impl Estimator {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &Config) -> Self {
         let coefficients = Coefficients::new(config);
-        let Coefficients { averaging, tuning, .. } = coefficients;
+        let Coefficients { averaging, tuning, counts, .. } = coefficients;
         let ambient_k = config.ambient.temperature_k;
         let sd_k = limit(tuning.initial_sd_k, LEAST_SD_K, HOTTEST_K);
         Self {
@@ -259,6 +266,9 @@ impl Estimator {
             zones: Zones::at(ambient_k, 1.0),
             exchange: Exchange::default(),
             exchange_due: false,
+            moved: None,
+            movements: Movements::default(),
+            ended: None,
             place: Place::NONE,
             element: Element::new(ambient_k, &coefficients),
             scale: 1.0,
@@ -278,7 +288,10 @@ impl Estimator {
             length_m: 0.0,
             held: Held::default(),
             leak_kg_pa: 0.0,
-            window: Window::default(),
+            window: Window {
+                steps: counts.interval_steps.saturating_sub(WINDOW_STEPS),
+                ..Window::default()
+            },
             interval: Interval::default(),
             balance: None,
             pending: Pending::none(),
@@ -293,7 +306,7 @@ impl Estimator {
         let counts = self.coefficients.counts;
         let first_steps = counts.move_steps / 2;
         self.interval.steps = counts.update_steps.saturating_sub(first_steps);
-        self.window.steps = counts.interval_steps.saturating_sub(first_steps);
+        self.window.steps = self.window.steps.saturating_sub(first_steps);
     }
 
     /// The estimate after the last step.
@@ -376,6 +389,7 @@ impl Estimator {
         (self.heat_per_k, self.heat_offset_j) = (0.0, 0.0);
         self.exchange = Exchange::default();
         self.interval = Interval { steps: self.interval.steps, void: true, ..Interval::default() };
+        self.forget_movements();
         self.pending = Pending::none();
         self.give_up();
     }
@@ -392,8 +406,7 @@ impl Estimator {
             self.window = Window::default();
         }
         if self.interval.steps == self.coefficients.counts.update_steps {
-            self.interval = Interval::default();
-            self.pending.work = Work::Drift;
+            self.drop_interval();
         }
         self.missing_steps = self.missing_steps.saturating_add(1);
         if self.missing_steps == self.coefficients.counts.patience_steps {
@@ -459,14 +472,17 @@ impl Estimator {
             rest_length_m: chamber.rest_length_m(),
             volume_m3,
             surface_m2: chamber.surface_m2(length_m),
-            speed_m_s: 0.0,
+            way_m: 0.0,
             friction_j: 0.0,
             mass_kg: self.mass_kg.value(),
         };
         self.window.void = self.window.steps > 0;
         let steps = self.interval.steps;
         self.interval = Interval { steps, void: steps > 0, ..Interval::default() };
-        self.set_exchange();
+        self.forget_movements();
+        // In one of the next steps: this one is long enough.
+        self.exchange_due = true;
+        (self.heat_per_k, self.heat_offset_j) = (0.0, 0.0);
         self.set_leak(pressure_pa);
     }
 

@@ -78,8 +78,9 @@ pub struct Place {
     pub rest_length_m: f32,
     pub volume_m3: f32,
     pub surface_m2: f32,
-    pub speed_m_s: f32,
-    /// Heat of friction to the wall \[J\].
+    /// Way that the muscle became longer by \[m\].
+    pub way_m: f32,
+    /// Heat of friction to the wall, over the movement before \[J\].
     pub friction_j: f32,
     pub mass_kg: f32,
 }
@@ -93,7 +94,7 @@ impl Place {
         rest_length_m: 0.0,
         volume_m3: 0.0,
         surface_m2: 0.0,
-        speed_m_s: 0.0,
+        way_m: 0.0,
         friction_j: 0.0,
         mass_kg: 1.0,
     };
@@ -109,6 +110,7 @@ pub struct Faces {
 /// Result of one movement of the zones.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Moved {
+    pub steps: u16,
     pub faces: Faces,
     /// Heat to the wall, and the part of it by stirring \[J\].
     pub heat_j: PerZone,
@@ -251,7 +253,7 @@ impl Zones {
         self.stirring_in = stirring(flow.inflow_kg, self.stirring_in);
         self.stirring_out = stirring(flow.outflow_kg, self.stirring_out);
         let gas_k = scaled(&plus(&before, &self.ratio), 0.5 * mean_k);
-        Moved { faces, heat_j, stirred_j, gas_k, energy_j }
+        Moved { steps: flow.steps, faces, heat_j, stirred_j, gas_k, energy_j }
     }
 
     fn faces(
@@ -327,7 +329,8 @@ impl Zones {
     }
 
     fn warm_walls(&mut self, c: &Coefficients, place: &Place, heat_j: &PerZone, duration_s: f32) {
-        let lost_j_k = c.heat.outer_w_k(place.surface_m2, place.speed_m_s) * duration_s;
+        let speed_m_s = place.way_m / duration_s;
+        let lost_j_k = c.heat.outer_w_k(place.surface_m2, speed_m_s) * duration_s;
         let friction_j = place.friction_j;
         let ambient_k = [c.ambient.temperature_k; ZONES];
         let friction_j = [friction_j * (1.0 / ZONES as f32); ZONES];

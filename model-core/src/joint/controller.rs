@@ -20,7 +20,7 @@ use super::reference::{Motion, Reference};
 use super::set_point::JointSetPoint;
 use crate::config::Config;
 use crate::control::chamber_port::{ChamberPort, Feedback};
-use crate::control::valve_drive::{FlowDrive, open_kg_s};
+use crate::control::valve_drive::{FlowDrive, OpenFlow};
 use crate::math::{absolute, limit, sin};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::hysteresis::{Held, Law};
@@ -101,7 +101,8 @@ impl Side {
         let first_kg = asked_kg(next_pa, next_m3);
         let size_kg = absolute(first_kg);
         let waits_kg = port.mass_kg(waits_pa, 0.0);
-        let open_kg = port.period_s * open_kg_s(config, first_kg, feedback.muscle());
+        let open = OpenFlow::new(config, first_kg, feedback.muscle());
+        let open_kg = port.period_s * open.kg_s;
         // Two periods' gas fits into one.
         let fits = size_kg < FITS * open_kg;
         let waits = self.pulsed && fits && size_kg < waits_kg;
@@ -123,7 +124,7 @@ impl Side {
         }
         let room_kg = port.mass_kg(most_pa - port.pressure_pa, 0.0);
         let mass_kg = limit(asked_kg, f32::MIN, limit(room_kg, 0.0, 1.0));
-        self.drive.mass(config, mass_kg, feedback.muscle())
+        self.drive.mass_through(config, mass_kg, feedback.muscle(), open)
     }
 }
 
@@ -295,7 +296,8 @@ impl JointController {
         self.friction = friction;
     }
 
-    /// The openings of a period, at its start, after [`measure`](Self::measure) or [`restart`](Self::restart).
+    /// The openings of a period, at its start; [`measure`](Self::measure) has been called in the step before, or
+    /// [`restart`](Self::restart).
     pub fn period(
         &mut self,
         set_point: &JointSetPoint,

@@ -556,21 +556,13 @@ impl Joint {
                 feedback,
                 most_pa: muscle.armed_pa().unwrap_or(0.0),
             });
-        let begins = a.begins_period();
+        let (begins, ends) = (a.begins_period(), a.ends_period());
         if self.set_point == JointSetPoint::Vent {
             self.commands = self.controller.vent();
-            if begins {
-                self.controller.measure(&measured);
-            }
         } else if self.set_point == JointSetPoint::Lock {
             self.commands = self.controller.lock();
-            if begins {
-                self.controller.measure(&measured);
-            }
         } else if begins {
-            if self.started {
-                self.controller.measure(&measured);
-            } else {
+            if !self.started {
                 self.controller.restart(angle_rad, &measured);
                 self.guard.restart(angle_rad);
                 self.started = true;
@@ -583,6 +575,10 @@ impl Joint {
                 given => given,
             };
             self.commands = self.controller.period(&set_point, angle_rad, &measured);
+        }
+        // A step ahead: the one that begins a period is the longest.
+        if ends {
+            self.controller.measure(&measured);
         }
         self.set_steps = self.set_steps.saturating_add(1);
     }
