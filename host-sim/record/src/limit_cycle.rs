@@ -10,6 +10,8 @@ const SWINGS: usize = 10;
 const MANY_SWINGS: usize = 40;
 /// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
+/// Slower than that, a value that one valve alone lifts or lowers is refilled: gas that relaxes, or leaks \[Hz\].
+const REFILLS_HZ: f64 = 10.0;
 /// Half cycles for which an oscillation that has no further turning point still lasts \[-\].
 const LAST_HALVES: f64 = 4.0;
 
@@ -24,6 +26,15 @@ pub struct LimitCycle {
     pub amplitude: f64,
 }
 
+/// A turning point.
+#[derive(Debug, Clone, Copy)]
+struct Turn {
+    time_s: f64,
+    value: f64,
+    /// Valves that have been driven since the one before: inlet, outlet.
+    driven: [bool; 2],
+}
+
 /// Finds turning points that lie further apart than the smallest swing.
 #[derive(Debug, Clone)]
 pub struct Detector {
@@ -33,8 +44,10 @@ pub struct Detector {
     /// Last turning point, or the extreme so far: time \[s\] and value; 1 while the value rises.
     extreme: (f64, f64),
     rising: Option<bool>,
+    /// Valves that have been driven since the last turning point: inlet, outlet.
+    driven: [bool; 2],
     /// The last turning points.
-    turns: VecDeque<(f64, f64)>,
+    turns: VecDeque<Turn>,
     /// The one around the present set point.
     present: Option<LimitCycle>,
     /// The largest one of earlier set points.
@@ -50,22 +63,25 @@ impl Detector {
             time_s: 0.0,
             extreme: (0.0, 0.0),
             rising: None,
+            driven: [false; 2],
             turns: VecDeque::new(),
             present: None,
             largest: None,
         }
     }
 
-    /// Takes the value \[any unit\] at a time \[s\].
-    pub fn add(&mut self, time_s: f64, set_point: f64, value: f64) {
+    /// Takes the value \[any unit\] at a time \[s\], and the valves that are driven: inlet, outlet.
+    pub fn add(&mut self, time_s: f64, set_point: f64, value: f64, driven: [bool; 2]) {
         if set_point != self.set_point {
             self.end_set_point();
             self.set_point = set_point;
             self.turns.clear();
             self.rising = None;
+            self.driven = [false; 2];
             self.extreme = (time_s, value);
         }
         self.time_s = time_s;
+        self.driven = either(self.driven, driven);
         let beyond = value - self.extreme.1;
         match self.rising {
             None if beyond.abs() > self.least_swing => {
@@ -78,7 +94,9 @@ impl Detector {
                 if further >= 0.0 {
                     self.extreme = (time_s, value);
                 } else if -further > self.least_swing {
-                    self.turns.push_back(self.extreme);
+                    let (time_s, value) = self.extreme;
+                    let driven = std::mem::take(&mut self.driven);
+                    self.turns.push_back(Turn { time_s, value, driven });
                     if self.turns.len() > MANY_SWINGS {
                         self.find(MANY_SWINGS, false);
                         self.turns.pop_front();
@@ -105,11 +123,17 @@ impl Detector {
     /// Keeps the last so many swings if they are a limit cycle that lasts until now.
     fn find(&mut self, count: usize, set_point_ends: bool) {
         let Some(skipped) = self.turns.len().checked_sub(count + 1) else { return };
-        let turns: Vec<(f64, f64)> = self.turns.iter().skip(skipped).copied().collect();
-        let half_s = (turns[count].0 - turns[0].0) / count as f64;
-        let swings: Vec<f64> = turns.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()).collect();
+        let turns: Vec<Turn> = self.turns.iter().skip(skipped).copied().collect();
+        let half_s = (turns[count].time_s - turns[0].time_s) / count as f64;
+        let swings: Vec<f64> =
+            turns.windows(2).map(|pair| (pair[1].value - pair[0].value).abs()).collect();
         let swings_on = swings[count - 1] >= LASTS * swings[0];
-        if !swings_on || self.time_s - turns[count].0 > LAST_HALVES * half_s {
+        if !swings_on || self.time_s - turns[count].time_s > LAST_HALVES * half_s {
+            return;
+        }
+        let [inlet, outlet] =
+            turns[1..].iter().fold([false; 2], |all, turn| either(all, turn.driven));
+        if inlet != outlet && 0.5 / half_s < REFILLS_HZ {
             return;
         }
         let amplitude = 0.5 * swings.iter().sum::<f64>() / count as f64;
@@ -129,6 +153,10 @@ impl Detector {
     }
 }
 
+fn either([a, b]: [bool; 2], [c, d]: [bool; 2]) -> [bool; 2] {
+    [a || c, b || d]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,7 +167,7 @@ mod tests {
         let mut detector = Detector::new(0.1);
         for step in 0..2000 {
             let time_s = 0.001 * f64::from(step);
-            detector.add(time_s, set_point(time_s), value(time_s));
+            detector.add(time_s, set_point(time_s), value(time_s), [true; 2]);
         }
         detector.finish()
     }
@@ -167,5 +195,23 @@ mod tests {
         assert_eq!(found(|t| 0.09 * swing(t), |_| 0.0), None, "within the dead zone");
         assert_eq!(found(swing, swing), None, "follows");
         assert_eq!(found(|t| swing(t.min(1.0)), |_| 0.0), None, "has come to rest");
+    }
+
+    /// A pressure that falls while its gas cools, or leaks, and is lifted by the inlet alone now and then. With a leak that
+    /// takes a pulse in every other period it does not come to rest.
+    #[test]
+    fn what_one_valve_refills_now_and_then_is_none() {
+        let found = |hz: f64, driven: fn(bool) -> [bool; 2]| {
+            let mut detector = Detector::new(0.1);
+            for step in 0..6000 {
+                let time_s = 0.001 * f64::from(step);
+                let phase = (time_s * hz).fract();
+                detector.add(time_s, 5.0, 5.0 - phase, driven(phase < 0.1));
+            }
+            detector.finish().is_some()
+        };
+        let inlet = |lifts| [lifts, false];
+        let both = |lifts: bool| [lifts, !lifts];
+        assert_eq!([found(4.8, inlet), found(4.8, both), found(35.0, inlet)], [false, true, true]);
     }
 }

@@ -8,7 +8,7 @@ use crate::board::{Board, BoardError, BoardStep};
 use crate::rig::{MeanFlows, Rig};
 use model_core::control::Mode;
 use model_core::forward_model::Model;
-use model_core::{ConfigError, Sample, SetPoint, Telemetry};
+use model_core::{Command, ConfigError, Duty, Sample, SetPoint, Telemetry};
 use std::collections::VecDeque;
 use std::fmt;
 use std::io;
@@ -255,7 +255,9 @@ impl Run {
         let controlled = self.drive.controlled(self.rest_length_m, &row);
         self.accumulator.add(&row, controlled);
         if let (Some(detector), Some(value)) = (&mut self.detector, controlled) {
-            detector.add(row.truth.time_s, row.set_point, value);
+            let Command { inlet, outlet } = row.telemetry.command;
+            let driven = [inlet > Duty::ZERO, outlet > Duty::ZERO];
+            detector.add(row.truth.time_s, row.set_point, value, driven);
         }
         if done.logged {
             observer.row(&row).map_err(|error| match error.kind() {
