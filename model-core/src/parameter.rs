@@ -124,7 +124,9 @@ macro_rules! parameters {
 
         impl Default for $struct {
             fn default() -> Self {
-                Self { $($name: $default as f32),* }
+                // Copied from one place: a constant is written value by value, at ten bytes of code each.
+                static DEFAULT: $struct = $struct { $($name: $default as f32),* };
+                DEFAULT
             }
         }
 
