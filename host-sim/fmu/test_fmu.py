@@ -53,7 +53,7 @@ def test_every_scenario_makes_a_valid_unit(name, options, tmp_path):
     assert validate_fmu(unit(tmp_path, SCENARIOS / f"{name}.toml", *options)) == []
 
 
-@pytest.mark.parametrize("name", ["nominal", "reproduce", "contraction", "bellows", "joint", "joint_board"])
+@pytest.mark.parametrize("name", ["nominal", "reproduce", "contraction", "bellows", "joint", "joint_board", "joint_pulley"])
 def test_plant_and_core_are_the_run(name, tmp_path):
     scenario = SCENARIOS / f"{name}.toml"
     expected = trace(tmp_path, scenario)

@@ -112,6 +112,10 @@ fn an_invalid_scenario_gives_one_line() {
             "Error: scenario.toml:2: unknown key joint.radius; did you mean joint.radius_m?\n",
         ),
         (
+            "[joint]\nradius_csv = \"radius.csv\"\n",
+            "Error: scenario.toml:2: joint.radius_csv: this page takes no CSV file: leave the key out",
+        ),
+        (
             "[joint]\n[drive]\nload_csv = \"load.csv\"\n",
             "Error: scenario.toml:3: drive.load_csv: this page takes no CSV file: leave the key out",
         ),

@@ -116,7 +116,7 @@ use serde::de::{DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of these messages. Board and host understand each other when it is equal.
-pub const PROTOCOL: u16 = 22;
+pub const PROTOCOL: u16 = 23;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
@@ -942,7 +942,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "03010702160201010105178f849600"),
+            (answer(Answer::Version(version)), "03010702170201010105b25cd85d00"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -975,7 +975,7 @@ mod tests {
             (encode(&config), (454, 4_190_454_537)),
             (encode(&telemetry), (77, 1_017_350_385)),
             (encode(&muscle), (455, 3_741_056_634)),
-            (encode(&joint), (133, 2_598_041_933)),
+            (encode(&joint), (161, 4_259_523_710)),
             (encode(&of_joint), (191, 1_436_421_169)),
         ] {
             let frame = frame.unwrap();

@@ -112,11 +112,15 @@ impl Scenario {
                 vec![("volume.csv", volume), ("profile.csv", profile), ("table.csv", table)]
             }
             Self::Joint(loaded) => {
-                let JointLoaded { muscles: [a, b], drive, .. } = &mut **loaded;
+                let JointLoaded { muscles: [a, b], joint, believed, drive, .. } = &mut **loaded;
                 let [of_a, of_b] = [a, b].map(|muscle| {
                     vec![&mut muscle.plant.table.csv, &mut muscle.believed.table.csv]
                 });
+                let mut radii = vec![&mut joint.radius_csv];
+                // None where the core has another radius.
+                radii.extend(Some(&mut believed.radius_csv).filter(|path| path.is_some()));
                 vec![
+                    ("radius.csv", radii),
                     ("profile.csv", vec![&mut drive.profile_csv]),
                     ("load.csv", vec![&mut drive.load_csv]),
                     ("table_a.csv", of_a),

@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Component, Path};
 
 /// Files of the folder `scenarios/`.
-const FILES: [(&str, &str); 13] = [
+const FILES: [(&str, &str); 15] = [
     ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
     ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),
     ("bellows.toml", include_str!("../../../scenarios/bellows.toml")),
@@ -12,6 +12,8 @@ const FILES: [(&str, &str); 13] = [
     ("gas_spring.toml", include_str!("../../../scenarios/gas_spring.toml")),
     ("joint.toml", include_str!("../../../scenarios/joint.toml")),
     ("joint_board.toml", include_str!("../../../scenarios/joint_board.toml")),
+    ("joint_pulley.csv", include_str!("../../../scenarios/joint_pulley.csv")),
+    ("joint_pulley.toml", include_str!("../../../scenarios/joint_pulley.toml")),
     ("motion.toml", include_str!("../../../scenarios/motion.toml")),
     ("nominal.toml", include_str!("../../../scenarios/nominal.toml")),
     ("proportional.toml", include_str!("../../../scenarios/proportional.toml")),

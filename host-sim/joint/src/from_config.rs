@@ -31,6 +31,7 @@ pub fn to_scenario(config: &JointConfig) -> Result<JointLoaded, InputError> {
         muscles: [muscle(a)?, muscle(b)?],
         believed: joint.clone(),
         joint,
+        rows: None,
         controller: table(&config.tuning, origin)?,
         drive,
         profile: None,
@@ -85,7 +86,7 @@ mod tests {
     #[test]
     fn a_scenario_gives_the_configuration_again() {
         let text = "[plant]\nmodel = \"lumped\"\n[sensor.gas]\nkind = \"max31865\"\n\
-             [joint]\nradius_m = 0.021\ngravity_n_m = 4.9\nlock_s = 2\nsensor_kind = \"as5600\"\n\
+             [joint]\nradius_m = 0.021\nradius_a_per_rad = -0.2\nradius_b_share = 1.1\nradius_b_per_rad3 = 0.1\ngravity_n_m = 4.9\nlock_s = 2\nsensor_kind = \"as5600\"\n\
              [joint.controller]\ngain_n_m_rad = 11.3\n\
              [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[joint.b.friction]\nforce_n = 3.3\n";
         let loaded = parse(text, "joint.toml".as_ref()).unwrap();

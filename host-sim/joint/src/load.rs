@@ -1,5 +1,6 @@
 //! From the scenario of a joint to the data of a run.
 
+use crate::radii::{self, Off, Rows};
 use model_core::ConfigError;
 use model_core::joint::{JointConfig, Motion};
 use std::f64::consts::TAU;
@@ -9,7 +10,7 @@ use thermyo_files::input::{InputError, Problem, quoted, read_text};
 use thermyo_files::table::{Table, read_table};
 use thermyo_plant::joint::Arm;
 use thermyo_scenario::joint::{
-    Joint, JointController, JointDocument, JointDrive, JointShape, is_joint,
+    Joint, JointController, JointDocument, JointDrive, JointShape, RADII, is_joint,
 };
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::Limits;
@@ -38,8 +39,10 @@ const SOUND_S_M: f64 = 0.0029;
 pub struct JointLoaded {
     /// Muscles a and b.
     pub muscles: [Loaded; 2],
-    /// The mechanism.
+    /// The mechanism; with a table of radii it has the cubic through them.
     pub joint: Joint,
+    /// The plant's radii over the angle, from `joint.radius_csv`.
+    pub rows: Option<Rows>,
     /// The mechanism that the core is configured with.
     pub believed: Joint,
     /// Tuning of the core's controller.
@@ -66,7 +69,14 @@ impl JointLoaded {
 
     /// The plant's mechanism.
     pub fn arm(&self) -> Arm {
-        arm(&self.joint)
+        arm(&self.joint, self.rows.as_ref())
+    }
+
+    /// How far the core's radii are off those of the plant's table; `None` without one, and where other radii are
+    /// believed.
+    pub fn radii_off(&self) -> Option<Off> {
+        let rows = self.rows.as_ref().filter(|_| self.believed.radius_csv.is_some())?;
+        Some(radii::off(&self.joint, rows, &self.believed))
     }
 
     /// The set point at a time \[s\].
@@ -120,9 +130,9 @@ impl JointLoaded {
     }
 }
 
-fn arm(joint: &Joint) -> Arm {
+fn arm(joint: &Joint, rows: Option<&Rows>) -> Arm {
     Arm {
-        radius_m: joint.radius_m,
+        pulley: radii::pulley(joint, rows),
         mid_length_m: [joint.mid_length_a_m, joint.mid_length_b_m],
         inertia_kg_m2: joint.inertia_kg_m2,
         gravity_n_m: joint.gravity_n_m,
@@ -213,7 +223,13 @@ pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
 pub fn parse_alone(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
     let document = JointDocument::parse(text, origin)?;
     let JointDrive { profile_csv, load_csv, .. } = &document.drive;
-    for (key, path) in [("drive.profile_csv", profile_csv), ("drive.load_csv", load_csv)] {
+    let radius_csv = &document.joint.radius_csv;
+    let files = [
+        ("joint.radius_csv", radius_csv),
+        ("drive.profile_csv", profile_csv),
+        ("drive.load_csv", load_csv),
+    ];
+    for (key, path) in files {
         if let Some(path) = path {
             return Err(document.blame(key, no_file(key.to_owned(), format!("{path:?}"))));
         }
@@ -232,7 +248,10 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
         Some([angle, _]) => angle.value(0.0),
         None => document.drive.angle_rad,
     };
-    let [length_a_m, length_b_m] = arm(&document.joint).lengths_m(start_rad);
+    let rows = rows(document)?;
+    let [is, believed] =
+        [&document.joint, &document.believed].map(|of| mechanism(document, of, rows.as_ref()));
+    let [length_a_m, length_b_m] = arm(&is, rows.as_ref()).lengths_m(start_rad);
     let [a, b] = &document.muscles;
     let mut muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
     // Muscle b has no length sensor that could break.
@@ -243,8 +262,9 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     derive(&mut controller, document, &muscles);
     let loaded = JointLoaded {
         muscles,
-        joint: document.joint.clone(),
-        believed: document.believed.clone(),
+        joint: is,
+        rows,
+        believed,
         controller,
         drive: absolute(document),
         profile,
@@ -283,6 +303,14 @@ fn derive(controller: &mut JointController, document: &JointDocument, muscles: &
 fn beside(document: &JointDocument, path: &Path) -> PathBuf {
     let folder = document.muscles[0].origin.parent();
     folder.unwrap_or(Path::new("")).join(path)
+}
+
+/// A mechanism with the cubic through its table of radii, whose path is absolute.
+fn mechanism(document: &JointDocument, joint: &Joint, rows: Option<&Rows>) -> Joint {
+    let (Some(path), Some(rows)) = (&joint.radius_csv, rows) else { return joint.clone() };
+    let file = beside(document, path);
+    let radius_csv = Some(std::path::absolute(&file).unwrap_or(file));
+    Joint { radius_csv, ..radii::fitted(joint, rows) }
 }
 
 /// The drive with absolute paths, so that the scenario that `check` prints works in any folder.
@@ -331,8 +359,17 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
         return Err(document.blame("believed.joint.sensor_kind", problem));
     }
     check_alike(document, loaded)?;
-    for (prefix, config) in [("", of_plant), ("believed.", loaded.config())] {
+    let believed = loaded.config();
+    for (prefix, config) in [("", &of_plant), ("believed.", &believed)] {
         config.check().map_err(|error| refused(document, prefix, &error))?;
+        check_stiffness(document, prefix, config)?;
+    }
+    // By the table itself, and not by the cubic through it.
+    let Joint { minimum_rad, maximum_rad, .. } = loaded.joint;
+    let arm = loaded.arm();
+    for stop_rad in [minimum_rad, maximum_rad] {
+        let lengths_m = arm.lengths_m(stop_rad).map(|length_m| length_m as f32);
+        of_plant.check_lengths(lengths_m).map_err(|error| refused(document, "", &error))?;
     }
     // The cells of a profile have been checked, each with its line.
     let joints = [&loaded.joint, &loaded.believed].into_iter();
@@ -340,6 +377,26 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
         Some((key, problem)) => Err(document.blame(key, problem)),
         None => Ok(()),
     }
+}
+
+/// Checks that no radius varies faster than its muscle is stiff.
+fn check_stiffness(
+    document: &JointDocument,
+    prefix: &str,
+    config: &JointConfig,
+) -> Result<(), InputError> {
+    let Some(angle_rad) = radii::softens(config) else { return Ok(()) };
+    let names = ["radius_csv"].into_iter().chain(RADII);
+    let mut paths = names.flat_map(|name| [prefix, ""].map(|of| format!("{of}joint.{name}")));
+    let given = paths.find_map(|path| document.given(&path));
+    let (line, key, value) = given.unwrap_or_default();
+    let file = document.joint.radius_csv.as_ref();
+    let value = file.filter(|_| value.is_empty()).map_or(value, |path| format!("{path:?}"));
+    let allowed = format!(
+        "such that radii vary more slowly: at {angle_rad:.2} rad more pressure in both muscles makes the joint softer"
+    );
+    let problem = Box::new(Problem::NotAllowed { key, value, allowed });
+    Err(InputError { file: document.muscles[0].origin.clone(), line, problem })
 }
 
 /// Checks that both muscles have the same kind of valve and the same period, in the words of the file: one loop drives
@@ -378,15 +435,28 @@ fn check_alike(document: &JointDocument, loaded: &JointLoaded) -> Result<(), Inp
 }
 
 /// Keys that limit another one, which the file need not have.
-const PARTNERS: [(&str, &[&str]); 5] = [
+const PARTNERS: [(&str, &[&str]); 8] = [
+    ("joint.radius_m", &["joint.radius_csv"]),
+    ("joint.radius_a_per_rad", &SHAPES),
+    ("joint.radius_b_share", &SHAPES),
     ("joint.maximum_rad", &["joint.minimum_rad"]),
     ("joint.sensor_minimum_rad", &["joint.minimum_rad"]),
     ("joint.sensor_maximum_rad", &["joint.maximum_rad"]),
     ("joint.mid_length_a_m", &LENGTHS),
     ("joint.mid_length_b_m", &LENGTHS),
 ];
-const LENGTHS: [&str; 7] = [
+const SHAPES: [&str; 7] = [
+    "joint.radius_csv",
+    "joint.radius_a_per_rad2",
+    "joint.radius_a_per_rad3",
+    "joint.radius_b_per_rad",
+    "joint.radius_b_per_rad2",
+    "joint.radius_b_per_rad3",
+    "joint.maximum_rad",
+];
+const LENGTHS: [&str; 8] = [
     "joint.radius_m",
+    "joint.radius_csv",
     "joint.minimum_rad",
     "joint.maximum_rad",
     "muscle.rest_length_m",
@@ -432,13 +502,29 @@ pub fn angle_and_stiffness(table: &Table, joint: &Joint) -> Result<[Profile; 2],
     Ok([angle, profile_in(table, "stiffness_n_m_rad", (stiffness, ""))?])
 }
 
+/// The table in the file of a key.
+fn table_of(document: &JointDocument, key: &str, path: &Path) -> Result<Table, InputError> {
+    read_table(&beside(document, path))
+        .map_err(|file| document.blame(key, Problem::Reference { key: key.to_owned(), file }))
+}
+
+/// Radii over the angle, between the joint's stops.
+fn rows(document: &JointDocument) -> Result<Option<Rows>, InputError> {
+    let Some(path) = &document.joint.radius_csv else { return Ok(None) };
+    let key = "joint.radius_csv";
+    let table = table_of(document, key, path)?;
+    let found = radii::rows(&table, &document.joint).map_err(|file| match file.line {
+        Some(_) => file,
+        // If the file as a whole is wrong, the path may be the mistake.
+        None => document.blame(key, Problem::Reference { key: key.to_owned(), file }),
+    });
+    found.map(Some)
+}
+
 type Profiles = (Option<[Profile; 2]>, Option<Profile>);
 
 fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
-    let read = |key: &str, path: &Path| {
-        read_table(&beside(document, path))
-            .map_err(|file| document.blame(key, Problem::Reference { key: key.to_owned(), file }))
-    };
+    let read = |key, path| table_of(document, key, path);
     let profile = match &document.drive.profile_csv {
         Some(path) => {
             let (is, believed) = (&document.joint, &document.believed);
@@ -476,7 +562,7 @@ mod tests {
     fn what_no_joint_can_be_is_refused_at_its_line() {
         let radius = refusal("[joint]\nradius_m = 0.2\n");
         assert!(
-            radius.contains("joint.mid_length_a_m (less joint.radius_m times the stop)"),
+            radius.contains("joint.mid_length_a_m (less the pulley's way to the stop)"),
             "{radius}"
         );
         let middle = refusal("[joint]\nradius_m = 0.02\nmid_length_b_m = 0.32\n");
@@ -513,11 +599,11 @@ mod tests {
         for (text, start) in [
             (
                 format!("{bearing}mid_length_a_m = 0.1\n"),
-                "joint.toml:5: believed.joint.mid_length_a_m (less joint.radius_m times the stop) = ",
+                "joint.toml:5: believed.joint.mid_length_a_m (less the pulley's way to the stop) = ",
             ),
             (
                 format!("{bearing}\nradius_m = 0.2\n"),
-                "joint.toml:6: believed.joint.mid_length_a_m (less joint.radius_m times the stop) = ",
+                "joint.toml:6: believed.joint.mid_length_a_m (less the pulley's way to the stop) = ",
             ),
             (
                 "[joint]\n[joint.a.valve]\npwm_hz = 50\n".to_owned(),

@@ -3,7 +3,7 @@
 use crate::load::JointLoaded;
 use serde::Serialize;
 use std::fmt::Write;
-use thermyo_scenario::joint::{Joint, JointController, JointDrive};
+use thermyo_scenario::joint::{Joint, JointController, JointDrive, RADII};
 use thermyo_scenario::schema::Table;
 use thermyo_setup::Loaded;
 
@@ -11,12 +11,20 @@ use thermyo_setup::Loaded;
 /// shared, each other one is of its muscle.
 pub fn render(loaded: &JointLoaded) -> String {
     let mut text = String::new();
-    push(&mut text, "joint", &Joint::TABLE, &loaded.joint);
+    let radii =
+        |joint: &Joint| -> &[&str] { if joint.radius_csv.is_some() { &RADII } else { &[] } };
+    push(&mut text, "joint", &Joint::TABLE, &loaded.joint, radii(&loaded.joint));
     if loaded.believed != loaded.joint {
-        push(&mut text, "believed.joint", &Joint::TABLE, &loaded.believed);
+        // A table is the plant's: left out, the core has the cubic through it.
+        let believed = Joint { radius_csv: None, ..loaded.believed.clone() };
+        push(&mut text, "believed.joint", &Joint::TABLE, &believed, radii(&loaded.believed));
     }
-    push(&mut text, "joint.controller", &JointController::TABLE, &loaded.controller);
-    push(&mut text, "drive", &JointDrive::TABLE, &loaded.drive);
+    if let Some(off) = loaded.radii_off() {
+        let percent = 100.0 * off.share;
+        let _ = writeln!(text, "# The core's radii are {percent:.2} % off the table's at most.");
+    }
+    push(&mut text, "joint.controller", &JointController::TABLE, &loaded.controller, &[]);
+    push(&mut text, "drive", &JointDrive::TABLE, &loaded.drive, &[]);
     let [a, b] = loaded.muscles.each_ref().map(sections);
     let shared: Vec<Section> = a.iter().filter_map(|of_a| both(of_a, &b)).collect();
     push_sections(&mut text, "", &shared);
@@ -107,7 +115,8 @@ fn push_sections(text: &mut String, prefix: &str, sections: &[Section]) {
     }
 }
 
-fn push(text: &mut String, name: &str, table: &Table, values: &impl Serialize) {
+/// A table; keys that `follow` from others are comments.
+fn push(text: &mut String, name: &str, table: &Table, values: &impl Serialize, follow: &[&str]) {
     let values = toml::Table::try_from(values).unwrap_or_default();
     if !text.is_empty() {
         text.push('\n');
@@ -115,6 +124,9 @@ fn push(text: &mut String, name: &str, table: &Table, values: &impl Serialize) {
     let _ = writeln!(text, "[{name}]  # {}", table.meaning);
     for key in table.keys {
         let _ = match values.get(key.name) {
+            Some(value) if follow.contains(&key.name) => {
+                writeln!(text, "# {} = {value}, by radius_csv  # {}", key.name, key.comment())
+            }
             Some(value) => writeln!(text, "{} = {value}  # {}", key.name, key.comment()),
             None => writeln!(text, "# {} = \"FILE.csv\"  # {}", key.name, key.comment()),
         };

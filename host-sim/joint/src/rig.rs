@@ -291,21 +291,32 @@ impl Rig {
         self.plant.truth()
     }
 
-    /// K = r^2 sum(k P A^2/V + P_g dA/dL + k_b), with the gas of a muscle's tube.
+    /// K = sum r_i^2 (k P A^2/V + P_g dA/dL + k_b) - r_a' F_a + r_b' F_b, with the gas of a muscle's tube, and forces of
+    /// gas and bladder.
     fn stiffness_n_m_rad(&self, truth: &JointTruth) -> f64 {
         let muscles = self.scenarios.iter().zip(&self.chambers).zip(&truth.muscles);
         let springs = muscles.map(|((scenario, chamber), muscle)| {
-            let Some(chamber) = chamber else { return 0.0 };
+            let Some(chamber) = chamber else { return [0.0; 2] };
             let tube_m3 = if scenario.moves_in_full() { scenario.tube.volume_m3 } else { 0.0 };
             let (length, pressure) = (muscle.length_m, muscle.pressure_pa);
             let area = chamber.force_area(length);
             let gas = scenario.gas.heat_capacity_ratio * pressure * area * area
                 / (muscle.volume_m3 + tube_m3);
             let gauge_pa = pressure - scenario.ambient.pressure_pa;
-            gas + gauge_pa * chamber.force_area_slope(length) + chamber.elastic_slope(length)
+            let spring =
+                gas + gauge_pa * chamber.force_area_slope(length) + chamber.elastic_slope(length);
+            [spring, gauge_pa * area + chamber.elastic(length)]
         });
-        let radius_m = self.plant.arm().radius_m;
-        radius_m * radius_m * springs.sum::<f64>()
+        let pulley = &self.plant.arm().pulley;
+        let [of_a, of_b] = pulley.slopes_per_rad(truth.angle_rad);
+        let levers = pulley.shares(truth.angle_rad).into_iter().zip([-of_a, of_b]);
+        let (mut spring_n_m, mut turn_n) = (0.0, 0.0);
+        for ([spring, force], (share, turn)) in springs.zip(levers) {
+            spring_n_m += share * share * spring;
+            turn_n += turn * force;
+        }
+        let radius_m = pulley.radius_m;
+        radius_m * radius_m * spring_n_m + radius_m * turn_n
     }
 
     /// Ledgers of the mechanism and of both muscles.

@@ -21,6 +21,9 @@ const SLOW_PWM_HZ: f64 = 40.0;
 /// A stiffness that is missed by less is met: the controller leaves 2 % alone \[-\].
 const STIFFNESS_MET: f64 = 0.05;
 
+/// Radii of the core that are off by less are those of the table \[-\].
+const RADII_MET: f64 = 0.02;
+
 /// Key, value, and the consequence.
 type Warning = (String, String, String);
 
@@ -54,6 +57,7 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
     all.extend(unused_in_drive(document, &loaded.drive));
     found.extend(believed_inertia(loaded));
     found.extend(slow_step(loaded));
+    found.extend(rough_radii(loaded));
     found.extend(beyond_the_muscles(loaded));
     all.extend(found.into_iter().map(|(key, value, why)| InputError {
         file: document.muscles[0].origin.clone(),
@@ -114,6 +118,18 @@ fn believed_inertia(loaded: &JointLoaded) -> Option<Warning> {
         );
         ("believed.joint.inertia_kg_m2".to_owned(), format!("{believed:?}"), why)
     })
+}
+
+fn rough_radii(loaded: &JointLoaded) -> Option<Warning> {
+    let off = loaded.radii_off().filter(|off| off.share > RADII_MET)?;
+    let file = loaded.joint.radius_csv.as_ref()?;
+    let why = format!(
+        "the core has a cubic through the radii, which at {:.2} rad is {:.1} % off that of muscle {}",
+        off.angle_rad,
+        100.0 * off.share,
+        off.muscle
+    );
+    Some(("joint.radius_csv".to_owned(), format!("{:?}", file.display().to_string()), why))
 }
 
 /// A step takes 2 sqrt(q I/torque) at the least, half of it to gain speed and half of it to brake.
@@ -194,10 +210,11 @@ struct Pair {
 impl Pair {
     fn at(loaded: &JointLoaded, angle_rad: f64) -> Self {
         let config = loaded.config();
-        let lengths_m = config.mechanism.lengths_m(angle_rad as f32);
+        let (lengths_m, levers) = config.mechanism.at(angle_rad as f32);
         let line = |i: usize| {
             let muscle = &config.muscles[i];
-            Line::new(muscle, &AnyChamber::new(&muscle.chamber), lengths_m[i], 0.0)
+            let chamber = AnyChamber::new(&muscle.chamber);
+            Line::new(muscle, &chamber, lengths_m[i], 0.0, &levers[i])
         };
         let most_pa = config.muscles.each_ref().map(|muscle| {
             muscle.working_limit_pa().min(muscle.supply.pressure_pa) - muscle.ambient.pressure_pa
@@ -399,7 +416,7 @@ mod tests {
 
     #[test]
     fn the_shipped_joints_have_no_warning() {
-        for name in ["joint.toml", "joint_board.toml"] {
+        for name in ["joint.toml", "joint_board.toml", "joint_pulley.toml"] {
             let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios").join(name);
             let (_, found) = load_with_warnings(&path).unwrap().unwrap();
             assert!(found.is_empty(), "{name}: {found:?}");

@@ -1,9 +1,12 @@
 //! Two muscles on a pulley, in f64: an arm with inertia, gravity, friction, stops and tendons that cannot push.
 //!
 //! ```text
-//! J q'' = r (T_a - T_b) - G sin(q - q_hanging) - viscous q' - dry friction + external torque
-//! L_a   = mid_a - r q,   L_b = mid_b + r q,   T = max(0, pull of the muscle less what holds it back)
+//! J q'' = r_a T_a - r_b T_b - G sin(q - q_hanging) - viscous q' - dry friction + external torque
+//! L_a   = mid_a - integral of r_a,   L_b = mid_b + integral of r_b,   both from 0 to q
+//! T     = max(0, pull of the muscle less what holds it back)
 //! ```
+//!
+//! Radii may vary with the angle ([`Pulley`]): tendons move by exactly what they are wound up, so that no work is lost.
 //!
 //! Muscles and arm exchange motion and force in steps far below the period of the arm on its springs: a velocity
 //! Verlet step of the arm, between whose half kicks both muscles move with its speed. A slack tendon passes no
@@ -12,6 +15,7 @@
 use super::{
     Actuation, BuildError, Disturbance, Diverged, DrivenEnd, Ledger, Truth, build_driven_end,
 };
+use crate::pulley::Pulley;
 use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
@@ -24,10 +28,10 @@ const MOST_EXCHANGES: f64 = 100.0;
 const PRESLIDING_RAD: f64 = 0.002;
 
 /// The mechanism.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Arm {
-    /// Radius of the pulley \[m\].
-    pub radius_m: f64,
+    /// Radii over the angle.
+    pub pulley: Pulley,
     /// Lengths of muscles a and b at angle 0 \[m\].
     pub mid_length_m: [f64; 2],
     /// Moment of inertia \[kg m2\].
@@ -48,7 +52,14 @@ impl Arm {
     /// Lengths of muscles a and b \[m\] at an angle \[rad\].
     pub fn lengths_m(&self, angle_rad: f64) -> [f64; 2] {
         let [mid_a, mid_b] = self.mid_length_m;
-        [mid_a - self.radius_m * angle_rad, mid_b + self.radius_m * angle_rad]
+        let [way_a, way_b] = self.pulley.ways_m(angle_rad);
+        [mid_a - way_a, mid_b + way_b]
+    }
+
+    /// Torque of two tensions at an angle \[N m\].
+    fn tendon_torque_n_m(&self, [a, b]: [f64; 2], angle_rad: f64) -> f64 {
+        let [of_a, of_b] = self.pulley.shares(angle_rad);
+        self.pulley.radius_m * (of_a * a - of_b * b)
     }
 
     fn gravity_torque_n_m(&self, angle_rad: f64) -> f64 {
@@ -217,7 +228,7 @@ impl Joint {
         JointTruth {
             angle_rad: self.angle_rad,
             speed_rad_s: self.speed_rad_s,
-            torque_n_m: self.arm.radius_m * (tension_n[0] - tension_n[1]),
+            torque_n_m: self.arm.tendon_torque_n_m(tension_n, self.angle_rad),
             tension_n,
             muscles: [self.muscles[0].truth(), self.muscles[1].truth()],
         }
@@ -245,13 +256,14 @@ impl Joint {
 
     /// Torque of everything but viscous friction \[N m\].
     fn torque_n_m(&self) -> f64 {
-        let [a, b] = self.tensions_n();
-        self.arm.radius_m * (a - b) + self.arm.gravity_torque_n_m(self.angle_rad) - self.dry_n_m
+        self.arm.tendon_torque_n_m(self.tensions_n(), self.angle_rad)
+            + self.arm.gravity_torque_n_m(self.angle_rad)
+            - self.dry_n_m
             + self.external_n_m
     }
 
     fn exchange(&mut self, actuation: [Actuation; 2]) -> Result<(), Diverged> {
-        let Arm { radius_m, inertia_kg_m2, viscous_n_m_s, friction_n_m, stops_rad, .. } = self.arm;
+        let Arm { inertia_kg_m2, viscous_n_m_s, friction_n_m, stops_rad, .. } = self.arm;
         let half = 0.5 * self.exchange_s / inertia_kg_m2;
         let before_n = self.tensions_n();
         let pull_before_n = self.pull_n;
@@ -264,7 +276,9 @@ impl Joint {
         if hits {
             speed = (stopped - self.angle_rad) / self.exchange_s;
         }
-        let rates = [-radius_m * speed, radius_m * speed];
+        let Pulley { radius_m, .. } = self.arm.pulley;
+        let means = self.arm.pulley.mean_shares(self.angle_rad, stopped);
+        let rates = [-radius_m * speed * means[0], radius_m * speed * means[1]];
         for ((muscle, rate), actuation) in self.muscles.iter_mut().zip(rates).zip(actuation) {
             muscle.drive_end(rate);
             muscle.advance(actuation)?;
@@ -281,7 +295,8 @@ impl Joint {
             // It stays where it is pressed against the stop, and keeps nothing of its speed.
             self.speed_rad_s = 0.0;
         }
-        self.enter(way, speed, [before_n, pull_before_n], dry_before, hits);
+        let ways = means.map(|share| share * radius_m * way);
+        self.enter((way, ways), speed, [before_n, pull_before_n], dry_before, hits);
         Ok(())
     }
 
@@ -295,18 +310,24 @@ impl Joint {
         kinetic + self.arm.potential_j(self.angle_rad) + stored
     }
 
-    /// Enters one exchange into the ledger.
-    fn enter(&mut self, way: f64, speed: f64, before: [[f64; 2]; 2], dry_before: f64, hits: bool) {
+    /// Enters one exchange into the ledger: the way of the arm \[rad\], and those of both tendons \[m\].
+    fn enter(
+        &mut self,
+        (way, ways_m): (f64, [f64; 2]),
+        speed: f64,
+        before: [[f64; 2]; 2],
+        dry_before: f64,
+        hits: bool,
+    ) {
         let after_n = self.tensions_n();
         let [before_n, pull_before_n] = before;
-        let radius = self.arm.radius_m;
         let energy = self.energy_j();
         let ledger = &mut self.ledger;
         let mut gained = self.external_n_m * way;
         ledger.external_work_j += gained;
         ledger.handled_j += gained.abs();
         for (i, sign) in [(0, 1.0), (1, -1.0)] {
-            let mean = |from: [f64; 2], to: [f64; 2]| 0.5 * (from[i] + to[i]) * sign * radius * way;
+            let mean = |from: [f64; 2], to: [f64; 2]| 0.5 * (from[i] + to[i]) * sign * ways_m[i];
             let work = mean(before_n, after_n);
             ledger.tendon_work_j[i] += work;
             ledger.slack_work_j[i] += mean(pull_before_n, self.pull_n) - work;
@@ -330,7 +351,12 @@ impl Joint {
 /// Exchanges between arm and muscles in a step of the scenarios, and the time of each \[s\].
 fn exchange(arm: &Arm, scenarios: [&Scenario; 2]) -> Result<(u32, f64), BuildError> {
     let step_s = scenarios[0].run.step_s;
-    let swing = scenarios.map(spring_n_m).iter().sum::<f64>() * arm.radius_m * arm.radius_m;
+    let [radii_m, slopes_m_rad] = arm.pulley.largest(arm.stops_rad);
+    let of_muscle = |i: usize| {
+        let (spring_n_m, force_n) = stiffest(scenarios[i]);
+        spring_n_m * radii_m[i] * radii_m[i] + force_n * slopes_m_rad[i]
+    };
+    let swing = of_muscle(0) + of_muscle(1);
     let bearing = arm.friction_n_m / PRESLIDING_RAD;
     let gravity = arm.gravity_n_m;
     let spring_n_m_rad = swing + bearing + gravity;
@@ -360,15 +386,16 @@ fn own(arm: &Arm, scenarios: [&Scenario; 2], angle_rad: f64, exchange_s: f64) ->
 }
 
 /// Stiffest that a muscle of a scenario can be \[N/m\]: friction before it slides, slip, creep, and the gas at the
-/// supply's pressure in the volume at rest.
-fn spring_n_m(scenario: &Scenario) -> f64 {
+/// supply's pressure in the volume at rest; and the force of that pressure there \[N\].
+fn stiffest(scenario: &Scenario) -> (f64, f64) {
     let Scenario { muscle, friction, supply, gas, .. } = scenario;
     let hysteresis = muscle.slip_stiffness_n_m + muscle.creep_fast_n_m + muscle.creep_slow_n_m;
     let presliding = if friction.force_n > 0.0 { friction.presliding_stiffness_n_m } else { 0.0 };
     let held = presliding + hysteresis + muscle.bladder_stiffness_n_m;
-    let Some(chamber) = super::chamber::of(scenario) else { return held };
+    let Some(chamber) = super::chamber::of(scenario) else { return (held, 0.0) };
     let rest = chamber.rest_length();
     let area = chamber.force_area(rest);
     let spring = gas.heat_capacity_ratio * supply.pressure_pa * area * area / chamber.volume(rest);
-    held + spring + supply.pressure_pa * chamber.force_area_slope(rest).abs()
+    let gas = spring + supply.pressure_pa * chamber.force_area_slope(rest).abs();
+    (held + gas, supply.pressure_pa * area.abs())
 }

@@ -24,6 +24,7 @@ mod ode;
 mod piping;
 mod proportional;
 mod pull;
+pub mod pulley;
 mod pwm;
 mod radial;
 mod sensors;

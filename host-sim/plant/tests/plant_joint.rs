@@ -3,12 +3,15 @@
 
 use ode_solvers::{Dop853, SVector, System};
 use std::f64::consts::TAU;
+use std::sync::Arc;
 use thermyo_plant::Actuation;
 use thermyo_plant::joint::{Arm, Joint};
+use thermyo_plant::pulley::Pulley;
 use thermyo_scenario::{HeatModel, PlantModel, Scenario};
 
+const RADIUS_M: f64 = 0.02;
 const ARM: Arm = Arm {
-    radius_m: 0.02,
+    pulley: Pulley::constant(RADIUS_M),
     mid_length_m: [0.27, 0.27],
     inertia_kg_m2: 0.02,
     gravity_n_m: 0.0,
@@ -18,6 +21,14 @@ const ARM: Arm = Arm {
     stops_rad: [-0.8, 0.8],
 };
 const SHUT: [Actuation; 2] = [Actuation { inlet: 0.0, outlet: 0.0 }; 2];
+
+/// A table whose radii vary by that share per angle, that of muscle b the other way.
+fn varying(per_rad: f64) -> Pulley {
+    let row = |angle: f64| {
+        [angle, RADIUS_M * (1.0 + per_rad * angle), RADIUS_M * (1.0 - per_rad * angle)]
+    };
+    Pulley::rows(RADIUS_M, Arc::from([row(-1.0), row(1.0)]))
+}
 
 /// A muscle at 2.9 bar without any loss.
 fn lossless(model: PlantModel) -> Scenario {
@@ -67,19 +78,25 @@ fn swing(joint: &mut Joint, steps: u32) -> (Vec<f64>, f64) {
     (passes, most)
 }
 
-/// T = 2 pi sqrt(J/K), K = r^2 sum(k P A^2/V + P_g dA/dL + k_b): of either plant, the full one with the gas of its tube.
+/// T = 2 pi sqrt(J/K), K = r^2 sum(k P A^2/V + P_g dA/dL + k_b) - r_a' F_a + r_b' F_b: of either plant, the full one with
+/// the gas of its tube.
 #[test]
 fn a_small_oscillation_has_the_period_of_the_gas_spring() {
-    for model in [PlantModel::Lumped, PlantModel::Full] {
+    for (model, per_rad) in [PlantModel::Lumped, PlantModel::Full]
+        .into_iter()
+        .flat_map(|model| [0.0, 0.3, -0.3].map(|per_rad| (model, per_rad)))
+    {
         let scenario = lossless(model);
         let full = model == PlantModel::Full;
         let tube_m3 = if full { scenario.tube.volume_m3 } else { 0.0 };
         let dead_m3 = scenario.muscle.dead_volume_m3 + tube_m3;
         let slope = |way: f64| pull(&scenario, dead_m3, 0.27 + way);
         let spring = (slope(1e-5) - slope(-1e-5)) / 2e-5;
-        let stiffness = 2.0 * ARM.radius_m * ARM.radius_m * spring;
-        assert!((13.0..15.0).contains(&stiffness), "{stiffness} N m/rad");
-        let mut joint = Joint::new(ARM, [&scenario; 2], 0.0).unwrap();
+        let turns = per_rad * RADIUS_M * slope(0.0);
+        let stiffness = 2.0 * (RADIUS_M * RADIUS_M * spring - turns);
+        assert!((8.0..20.0).contains(&stiffness), "{stiffness} N m/rad");
+        let pulley = if per_rad == 0.0 { ARM.pulley } else { varying(per_rad) };
+        let mut joint = Joint::new(Arm { pulley, ..ARM }, [&scenario; 2], 0.0).unwrap();
         joint.load(0.1);
         for _ in 0..50 {
             joint.advance(SHUT).unwrap();
@@ -90,35 +107,49 @@ fn a_small_oscillation_has_the_period_of_the_gas_spring() {
         let period = (passes[count] - passes[0]) / count as f64;
         let expected = TAU * (ARM.inertia_kg_m2 / stiffness).sqrt();
         let bound = if full { 3e-3 } else { 2e-4 };
-        assert!((period / expected - 1.0).abs() < bound, "{model:?}: {period} s for {expected} s");
+        assert!(
+            (period / expected - 1.0).abs() < bound,
+            "{model:?}, {per_rad}: {period} s for {expected} s"
+        );
     }
 }
 
 struct Swinging {
     scenario: Scenario,
     arm: Arm,
+    /// How the radii vary.
+    per_rad: f64,
 }
 
 impl System<f64, SVector<f64, 2>> for Swinging {
     fn system(&self, _: f64, y: &SVector<f64, 2>, dy: &mut SVector<f64, 2>) {
-        let Self { scenario, arm } = self;
+        let Self { scenario, arm, per_rad } = self;
         let dead_m3 = scenario.muscle.dead_volume_m3;
-        let way = arm.radius_m * y[0];
-        let pulls = [0.27 - way, 0.27 + way].map(|length| pull(scenario, dead_m3, length).max(0.0));
+        let way = |per_rad: f64| RADIUS_M * (y[0] + 0.5 * per_rad * y[0] * y[0]);
+        let lengths = [0.27 - way(*per_rad), 0.27 + way(-per_rad)];
+        let pulls = lengths.map(|length| pull(scenario, dead_m3, length).max(0.0));
         let gravity = -arm.gravity_n_m * (y[0] - arm.gravity_angle_rad).sin();
-        let torque = arm.radius_m * (pulls[0] - pulls[1]) + gravity - arm.viscous_n_m_s * y[1];
+        let radius = |per_rad: f64| RADIUS_M * (1.0 + per_rad * y[0]);
+        let torque = radius(*per_rad) * pulls[0] - radius(-per_rad) * pulls[1] + gravity
+            - arm.viscous_n_m_s * y[1];
         dy[0] = y[1];
         dy[1] = torque / arm.inertia_kg_m2;
     }
 }
 
-/// 40 deg on gas springs, with gravity and damping, against Dormand and Prince of eighth order.
+/// 40 deg on gas springs, with gravity and damping, against Dormand and Prince of eighth order; on a constant radius and
+/// on one of a table.
 #[test]
 fn a_large_motion_is_that_of_an_independent_solver() {
-    let arm = Arm { gravity_n_m: 4.9, gravity_angle_rad: 0.3, viscous_n_m_s: 0.05, ..ARM };
+    follows_the_solver(ARM.pulley, 0.0);
+    follows_the_solver(varying(-0.2), -0.2);
+}
+
+fn follows_the_solver(pulley: Pulley, per_rad: f64) {
+    let arm = Arm { pulley, gravity_n_m: 4.9, gravity_angle_rad: 0.3, viscous_n_m_s: 0.05, ..ARM };
     let scenario = lossless(PlantModel::Lumped);
-    let mut joint = Joint::new(arm, [&scenario; 2], 0.0).unwrap();
-    let system = Swinging { scenario, arm };
+    let mut joint = Joint::new(arm.clone(), [&scenario; 2], 0.0).unwrap();
+    let system = Swinging { scenario, arm, per_rad };
     // The plant starts at rest at 0; the solver follows it from a thrown state.
     joint.load(8.0);
     for _ in 0..60 {
@@ -146,7 +177,14 @@ fn a_large_motion_is_that_of_an_independent_solver() {
 /// Work of the gas, less that against ambient, is what muscles lose, store and pull with; and the arm's balance closes.
 #[test]
 fn energy_closes_over_gas_muscles_and_arm() {
-    for model in [PlantModel::Lumped, PlantModel::Full] {
+    // The slope changes within the way.
+    let kinked =
+        [[-0.6, 0.016, 0.024], [-0.1, 0.021, 0.021], [0.2, 0.019, 0.022], [0.6, 0.024, 0.016]];
+    let kinked = Pulley::rows(RADIUS_M, Arc::from(kinked));
+    for (model, pulley) in [PlantModel::Lumped, PlantModel::Full]
+        .into_iter()
+        .flat_map(|model| [ARM.pulley, kinked.clone()].map(|pulley| (model, pulley)))
+    {
         let mut scenario = Scenario::default();
         scenario.plant.model = model;
         scenario.plant.initial_pressure_pa = 2.5e5;
@@ -155,6 +193,7 @@ fn energy_closes_over_gas_muscles_and_arm() {
         scenario.friction.stribeck_force_n = 0.0;
         scenario.friction.presliding_stiffness_n_m = 0.0;
         let arm = Arm {
+            pulley,
             gravity_n_m: 4.9,
             viscous_n_m_s: 0.05,
             friction_n_m: 0.2,

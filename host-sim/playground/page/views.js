@@ -143,9 +143,15 @@ const JOINT = {
   drawing: ["joint", Joint],
   facts({ joint, b, ...a }) {
     const { radius_m, mid_length_a_m, mid_length_b_m, minimum_rad, maximum_rad, gravity_angle_rad } = joint;
+    // The integral of the radius from angle 0 on.
+    const way_m = (of, share, q) => radius_m * q * (share + q * (joint[`radius_${of}_per_rad`] / 2
+      + q * (joint[`radius_${of}_per_rad2`] / 3 + q * joint[`radius_${of}_per_rad3`] / 4)));
     return {
       radius_m, stops_rad: [minimum_rad, maximum_rad], hangs_rad: gravity_angle_rad,
-      lengths_m: [mid_length_a_m - radius_m * minimum_rad, mid_length_b_m + radius_m * maximum_rad],
+      lengths_m: [
+        mid_length_a_m - way_m("a", 1, minimum_rad),
+        mid_length_b_m + way_m("b", joint.radius_b_share, maximum_rad),
+      ],
       braids: [a, b].map((muscle) => braided(muscle)?.braid),
     };
   },

@@ -45,6 +45,14 @@ table! {
     "joint", "two muscles on a pulley; muscle a shortens as the angle grows", believed, physical;
     Joint as joint::Mechanism {
         core radius_m;
+        radius_csv: csv ["angle_rad", "radius_a_m", "radius_b_m"], "radii over the angle by its rising values, in place of radius_m and the seven keys below it; the core has a cubic through them";
+        core radius_a_per_rad;
+        core radius_a_per_rad2;
+        core radius_a_per_rad3;
+        core radius_b_share;
+        core radius_b_per_rad;
+        core radius_b_per_rad2;
+        core radius_b_per_rad3;
         core mid_length_a_m;
         core mid_length_b_m;
         core inertia_kg_m2;
@@ -117,6 +125,18 @@ table! {
         load_csv: csv ["time_s", "torque_n_m"], "external torque over time, added to load_n_m";
     }
 }
+
+/// Keys of the radii, in place of which there may be `radius_csv`.
+pub const RADII: [&str; 8] = [
+    "radius_m",
+    "radius_a_per_rad",
+    "radius_a_per_rad2",
+    "radius_a_per_rad3",
+    "radius_b_share",
+    "radius_b_per_rad",
+    "radius_b_per_rad2",
+    "radius_b_per_rad3",
+];
 
 /// A scenario of a joint, split and read.
 #[derive(Debug, Clone, PartialEq)]
@@ -227,9 +247,14 @@ impl JointDocument {
             refuse_senseless(own, owner)?;
         }
         let muscles = own_entries.each_ref().map(|own| shared.overlaid(own));
-        let (tables, given) = own_tables(&own, origin)?;
+        let own = own_tables(&own, origin)?;
+        refuse_radii(&own, origin)?;
+        let (tables, given) = own;
         let table = |name: &str| tables.get(name).cloned().unwrap_or_default();
         let mut believed = table("joint");
+        if table("believed.joint").contains_key("radius_m") {
+            believed.remove("radius_csv");
+        }
         believed.extend(table("believed.joint"));
         Ok(Self {
             joint: filled(table("joint"), origin)?,
@@ -287,6 +312,16 @@ impl JointDocument {
             value: value.text(),
             allowed: allowed_instead(key.allowed, Some(&value.text())),
         })?;
+        let by_table = [("joint", &self.joint), ("believed.joint", &self.believed)]
+            .into_iter()
+            .any(|(of, joint)| of == table && joint.radius_csv.is_some());
+        if by_table && RADII.contains(&name) {
+            match table {
+                // One radius in place of the plant's table.
+                "believed.joint" if name == "radius_m" => self.believed.radius_csv = None,
+                _ => return Err(beside_table(full_path, value.text())),
+            }
+        }
         let believed = format!("believed.joint.{name}");
         let follows = !self.has(&believed);
         match table {
@@ -553,6 +588,42 @@ pub fn of_muscle(full_path: &str) -> &str {
     a.or(b).unwrap_or(full_path)
 }
 
+/// The refusal of a radius beside `joint.radius_csv`.
+fn beside_table(full_path: &str, value: String) -> Problem {
+    let allowed = if full_path.starts_with("believed.") {
+        "left out, or beside a believed.joint.radius_m: joint.radius_csv gives the radii"
+    } else {
+        "left out: joint.radius_csv gives the radii"
+    };
+    Problem::NotAllowed { key: full_path.to_owned(), value, allowed: allowed.to_owned() }
+}
+
+/// Refuses a radius beside a table of radii, and a table that is only believed.
+fn refuse_radii((tables, given): &Own, origin: &Path) -> Result<(), InputError> {
+    let value = |of: &str, name: &str| tables.get(of)?.get(name);
+    let refuse = |path: &str, problem| {
+        let line = given.iter().find(|(given, _)| given == path).map(|(_, line)| *line);
+        Err(located(origin, line, problem))
+    };
+    if value("believed.joint", "radius_csv").is_some() {
+        let key = "believed.joint.radius_csv";
+        return refuse(key, Problem::NotBelieved { key: key.to_owned() });
+    }
+    if value("joint", "radius_csv").is_none() {
+        return Ok(());
+    }
+    let replaced = value("believed.joint", "radius_m").is_some();
+    for of in ["joint", "believed.joint"].into_iter().filter(|of| *of == "joint" || !replaced) {
+        for name in RADII {
+            if let Some(value) = value(of, name) {
+                let path = format!("{of}.{name}");
+                return refuse(&path, beside_table(&path, value.to_string()));
+            }
+        }
+    }
+    Ok(())
+}
+
 fn located(origin: &Path, line: Option<u64>, problem: Problem) -> InputError {
     InputError { file: origin.to_path_buf(), line, problem: Box::new(problem) }
 }
@@ -669,6 +740,48 @@ mod tests {
         let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").unwrap();
         assert_eq!([zones(0), zones(1)].map(|entry| entry.written.as_str()), ["4", "2"]);
         assert!(document.muscles[1].plant.get("muscle.slip_force_n").is_none());
+    }
+
+    #[test]
+    fn a_table_of_radii_takes_the_place_of_the_others() {
+        let table = "[joint]\nradius_csv = \"radius.csv\"\n";
+        let mut document = parse(table).unwrap();
+        assert_eq!(document.believed.radius_csv, document.joint.radius_csv);
+        let mut set = |path: &str, value: f64| {
+            document.set(path, Setting::Number(value)).map_err(|problem| problem.to_string())
+        };
+        let said = set("joint.radius_m", 0.02).unwrap_err();
+        assert_eq!(
+            said,
+            "joint.radius_m = 0.02: must be left out: joint.radius_csv gives the radii"
+        );
+        let said = set("believed.joint.radius_b_share", 1.1).unwrap_err();
+        assert!(
+            said.ends_with("or beside a believed.joint.radius_m: joint.radius_csv gives the radii")
+        );
+        set("believed.joint.radius_m", 0.021).unwrap();
+        set("believed.joint.radius_b_share", 1.1).unwrap();
+        assert_eq!((&document.believed.radius_csv, document.believed.radius_m), (&None, 0.021));
+        let constant = parse(&format!("{table}[believed.joint]\nradius_m = 0.03\n")).unwrap();
+        assert!(constant.joint.radius_csv.is_some() && constant.believed.radius_csv.is_none());
+        for (text, message) in [
+            (
+                format!("{table}radius_b_share = 1.1\n"),
+                "joint.toml:3: joint.radius_b_share = 1.1: must be left out: joint.radius_csv gives the radii",
+            ),
+            (
+                format!("{table}[believed.joint]\nradius_a_per_rad = 0.1\n"),
+                "joint.toml:4: believed.joint.radius_a_per_rad = 0.1: must be left out, or beside a \
+                 believed.joint.radius_m: joint.radius_csv gives the radii",
+            ),
+            (
+                "[joint]\n[believed.joint]\nradius_csv = \"radius.csv\"\n".to_owned(),
+                "joint.toml:3: believed.joint.radius_csv",
+            ),
+        ] {
+            let said = parse(&text).unwrap_err();
+            assert!(said.starts_with(message), "{said}");
+        }
     }
 
     #[test]

@@ -289,7 +289,10 @@ fn beside(origin: &Path, path: &Path) -> PathBuf {
 
 /// The numbers in columns of a table, by row. `wrong` finds the first cell that is not allowed, and
 /// gives the allowed values.
-fn numbers<const N: usize>(
+///
+/// # Errors
+/// For a column that is missing, and that cell.
+pub fn numbers_in<const N: usize>(
     table: &CsvTable,
     columns: [&str; N],
     wrong: impl Fn(&[[f64; N]]) -> Option<WrongCell>,
@@ -315,7 +318,7 @@ fn rows<const N: usize>(
     let Allowed::Csv { columns } = entry.key.allowed else { return Ok(Vec::new()) };
     let Ok(columns) = columns.try_into() else { return Ok(Vec::new()) };
     let table = read_table(&beside(origin, path));
-    table.and_then(|table| numbers(&table, columns, wrong)).map_err(|e| named(e, entry, origin))
+    table.and_then(|table| numbers_in(&table, columns, wrong)).map_err(|e| named(e, entry, origin))
 }
 
 /// If the file as a whole is wrong, the path may be the mistake.
@@ -380,7 +383,7 @@ pub fn profile_in(
         let row = rows.iter().position(|[_, value]| !allowed.contains(*value))?;
         Some(WrongCell { row, column: 1, allowed: format!("{allowed}{separator}{why}") })
     };
-    let rows = numbers(table, ["time_s", column], wrong)?;
+    let rows = numbers_in(table, ["time_s", column], wrong)?;
     Profile::new(rows.into_iter().map(|[time, value]| (time, value)).collect())
         .map_err(|error| table.header_error(Problem::Unreadable(error.to_string())))
 }

@@ -9,10 +9,19 @@
 //! K      = r^2 sum(P_g kappa + c)        kappa = k A^2/V + dA/dL,  c = k P_amb A^2/V + k_b
 //! ```
 //!
-//! Both are linear in the two pressures, and their determinant r^3 (A_a kappa_b + A_b kappa_a) is positive.
+//! A muscle whose radius s r varies with the angle q acts like another one on r ([`Line::new`]):
+//!
+//! ```text
+//! A -> s A    h -> s h    kappa -> s^2 kappa + t A    c -> s^2 c - t h    t = -s'/r (a), s'/r (b)
+//! K = sum(r_i^2 dF_i/dL) - r_a' F_a + r_b' F_b
+//! ```
+//!
+//! Both are linear in the two pressures, and their determinant r^3 (A_a kappa_b + A_b kappa_a) is positive, but for a
+//! radius that varies faster than gas is stiff.
 //! Where a pressure is at its limit, torque wins: the pressures move along the line of equal torque to the
 //! nearest stiffness that can be.
 
+use super::pulley::Lever;
 use crate::config::Config;
 use crate::math::limit;
 use crate::physics::chamber::Chamber;
@@ -38,20 +47,38 @@ pub struct Line {
 }
 
 impl Line {
-    /// A muscle at a length \[m\] whose slip and creep hold back that force \[N\].
-    pub fn new(config: &Config, chamber: &impl Chamber, length_m: f32, hysteresis_n: f32) -> Self {
+    /// A muscle at a length \[m\] whose slip and creep hold back that force \[N\], as it acts by its lever.
+    pub fn new(
+        config: &Config,
+        chamber: &impl Chamber,
+        length_m: f32,
+        hysteresis_n: f32,
+        lever: &Lever,
+    ) -> Self {
         let volume_m3 = chamber.volume_m3(length_m);
         let area_m2 = limit(-chamber.volume_slope_m2(length_m), LEAST_M2, f32::MAX);
         let elastic_n_m = chamber.stiffness_n_m(0.0, length_m);
         let widens_m =
             (chamber.stiffness_n_m(SLOPE_OVER_PA, length_m) - elastic_n_m) * (1.0 / SLOPE_OVER_PA);
         let gas_m = config.gas.heat_capacity_ratio * area_m2 * area_m2 / volume_m3;
-        Self {
+        let alone = Self {
             volume_m3,
             area_m2,
             held_n: hysteresis_n - chamber.force_n(0.0, length_m),
             stiffness_m: gas_m + widens_m,
             stiffness_n_m: gas_m * config.ambient.pressure_pa + elastic_n_m,
+        };
+        if lever.is_plain() {
+            return alone;
+        }
+        let Lever { share, turn_per_m } = *lever;
+        let square = share * share;
+        Self {
+            volume_m3,
+            area_m2: share * area_m2,
+            held_n: share * alone.held_n,
+            stiffness_m: square * alone.stiffness_m + turn_per_m * area_m2,
+            stiffness_n_m: square * alone.stiffness_n_m - turn_per_m * alone.held_n,
         }
     }
 
@@ -95,10 +122,11 @@ pub struct Allocation {
 /// ```
 /// use model_core::Config;
 /// use model_core::joint::allocation::{Line, allocate, stiffness_n_m_rad, torque_n_m};
+/// use model_core::joint::pulley::Lever;
 /// use model_core::physics::chamber::AnyChamber;
 ///
 /// let config = Config::default();
-/// let line = Line::new(&config, &AnyChamber::new(&config.chamber), 0.27, 0.0);
+/// let line = Line::new(&config, &AnyChamber::new(&config.chamber), 0.27, 0.0, &Lever::PLAIN);
 /// let found = allocate(0.02, &[line; 2], [2.0, 14.0], [5.0e5; 2]);
 /// assert!((torque_n_m(0.02, &[line; 2], found.gauge_pa) - 2.0).abs() < 1e-3);
 /// assert!((stiffness_n_m_rad(0.02, &[line; 2], found.gauge_pa) - 14.0).abs() < 1e-3);
@@ -135,6 +163,7 @@ pub fn allocate(
 
 #[cfg(test)]
 mod tests {
+    use super::super::config::Mechanism;
     use super::*;
     use crate::physics::chamber::{AnyChamber, ChamberConfig};
     use proptest::prelude::*;
@@ -151,7 +180,7 @@ mod tests {
         }
         let [of_a, of_b] = hysteresis_n;
         let line = |config: &Config, length_m, held_n| {
-            Line::new(config, &AnyChamber::new(&config.chamber), length_m, held_n)
+            Line::new(config, &AnyChamber::new(&config.chamber), length_m, held_n, &Lever::PLAIN)
         };
         let way_m = RADIUS_M * angle_rad;
         [line(&config, 0.27 - way_m, of_a), line(&other, 0.27 + way_m, of_b)]
@@ -163,7 +192,7 @@ mod tests {
         let config = Config::default();
         let chamber = AnyChamber::new(&config.chamber);
         let (length_m, gauge_pa) = (0.27_f32, 1.9e5_f32);
-        let line = Line::new(&config, &chamber, length_m, 0.0);
+        let line = Line::new(&config, &chamber, length_m, 0.0, &Lever::PLAIN);
         let force_n = |way_m: f32| {
             let at_m = length_m + way_m;
             let ratio = f64::from(line.volume_m3) / f64::from(chamber.volume_m3(at_m));
@@ -173,6 +202,35 @@ mod tests {
         let slope = (force_n(2.0e-3) - force_n(-2.0e-3)) / 4.0e-3;
         let spring = f64::from(line.spring_n_m(gauge_pa));
         assert!((spring / slope - 1.0).abs() < 2e-3, "{spring} {slope}");
+    }
+
+    /// At fixed pressures, without the spring of the gas: the slope of the torque over the angle.
+    #[test]
+    fn stiffness_has_the_slope_of_the_radius() {
+        let mechanism = Mechanism {
+            radius_a_per_rad: -0.2,
+            radius_a_per_rad2: 0.05,
+            radius_b_share: 1.1,
+            radius_b_per_rad: 0.15,
+            radius_b_per_rad3: -0.03,
+            ..Mechanism::default()
+        };
+        let mut config = Config::default();
+        config.gas.heat_capacity_ratio = 0.0;
+        let chamber = AnyChamber::new(&config.chamber);
+        let gauge_pa = [2.4e5, 1.7e5];
+        let pair = |angle_rad: f32| {
+            let ([a_m, b_m], [of_a, of_b]) = mechanism.at(angle_rad);
+            let line = |length_m, lever| Line::new(&config, &chamber, length_m, 0.0, lever);
+            [line(a_m, &of_a), line(b_m, &of_b)]
+        };
+        let torque = |angle_rad| f64::from(torque_n_m(RADIUS_M, &pair(angle_rad), gauge_pa));
+        for angle_rad in [-0.5_f32, 0.0, 0.6] {
+            let h = 0.01;
+            let slope = (torque(angle_rad - h) - torque(angle_rad + h)) / (2.0 * f64::from(h));
+            let stiffness = f64::from(stiffness_n_m_rad(RADIUS_M, &pair(angle_rad), gauge_pa));
+            assert!((stiffness / slope - 1.0).abs() < 2e-3, "{stiffness} {slope} at {angle_rad}");
+        }
     }
 
     proptest! {

@@ -1,6 +1,7 @@
 //! Configuration of a joint, and what its values may be.
 
 use super::encoder::AnglePart;
+use super::pulley::{Lever, Shape};
 use crate::config::{Config, Load};
 use crate::parameter::{ConfigError, parameters, within};
 use crate::physics::chamber::{AnyChamber, Chamber};
@@ -9,13 +10,31 @@ use core::f32::consts::TAU;
 /// Length that a muscle keeps free towards either end of its lengths, share of the rest length \[-\].
 const CLEARANCE: f32 = 0.001;
 
+/// Radii between the stops, in `joint.radius_m`, at least and at most \[-\].
+const RADII: [f32; 2] = [0.05, 20.0];
+/// Intervals between the stops at whose ends radii and lengths are checked.
+const INTERVALS: f32 = 16.0;
+/// Keys of the refusal of muscle a's radius, and of muscle b's.
+const RADIUS_KEYS: [&str; 2] = [
+    "joint.radius_a_per_rad (radius between the stops, in joint.radius_m)",
+    "joint.radius_b_share (radius between the stops, in joint.radius_m)",
+];
+
 /// Angle from a stop to the jump of an AS5600's reading, at least: more than a stop gives way \[rad\].
 const CLEAR_RAD: f32 = 0.1;
 
 parameters! {
-    /// The mechanism. Muscle a shortens as the angle grows: L_a = mid_length_a_m - r q, L_b = mid_length_b_m + r q.
+    /// The mechanism. Muscle a shortens as the angle grows: L_a = mid_length_a_m - r q, L_b = mid_length_b_m + r q; of a
+    /// radius that varies, by its integral from angle 0 on: see [`pulley`](super::pulley).
     "joint": Mechanism {
-        radius_m: 0.02, "m", 1.0e-3 to 10.0, "radius of the pulley";
+        radius_m: 0.02, "m", 1.0e-3 to 10.0, "radius of the pulley; of one that varies, that of muscle a at angle 0";
+        radius_a_per_rad: 0.0, "1/rad", -100.0 to 100.0, "how the radius of muscle a varies: share of radius_m per angle";
+        radius_a_per_rad2: 0.0, "1/rad2", -100.0 to 100.0, "the same per square of the angle";
+        radius_a_per_rad3: 0.0, "1/rad3", -100.0 to 100.0, "the same per cube of the angle";
+        radius_b_share: 1.0, "", 0.01 to 100.0, "radius of muscle b at angle 0, in radius_m";
+        radius_b_per_rad: 0.0, "1/rad", -100.0 to 100.0, "how the radius of muscle b varies: share of radius_m per angle";
+        radius_b_per_rad2: 0.0, "1/rad2", -100.0 to 100.0, "the same per square of the angle";
+        radius_b_per_rad3: 0.0, "1/rad3", -100.0 to 100.0, "the same per cube of the angle";
         mid_length_a_m: 0.27, "m", 1.0e-3 to 10.0, "length of muscle a at angle 0";
         mid_length_b_m: 0.27, "m", 1.0e-3 to 10.0, "length of muscle b at angle 0";
         inertia_kg_m2: 0.02, "kg m2", 1.0e-6 to 1.0e4, "moment of inertia about the axis";
@@ -70,10 +89,31 @@ pub struct JointConfig {
 }
 
 impl Mechanism {
+    /// How the radii of muscles a and b vary.
+    pub fn shapes(&self) -> [Shape; 2] {
+        let Self { radius_a_per_rad, radius_a_per_rad2, radius_a_per_rad3, .. } = *self;
+        let Self { radius_b_share, radius_b_per_rad, radius_b_per_rad2, radius_b_per_rad3, .. } =
+            *self;
+        [
+            Shape([1.0, radius_a_per_rad, radius_a_per_rad2, radius_a_per_rad3]),
+            Shape([radius_b_share, radius_b_per_rad, radius_b_per_rad2, radius_b_per_rad3]),
+        ]
+    }
+
+    /// Length of each muscle at an angle \[m\], and how it acts.
+    #[inline(never)] // In three places: as small as can be.
+    pub fn at(&self, angle_rad: f32) -> ([f32; 2], [Lever; 2]) {
+        let [a, b] = self.shapes();
+        let (a_rad, of_a) = a.at(angle_rad, -self.radius_m);
+        let (b_rad, of_b) = b.at(angle_rad, self.radius_m);
+        let length_a_m = self.mid_length_a_m - self.radius_m * a_rad;
+        let length_b_m = self.mid_length_b_m + self.radius_m * b_rad;
+        ([length_a_m, length_b_m], [of_a, of_b])
+    }
+
     /// Length of each muscle at an angle \[m\].
     pub fn lengths_m(&self, angle_rad: f32) -> [f32; 2] {
-        let way_m = self.radius_m * angle_rad;
-        [self.mid_length_a_m - way_m, self.mid_length_b_m + way_m]
+        self.at(angle_rad).0
     }
 }
 
@@ -86,7 +126,7 @@ impl JointConfig {
     /// let mut config = JointConfig::default();
     /// assert!(config.check().is_ok());
     /// config.mechanism.radius_m = 0.2;
-    /// assert_eq!(config.check().unwrap_err().field, "joint.mid_length_a_m (less joint.radius_m times the stop)");
+    /// assert_eq!(config.check().unwrap_err().field, "joint.mid_length_a_m (less the pulley's way to the stop)");
     /// ```
     ///
     /// # Errors
@@ -118,20 +158,35 @@ impl JointConfig {
         let Mechanism { minimum_rad, maximum_rad, .. } = *mechanism;
         within("joint.maximum_rad", maximum_rad, minimum_rad + 0.01, 6.3)?;
         self.check_angle()?;
-        for stop_rad in [minimum_rad, maximum_rad] {
-            let [length_a_m, length_b_m] = mechanism.lengths_m(stop_rad);
-            within_lengths(
-                "joint.mid_length_a_m (less joint.radius_m times the stop)",
-                a,
-                length_a_m,
-            )?;
-            within_lengths(
-                "joint.mid_length_b_m (and joint.radius_m times the stop)",
-                b,
-                length_b_m,
-            )?;
+        let apart_rad = (1.0 / INTERVALS) * (maximum_rad - minimum_rad);
+        let mut angle_rad = minimum_rad;
+        while angle_rad < maximum_rad {
+            self.check_pulley(angle_rad)?;
+            angle_rad += apart_rad;
         }
-        Ok(())
+        self.check_pulley(maximum_rad)
+    }
+
+    /// Checks radii and lengths at an angle between the stops.
+    #[inline(never)] // In two places: as small as can be.
+    fn check_pulley(&self, angle_rad: f32) -> Result<(), ConfigError> {
+        let (lengths_m, [of_a, of_b]) = self.mechanism.at(angle_rad);
+        let [least, most] = RADII;
+        within(RADIUS_KEYS[0], of_a.share, least, most)?;
+        within(RADIUS_KEYS[1], of_b.share, least, most)?;
+        self.check_lengths(lengths_m)
+    }
+
+    /// Checks that both muscles can have the lengths that they have at a stop \[m\].
+    ///
+    /// # Errors
+    /// For the first one that cannot.
+    #[cold]
+    pub fn check_lengths(&self, [length_a_m, length_b_m]: [f32; 2]) -> Result<(), ConfigError> {
+        let [a, b] = &self.muscles;
+        let key = "joint.mid_length_a_m (less the pulley's way to the stop)";
+        within_lengths(key, a, length_a_m)?;
+        within_lengths("joint.mid_length_b_m (and the pulley's way to the stop)", b, length_b_m)
     }
 
     /// Upper end of the angle sensor's range \[rad\]: of an AS5600 a turn above the lower one.
@@ -198,6 +253,13 @@ mod tests {
         };
         let field = with(|config| config.mechanism.mid_length_b_m = 0.32);
         assert!(field.starts_with("joint.mid_length_b_m"), "{field}");
+        let field = with(|config| config.mechanism.radius_a_per_rad = 1.3);
+        assert!(field.starts_with("joint.radius_a_per_rad (radius between the stops"), "{field}");
+        // Negative in the middle of the way only.
+        let field = with(|config| {
+            (config.mechanism.radius_b_share, config.mechanism.radius_b_per_rad2) = (0.04, 2.0);
+        });
+        assert!(field.starts_with("joint.radius_b_share (radius between the stops"), "{field}");
         let field = with(|config| config.mechanism.minimum_rad = 0.9);
         assert_eq!(field, "joint.maximum_rad");
         let field = with(|config| config.muscles[1].pwm_period_steps = 20);

@@ -16,6 +16,7 @@
 use super::allocation::{Allocation, Line, allocate, stiffness_n_m_rad, torque_n_m};
 use super::config::{JointConfig, JointTuning, Mechanism};
 use super::observer::{Friction, Observer};
+use super::pulley::Lever;
 use super::reference::{Motion, Reference};
 use super::set_point::JointSetPoint;
 use crate::config::Config;
@@ -56,6 +57,8 @@ struct Side {
 }
 
 impl Side {
+    #[cold] // Once for each muscle at a start: as small as can be.
+    #[inline(never)]
     fn new(config: &Config) -> Self {
         let drive = FlowDrive::new(config);
         Self {
@@ -154,8 +157,9 @@ pub struct JointController {
     tuning: JointTuning,
     period_s: f32,
     sides: [Side; 2],
-    /// The muscles at their present lengths.
+    /// The muscles at their present lengths, and how they act.
     lines: [Line; 2],
+    levers: [Lever; 2],
     friction: Friction,
     reference: Reference,
     /// Angle of the reference that the pressures were for \[rad\].
@@ -180,6 +184,7 @@ impl JointController {
             period_s: f32::from(a.pwm_period_steps) * a.step_s,
             sides: [Side::new(&muscles[0]), Side::new(&muscles[1])],
             lines: [Line::default(); 2],
+            levers: [Lever::PLAIN; 2],
             friction: Friction::default(),
             reference: Reference::still(0.0, 0.0),
             led_rad: 0.0,
@@ -232,6 +237,13 @@ impl JointController {
         stiffness_n_m_rad(self.mechanism.radius_m, &self.lines, gauge_pa)
     }
 
+    /// Takes how the muscles act now; their ways over a small one of the joint \[m\].
+    pub fn pull_by(&mut self, levers: [Lever; 2], way_rad: f32) -> [f32; 2] {
+        self.levers = levers;
+        let way_m = self.mechanism.radius_m * way_rad;
+        self.levers.map(|lever| way_m * lever.share)
+    }
+
     /// Torque of gravity at an angle \[N m\].
     fn gravity_n_m(&self, angle_rad: f32) -> f32 {
         self.mechanism.gravity_n_m * sin(self.mechanism.gravity_angle_rad - angle_rad)
@@ -277,15 +289,16 @@ impl JointController {
 
     /// The muscles at their lengths, and the friction of all that moves.
     pub fn measure(&mut self, muscles: &[Measured<'_>; 2]) {
-        let r = self.mechanism.radius_m;
         let bearing_n_m = self.mechanism.friction_n_m;
         let mut friction = Friction {
             coulomb_n_m: bearing_n_m,
             presliding_n_m_rad: bearing_n_m * (1.0 / BEARING_RAD),
         };
-        for ((line, side), muscle) in self.lines.iter_mut().zip(&self.sides).zip(muscles) {
+        let pair = self.lines.iter_mut().zip(&self.sides).zip(muscles);
+        for (((line, side), muscle), lever) in pair.zip(&self.levers) {
             let Measured { config, chamber, feedback, .. } = muscle;
-            *line = Line::new(config, *chamber, feedback.length_m, side.held.force_n());
+            *line = Line::new(config, *chamber, feedback.length_m, side.held.force_n(), lever);
+            let r = self.mechanism.radius_m * lever.share;
             let friction_n = config.friction.force_n(feedback.estimate.wall_k)
                 * config.friction.at_pressure(muscle.gauge_pa());
             friction.coulomb_n_m += r * friction_n;
@@ -350,7 +363,8 @@ impl JointController {
     /// Without a reference of its own, the measured angle is one.
     fn follow_measured(&mut self, angle_rad: f32) {
         let way_rad = angle_rad - self.led_rad;
-        self.creep(way_rad);
+        let levers = self.levers;
+        self.creep(way_rad, &levers);
         self.stand(angle_rad, self.reference.motion.stiffness_n_m_rad);
         self.holding = false;
         self.calm_periods = 0;
@@ -358,11 +372,11 @@ impl JointController {
     }
 
     /// Slip and creep over a way of the reference \[rad\].
-    fn creep(&mut self, way_rad: f32) {
+    fn creep(&mut self, way_rad: f32, [of_a, of_b]: &[Lever; 2]) {
         let way_m = self.mechanism.radius_m * way_rad;
         let [a, b] = &mut self.sides;
         // Muscle a contracts as the angle grows. Slip at 4 bar, which is the configured one.
-        for (side, way_m) in [(a, way_m), (b, -way_m)] {
+        for (side, way_m) in [(a, way_m * of_a.share), (b, -way_m * of_b.share)] {
             side.held = side.law.after(&side.held, way_m, 4.0e5, 1.0);
         }
     }
@@ -379,7 +393,7 @@ impl JointController {
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let error_rad = self.reference.motion.angle_rad - angle_rad;
         if self.rests(wanted, error_rad, gauge_pa) {
-            self.creep(0.0);
+            self.creep(0.0, &[Lever::PLAIN; 2]);
             let [a, b] = &mut self.sides;
             return [a.drive.closed(), b.drive.closed()];
         }
@@ -394,7 +408,8 @@ impl JointController {
         let next = self.reference.ahead(late_s, self.period_s);
         let way_rad = next.angle_rad - core::mem::replace(&mut self.led_rad, next.angle_rad);
         self.friction_n_m = self.friction.after(self.friction_n_m, way_rad);
-        self.creep(way_rad);
+        let (lengths_m, levers) = self.mechanism.at(next.angle_rad);
+        self.creep(way_rad, &levers);
         let inertia_kg_m2 = self.mechanism.inertia_kg_m2;
         let predicted_rad = error_rad + (late_s + self.period_s) * lag_rad_s;
         let torque_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
@@ -404,13 +419,14 @@ impl JointController {
             + gain_n_m_rad * predicted_rad
             + self.integral_n_m
             - observer_share * self.observer.disturbance_n_m;
-        let lengths_m = self.mechanism.lengths_m(next.angle_rad);
         let mut lines = self.lines;
-        for (((line, side), muscle), length_m) in
-            lines.iter_mut().zip(&self.sides).zip(muscles).zip(lengths_m)
+        let pair = lines.iter_mut().zip(&self.sides).zip(muscles);
+        for (((line, side), muscle), (length_m, lever)) in
+            pair.zip(lengths_m.into_iter().zip(&levers))
         {
             let length_m = muscle.chamber.limit_length_m(length_m);
-            *line = Line::new(muscle.config, muscle.chamber, length_m, side.held.force_n());
+            let held_n = side.held.force_n();
+            *line = Line::new(muscle.config, muscle.chamber, length_m, held_n, lever);
         }
         let asked = [torque_n_m, next.stiffness_n_m_rad];
         let given = allocate(self.mechanism.radius_m, &lines, asked, most_pa);

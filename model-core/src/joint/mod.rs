@@ -23,6 +23,7 @@ pub mod controller;
 pub mod encoder;
 pub mod guard;
 pub mod observer;
+pub mod pulley;
 pub mod reference;
 mod set_point;
 
@@ -442,13 +443,13 @@ impl Joint {
         let samples = sample.muscles();
         let latched_before = self.latched() != Faults::NONE;
         let (angle_rad, wide_rad) = self.line.read(sample.angle);
-        let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
-        let wide_m = self.config.mechanism.radius_m * wide_rad;
+        let ([length_a_m, length_b_m], levers) = self.config.mechanism.at(angle_rad);
+        let [wide_a_m, wide_b_m] = self.controller.pull_by(levers, wide_rad);
         let [sample_a, sample_b] = &samples;
         let [a, b] = &mut self.muscles;
         let judged = [
-            a.begin(sample_a, Some((length_a_m, wide_m))),
-            b.begin(sample_b, Some((length_b_m, wide_m))),
+            a.begin(sample_a, Some((length_a_m, wide_a_m))),
+            b.begin(sample_b, Some((length_b_m, wide_b_m))),
         ];
         let [judged_a, judged_b] = &judged;
         // Their own openings are not used; their periods go on as the hardware's do.

@@ -224,6 +224,7 @@ mod tests {
         for (text, key) in [
             ("[joint]\n[drive]\nprofile_csv = \"/etc/passwd\"\n", "drive.profile_csv"),
             ("[joint]\n[drive]\nload_csv = \"/etc/passwd\"\n", "drive.load_csv"),
+            ("[joint]\n\nradius_csv = \"/etc/passwd\"\n", "joint.radius_csv"),
             ("[joint]\n[joint.b.table]\ncsv = \"/etc/passwd\"\n", "table.csv"),
         ] {
             let said = format!("{key} = \"/etc/passwd\": must be left out");

@@ -16,7 +16,8 @@
 //! phi = 693/(512 h) (1 - (t/h)^2)^5     phi'' ends smoothly: sums over steps stand for integrals
 //! ```
 //!
-//! which smooths every term alike. Radius and lengths at angle 0 are in F; their derivatives are columns, and the
+//! which smooths every term alike. Of a radius that varies r is `radius_m`: forces count by their share of it, as
+//! configured. Radius and lengths at angle 0 are in F; their derivatives are columns, and the
 //! fit is repeated with the new ones until they stay (Gauss-Newton).
 //!
 //! Only windows count in which both tendons are taut and the joint slides one way throughout: the way within which
@@ -28,9 +29,10 @@
 //! dG = 2 r^2 dk, and the muscles' viscous friction as r^2 times it in c. With r the torques, the lengths and G grow
 //! alike up to terms of (r q/L)^2: radius and both lengths cannot all be told from torques alone.
 
-use super::experiment::Record;
+use super::experiment::{Record, least_radius_m};
 use crate::tune::regression::{Measure, Solution, solve};
 use model_core::joint::JointConfig;
+use model_core::joint::pulley::Shape;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::hysteresis::{Held, Law};
 use nalgebra::{DMatrix, DVector};
@@ -142,12 +144,26 @@ struct Torque {
 struct Muscles<'a> {
     config: &'a JointConfig,
     chambers: [AnyChamber; 2],
+    shapes: [Shape; 2],
 }
 
 impl<'a> Muscles<'a> {
     fn new(config: &'a JointConfig) -> Self {
         let [a, b] = &config.muscles;
-        Self { config, chambers: [AnyChamber::new(&a.chamber), AnyChamber::new(&b.chamber)] }
+        let chambers = [AnyChamber::new(&a.chamber), AnyChamber::new(&b.chamber)];
+        Self { config, chambers, shapes: config.mechanism.shapes() }
+    }
+
+    /// Angles on `radius_m` that wind up as much as this one \[rad\], and radii over `radius_m`, of muscles a and b.
+    fn pulley(&self, angle_rad: f64) -> ([f64; 2], [f64; 2]) {
+        let at = |shape: &Shape| {
+            let angle = angle_rad as f32;
+            let (wound_rad, lever) = shape.at(angle, self.config.mechanism.radius_m);
+            let mean = if angle == 0.0 { lever.share } else { wound_rad / angle };
+            (angle_rad * f64::from(mean), f64::from(lever.share))
+        };
+        let [(wound_a, of_a), (wound_b, of_b)] = self.shapes.each_ref().map(at);
+        ([wound_a, wound_b], [of_a, of_b])
     }
 
     /// Torques along the records, with slip and creep from rest on.
@@ -162,7 +178,8 @@ impl<'a> Muscles<'a> {
             // Steps whose telemetry was lost.
             let steps = record.step.saturating_sub(step).clamp(1, MOST_LOST);
             let way_m = lengths.radius * (record.angle_rad - angle_rad) / f64::from(steps);
-            for (i, sign) in [(0, 1.0), (1, -1.0)] {
+            let (_, shares) = self.pulley(record.angle_rad);
+            for (i, sign) in [(0, shares[0]), (1, -shares[1])] {
                 let muscle = &self.config.muscles[i];
                 let gauge_pa = record.pressure_pa[i] as f32 - muscle.ambient.pressure_pa;
                 let softening = muscle.friction.softening(record.wall_k[i] as f32);
@@ -186,8 +203,8 @@ impl<'a> Muscles<'a> {
         altered: Altered,
     ) -> Torque {
         let Lengths { radius, mid } = lengths;
-        let way_m = radius * record.angle_rad;
-        let length_m = [mid[0] - way_m, mid[1] + way_m];
+        let (wound_rad, shares) = self.pulley(record.angle_rad);
+        let length_m = [mid[0] - radius * wound_rad[0], mid[1] + radius * wound_rad[1]];
         let mut force_n = [0.0; 2];
         let mut spring_n_m = [0.0; 2];
         let (mut dry, mut most) = (0.0, 0.0);
@@ -209,13 +226,13 @@ impl<'a> Muscles<'a> {
             spring_n_m[i] = by_gas(spring, elastic);
             let factor = muscle.friction.softening(record.wall_k[i] as f32)
                 * muscle.friction.at_pressure(gauge_pa);
-            dry += f64::from(muscle.friction.force_n * factor);
+            dry += shares[i] * f64::from(muscle.friction.force_n * factor);
             most += f64::from(muscle.friction.force_n);
         }
         let [a, b] = force_n;
         Torque {
-            n_m: radius * (a - b),
-            by_mid: [radius * spring_n_m[0], -radius * spring_n_m[1]],
+            n_m: radius * (shares[0] * a - shares[1] * b),
+            by_mid: [radius * shares[0] * spring_n_m[0], -radius * shares[1] * spring_n_m[1]],
             dry: if most > 0.0 { dry / most } else { 1.0 },
             taut: a > 0.0 && b > 0.0,
         }
@@ -306,7 +323,7 @@ impl<'a> Balance<'a> {
             BUILT_UP * f64::from(rises) + 2.0 * f64::from(slips)
         });
         let turn_m = turn_m.fold(LEAST_TURN_M, f64::max);
-        let turn_rad = turn_m / f64::from(config.mechanism.radius_m);
+        let turn_rad = turn_m / least_radius_m(&config.mechanism);
         let windows = sliding(records, &kernel, sliding_rad_s, turn_rad);
         Self { records, muscles: Muscles::new(config), kernel, windows }
     }

@@ -8,7 +8,7 @@
 //! Only telemetry is used, so that it works on any board.
 
 use model_core::joint::allocation::{Line, stiffness_n_m_rad};
-use model_core::joint::{JointConfig, JointTelemetry, Motion};
+use model_core::joint::{JointConfig, JointTelemetry, Mechanism, Motion};
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::f64::consts::TAU;
 use thermyo_joint::{Inputs, JointLoaded, Rig, SET_POINT_INTERVAL_S};
@@ -201,7 +201,19 @@ struct Part {
 
 /// Least speed of the joint at which its muscles slide \[rad/s\].
 pub(super) fn sliding_rad_s(config: &JointConfig, sliding_m_s: f64) -> f64 {
-    sliding_m_s / f64::from(config.mechanism.radius_m)
+    sliding_m_s / least_radius_m(&config.mechanism)
+}
+
+/// Smallest radius of either muscle between the stops \[m\].
+pub(super) fn least_radius_m(mechanism: &Mechanism) -> f64 {
+    const INTERVALS: u8 = 32;
+    let Mechanism { minimum_rad, maximum_rad, radius_m, .. } = *mechanism;
+    let along = (0..=INTERVALS).map(|i| f32::from(i) / f32::from(INTERVALS));
+    let levers = along.flat_map(|share| {
+        let (_, levers) = mechanism.at(minimum_rad + share * (maximum_rad - minimum_rad));
+        levers
+    });
+    f64::from(radius_m) * levers.map(|lever| f64::from(lever.share)).fold(f64::INFINITY, f64::min)
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -302,10 +314,11 @@ fn gauge_pa(config: &JointConfig, highest_pa: f64) -> f64 {
 
 /// Stiffness at an angle \[rad\] with that gauge pressure in both muscles \[Pa\].
 fn stiffness(config: &JointConfig, angle_rad: f64, gauge_pa: f64) -> f64 {
-    let lengths_m = config.mechanism.lengths_m(angle_rad as f32);
+    let (lengths_m, levers) = config.mechanism.at(angle_rad as f32);
     let line = |i: usize| {
         let chamber = AnyChamber::new(&config.muscles[i].chamber);
-        Line::new(&config.muscles[i], &chamber, chamber.limit_length_m(lengths_m[i]), 0.0)
+        let length_m = chamber.limit_length_m(lengths_m[i]);
+        Line::new(&config.muscles[i], &chamber, length_m, 0.0, &levers[i])
     };
     let radius_m = config.mechanism.radius_m;
     f64::from(stiffness_n_m_rad(radius_m, &[line(0), line(1)], [gauge_pa as f32; 2]))

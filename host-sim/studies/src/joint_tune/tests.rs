@@ -36,24 +36,31 @@ fn records(config: &JointConfig) -> Vec<Record> {
     let [inertia, viscous, dry, sine, cosine, mid_a, mid_b, radius] = TRUE;
     let chambers = config.muscles.map(|muscle| AnyChamber::new(&muscle.chamber));
     let laws = config.muscles.map(|muscle| Law::new(&muscle.hysteresis, 1.0e-3));
+    let Mechanism { radius_a_per_rad, radius_b_per_rad, .. } = config.mechanism;
+    let varies = [radius_a_per_rad, radius_b_per_rad].map(f64::from);
     let mut held = [Held::default(); 2];
     let mut before_rad = 0.0;
     let record = |step: u32| {
         let time_s = f64::from(step) * 1.0e-3;
         let (angle_rad, (speed, acceleration)) = (angle_rad(time_s), motion(time_s));
         let pull_n = if time_s < 26.0 { 200.0 } else { 350.0 };
+        let shares = varies.map(|per_rad| 1.0 + per_rad * angle_rad);
+        // It is all the muscles'.
+        let dry = 0.5 * (shares[0] + shares[1]) * dry;
         let torque = inertia * acceleration
             + viscous * speed
             + dry * speed.signum()
             + sine * angle_rad.sin()
             + cosine * angle_rad.cos();
+        let wound_rad = varies.map(|per_rad| angle_rad + 0.5 * per_rad * angle_rad * angle_rad);
         let way_m = radius * (angle_rad - before_rad);
         before_rad = angle_rad;
-        let lengths_m = [mid_a - radius * angle_rad, mid_b + radius * angle_rad];
+        let lengths_m = [mid_a - radius * wound_rad[0], mid_b + radius * wound_rad[1]];
         let pressure_pa = [0, 1].map(|i: usize| {
             let sign = if i == 0 { 1.0 } else { -1.0 };
-            held[i] = laws[i].after(&held[i], (sign * way_m) as f32, 2.0e5, 1.0);
-            let force_n = pull_n + sign * 0.5 * torque / radius;
+            let way_m = sign * shares[i] * way_m;
+            held[i] = laws[i].after(&held[i], way_m as f32, 2.0e5, 1.0);
+            let force_n = (pull_n + sign * 0.5 * torque / radius) / shares[i];
             let held_n = f64::from(held[i].force_n());
             let gauge_pa = chambers[i]
                 .gauge_pressure_for_force_pa((force_n + held_n) as f32, lengths_m[i] as f32);
@@ -79,9 +86,15 @@ fn plan(config: &JointConfig) -> Plan {
 /// head of the module says, torques and lengths take it over.
 #[test]
 fn values_are_those_of_the_closed_form() {
-    let config = JointConfig::default();
-    let records = records(&config);
-    let balance = Balance::new(&records, plan(&config).sliding_rad_s, &config);
+    finds_the_closed_form(&JointConfig::default());
+    let mut config = JointConfig::default();
+    (config.mechanism.radius_a_per_rad, config.mechanism.radius_b_per_rad) = (0.2, -0.15);
+    finds_the_closed_form(&config);
+}
+
+fn finds_the_closed_form(config: &JointConfig) {
+    let records = records(config);
+    let balance = Balance::new(&records, plan(config).sliding_rad_s, config);
     assert!((200..2000).contains(&balance.windows()), "{}", balance.windows());
     let mut held = [None; COUNT];
     let radius = TRUE[Term::Radius as usize];

@@ -1,0 +1,92 @@
+//! Radii of the pulley over the angle.
+//!
+//! ```text
+//! r_i(q) = radius_m s_i(q),   s_i = 1 + k1 q + k2 q^2 + k3 q^3 (muscle b: its share in place of 1)
+//! L_a = mid_length_a_m - integral of r_a from 0 to q,   L_b = mid_length_b_m + integral of r_b
+//! ```
+//!
+//! A muscle on a radius s r acts like another one on r: [`Lever`] has what changes. Where the radius is constant, lengths
+//! and levers are those of a plain pulley to the bit, at the cost of a comparison of integers.
+
+/// Coefficients of a muscle's radius over `radius_m`, by rising powers of the angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shape(pub [f32; 4]);
+
+/// How a muscle acts at an angle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lever {
+    /// Its radius over `radius_m` \[-\].
+    pub share: f32,
+    /// Change of the share per way on `radius_m`, positive where the muscle thereby pulls the joint back \[1/m\].
+    pub turn_per_m: f32,
+}
+
+impl Lever {
+    /// Of a constant radius.
+    pub const PLAIN: Self = Self { share: 1.0, turn_per_m: 0.0 };
+
+    /// Whether it changes nothing.
+    pub fn is_plain(&self) -> bool {
+        let Self { share, turn_per_m } = self;
+        (share.to_bits() ^ 1.0_f32.to_bits()) | turn_per_m.to_bits() == 0
+    }
+}
+
+impl Shape {
+    /// Angle on `radius_m` that winds up as much as this one \[rad\], and the lever there; `pulls_m`: `radius_m`, negative
+    /// of a muscle that shortens as the angle grows.
+    #[inline(never)]
+    pub fn at(&self, angle_rad: f32, pulls_m: f32) -> (f32, Lever) {
+        let Self([share, one, two, three]) = *self;
+        if one.to_bits() | two.to_bits() | three.to_bits() == 0 {
+            return (angle_rad * share, Lever { share, turn_per_m: 0.0 });
+        }
+        let mean = Self([share, 0.5 * one, (1.0 / 3.0) * two, 0.25 * three]).share(angle_rad);
+        let slope = Self([one, 2.0 * two, 3.0 * three, 0.0]).share(angle_rad);
+        let lever = Lever { share: self.share(angle_rad), turn_per_m: slope / pulls_m };
+        (angle_rad * mean, lever)
+    }
+
+    #[inline(never)] // In three places: as small as can be.
+    fn share(&self, angle_rad: f32) -> f32 {
+        let Self([share, one, two, three]) = *self;
+        share + angle_rad * (one + angle_rad * (two + angle_rad * three))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against sums over small ways.
+    #[test]
+    fn a_length_is_the_integral_of_the_radius() {
+        let shape = Shape([0.9, 0.2, -0.1, 0.05]);
+        let share = |angle_rad: f32| {
+            let q = f64::from(angle_rad);
+            0.9 + 0.2 * q - 0.1 * q * q + 0.05 * q * q * q
+        };
+        for end_rad in [-1.2_f32, -0.3, 0.4, 1.1] {
+            let steps = 2000_u16;
+            let at = |i: u16| f64::from(end_rad) * (f64::from(i) + 0.5) / f64::from(steps);
+            let sum: f64 = (0..steps).map(|i| share(at(i) as f32)).sum();
+            let (wound, lever) = shape.at(end_rad, -0.02);
+            let expected = f64::from(end_rad) * sum / f64::from(steps);
+            assert!((f64::from(wound) - expected).abs() < 1e-6, "{wound} at {end_rad}");
+            assert!((f64::from(lever.share) - share(end_rad)).abs() < 1e-6, "{lever:?}");
+            let slope = (share(end_rad + 0.01) - share(end_rad - 0.01)) / 0.02;
+            let turn = -0.02 * f64::from(lever.turn_per_m);
+            assert!((turn - slope).abs() < 1e-4, "{slope} at {end_rad}");
+        }
+    }
+
+    #[test]
+    fn a_constant_radius_is_plain() {
+        let lever = |shape| Shape(shape).at(0.7, 0.02).1;
+        assert!(lever([1.0, 0.0, 0.0, 0.0]).is_plain());
+        assert!(!lever([1.1, 0.0, 0.0, 0.0]).is_plain());
+        assert!(!lever([1.0, 0.0, 0.0, 0.1]).is_plain());
+        let (wound_rad, _) = Shape([1.0, 0.0, 0.0, 0.0]).at(0.7, 0.02);
+        assert_eq!(wound_rad.to_bits(), 0.7_f32.to_bits());
+    }
+}
