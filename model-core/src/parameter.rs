@@ -32,22 +32,41 @@ pub struct Parameter {
 /// Allowed range of a value, under the key that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limit {
+    /// An image without keys has no room for a hundred empty ones either.
+    #[cfg(feature = "keys")]
     key: &'static str,
     minimum: f32,
     maximum: f32,
 }
 
 impl Limit {
+    #[cfg(feature = "keys")]
     pub(crate) const fn new(key: &'static str, minimum: f32, maximum: f32) -> Self {
-        Self { key: named(key), minimum, maximum }
+        Self { key, minimum, maximum }
+    }
+
+    #[cfg(not(feature = "keys"))]
+    pub(crate) const fn new(_: &'static str, minimum: f32, maximum: f32) -> Self {
+        Self { minimum, maximum }
+    }
+
+    #[cfg(feature = "keys")]
+    const fn key(&self) -> &'static str {
+        self.key
+    }
+
+    #[cfg(not(feature = "keys"))]
+    const fn key(&self) -> &'static str {
+        ""
     }
 }
 
 /// Checks values against their limits, in order.
 pub(crate) fn check(values: &[f32], limits: &[Limit]) -> Result<(), ConfigError> {
-    values.iter().zip(limits).try_for_each(|(value, Limit { key, minimum, maximum })| {
-        within(key, *value, *minimum, *maximum)
-    })
+    values
+        .iter()
+        .zip(limits)
+        .try_for_each(|(value, limit)| within(limit.key(), *value, limit.minimum, limit.maximum))
 }
 
 /// A value that the core cannot work with.

@@ -27,6 +27,8 @@ const HEAVY_KG_M2: f64 = 0.145;
 const SETTLED_DEG: f64 = 0.5;
 /// External torque of the load step \[N m\].
 const LOAD_N_M: f64 = 2.0;
+/// How a pulley's radii vary: by 20 % over 60 deg \[1/rad\].
+const VARIES_PER_RAD: f64 = 0.191;
 /// Faults injected, in turn into muscle a and into muscle b.
 const FAULTS: u64 = 100;
 /// Longest time of a lock \[s\].
@@ -92,6 +94,14 @@ fn believing(nominal: &JointLoaded, change: fn(&mut JointLoaded)) -> JointLoaded
     loaded
 }
 
+/// Each muscle has more radius as it shortens.
+fn varying(loaded: &mut JointLoaded) {
+    for joint in [&mut loaded.joint, &mut loaded.believed] {
+        joint.radius_a_per_rad = VARIES_PER_RAD;
+        joint.radius_b_per_rad = -VARIES_PER_RAD;
+    }
+}
+
 fn gravity_unknown(loaded: &JointLoaded) -> JointLoaded {
     believing(loaded, |loaded| loaded.believed.gravity_n_m = 0.0)
 }
@@ -137,6 +147,16 @@ pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
             "inertia believed half, tuned",
             believing(&nominal, |s| s.believed.inertia_kg_m2 *= 0.5),
             tuned,
+        ),
+        ("radii of 20 % over 60 deg", believing(&nominal, varying), tracks_right),
+        (
+            "the same, believed constant",
+            believing(&nominal, |s| {
+                let constant = s.believed.clone();
+                varying(s);
+                s.believed = constant;
+            }),
+            tracks_unknown,
         ),
         ("faults of either muscle", nominal.clone(), vents),
         ("brief, angle lost, locked", nominal, locked),
@@ -257,6 +277,12 @@ fn tracks_heavy(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
 
 fn tracks_wrong(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     sines(loaded, 3.0, WRONG)
+}
+
+/// Figures of a pulley that the core does not know, which have no target.
+fn tracks_unknown(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
+    let figures = tracks_wrong(loaded)?.into_iter();
+    Ok(figures.map(|figure| Figure::shown(figure.name, figure.value)).collect())
 }
 
 /// Time after which the error stays small \[s\], and the way beyond the goal \[deg\].

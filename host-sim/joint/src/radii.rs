@@ -125,20 +125,22 @@ pub fn fitted(joint: &Joint, rows: &[[f64; 3]]) -> Joint {
     let [a, b] = [1, 2].map(|column| cubic(rows, column, way_rad));
     let radius_m = a[0];
     let largest_rad = way_rad[0].abs().max(way_rad[1]);
-    let share = |of: f64, power: i32| {
-        let share = of / radius_m;
-        if share.abs() * largest_rad.powi(power) < ROUNDING { 0.0 } else { share }
+    // What the largest angle makes of a power is above the rounding.
+    let share = |of: [f64; 4], power: usize| {
+        let share = of[power] / radius_m;
+        let at_end: f64 = std::iter::repeat_n(largest_rad, power).product();
+        if share.abs() * at_end < ROUNDING { 0.0 } else { share }
     };
     let is_same = (b[0] / radius_m - 1.0).abs() < ROUNDING;
     Joint {
         radius_m,
-        radius_a_per_rad: share(a[1], 1),
-        radius_a_per_rad2: share(a[2], 2),
-        radius_a_per_rad3: share(a[3], 3),
+        radius_a_per_rad: share(a, 1),
+        radius_a_per_rad2: share(a, 2),
+        radius_a_per_rad3: share(a, 3),
         radius_b_share: if is_same { 1.0 } else { b[0] / radius_m },
-        radius_b_per_rad: share(b[1], 1),
-        radius_b_per_rad2: share(b[2], 2),
-        radius_b_per_rad3: share(b[3], 3),
+        radius_b_per_rad: share(b, 1),
+        radius_b_per_rad2: share(b, 2),
+        radius_b_per_rad3: share(b, 3),
         ..joint.clone()
     }
 }
@@ -207,6 +209,7 @@ mod tests {
     use crate::render::render;
     use crate::warnings::load_with_warnings;
     use std::fs;
+    use thermyo_compute::math;
 
     const HEADER: &str = "angle_rad,radius_a_m,radius_b_m\n";
     const TABLE: &str = "[joint]\nradius_csv = \"radius.csv\"\n";
@@ -259,14 +262,15 @@ mod tests {
     /// An eccentric wheel, whose radius is a sine: a parabola leaves 1.1 %.
     #[test]
     fn the_core_has_a_cubic_through_the_table() {
-        let wheel = |q: f64| [0.02 * (1.0 + 0.23 * q.sin()), 0.02 * (1.0 - 0.23 * q.sin())];
+        let wheel =
+            |q: f64| [0.02 * (1.0 + 0.23 * math::sin(q)), 0.02 * (1.0 - 0.23 * math::sin(q))];
         let found = loaded(&table(wheel), TABLE).unwrap();
         let off = found.radii_off().unwrap();
         assert!((1e-5..1e-3).contains(&off.share), "{off:?}");
         let arm = found.arm();
         for angle_rad in [-0.8, -0.3, 0.0, 0.5, 0.8] {
             let is = arm.lengths_m(angle_rad);
-            let way_m = 0.02 * (angle_rad + 0.23 * (1.0 - angle_rad.cos()));
+            let way_m = 0.02 * (angle_rad + 0.23 * (1.0 - math::cos(angle_rad)));
             assert!((is[0] - (0.27 - way_m)).abs() < 2e-6, "{is:?} at {angle_rad}");
             let believed = found.config().mechanism.lengths_m(angle_rad as f32);
             for (is, believed) in is.into_iter().zip(believed) {
@@ -369,7 +373,7 @@ mod tests {
     #[test]
     fn a_printed_scenario_has_the_table() {
         let folder = tempfile::tempdir().unwrap();
-        let wheel = |q: f64| [0.02 + 0.004 * q.sin(), 0.02 - 0.003 * q.sin()];
+        let wheel = |q: f64| [0.02 + 0.004 * math::sin(q), 0.02 - 0.003 * math::sin(q)];
         fs::write(folder.path().join("radius.csv"), table(wheel)).unwrap();
         let origin = folder.path().join("joint.toml");
         for believed in ["", "inertia_kg_m2 = 0.03\n", "radius_m = 0.02\n"] {

@@ -61,25 +61,22 @@ impl Line {
         let widens_m =
             (chamber.stiffness_n_m(SLOPE_OVER_PA, length_m) - elastic_n_m) * (1.0 / SLOPE_OVER_PA);
         let gas_m = config.gas.heat_capacity_ratio * area_m2 * area_m2 / volume_m3;
-        let alone = Self {
+        let mut line = Self {
             volume_m3,
             area_m2,
             held_n: hysteresis_n - chamber.force_n(0.0, length_m),
             stiffness_m: gas_m + widens_m,
             stiffness_n_m: gas_m * config.ambient.pressure_pa + elastic_n_m,
         };
-        if lever.is_plain() {
-            return alone;
+        if !lever.is_plain() {
+            let Lever { share, turn_per_m } = *lever;
+            let square = share * share;
+            line.stiffness_m = square * line.stiffness_m + turn_per_m * area_m2;
+            line.stiffness_n_m = square * line.stiffness_n_m - turn_per_m * line.held_n;
+            line.area_m2 *= share;
+            line.held_n *= share;
         }
-        let Lever { share, turn_per_m } = *lever;
-        let square = share * share;
-        Self {
-            volume_m3,
-            area_m2: share * area_m2,
-            held_n: share * alone.held_n,
-            stiffness_m: square * alone.stiffness_m + turn_per_m * area_m2,
-            stiffness_n_m: square * alone.stiffness_n_m - turn_per_m * alone.held_n,
-        }
+        line
     }
 
     /// Force on the tendon \[N\], which does not push.

@@ -100,9 +100,24 @@ impl Mechanism {
         ]
     }
 
+    /// Whether both radii are `radius_m` at every angle.
+    fn is_round(&self) -> bool {
+        let varies = self.radius_a_per_rad.to_bits()
+            | self.radius_a_per_rad2.to_bits()
+            | self.radius_a_per_rad3.to_bits()
+            | self.radius_b_per_rad.to_bits()
+            | self.radius_b_per_rad2.to_bits()
+            | self.radius_b_per_rad3.to_bits();
+        varies | (self.radius_b_share.to_bits() ^ 1.0_f32.to_bits()) == 0
+    }
+
     /// Length of each muscle at an angle \[m\], and how it acts.
     #[inline(never)] // In three places: as small as can be.
     pub fn at(&self, angle_rad: f32) -> ([f32; 2], [Lever; 2]) {
+        if self.is_round() {
+            let way_m = self.radius_m * angle_rad;
+            return ([self.mid_length_a_m - way_m, self.mid_length_b_m + way_m], [Lever::PLAIN; 2]);
+        }
         let [a, b] = self.shapes();
         let (a_rad, of_a) = a.at(angle_rad, -self.radius_m);
         let (b_rad, of_b) = b.at(angle_rad, self.radius_m);

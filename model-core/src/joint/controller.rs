@@ -153,7 +153,7 @@ impl Measured<'_> {
 /// State of the joint's controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointController {
-    mechanism: Mechanism,
+    radius_m: f32,
     tuning: JointTuning,
     period_s: f32,
     sides: [Side; 2],
@@ -179,7 +179,7 @@ impl JointController {
         let JointConfig { muscles, mechanism, tuning, .. } = config;
         let [a, _] = muscles;
         Self {
-            mechanism: *mechanism,
+            radius_m: mechanism.radius_m,
             tuning: *tuning,
             period_s: f32::from(a.pwm_period_steps) * a.step_s,
             sides: [Side::new(&muscles[0]), Side::new(&muscles[1])],
@@ -229,37 +229,37 @@ impl JointController {
 
     /// Torque of the muscles at these gauge pressures \[N m\].
     pub fn torque_n_m(&self, gauge_pa: [f32; 2]) -> f32 {
-        torque_n_m(self.mechanism.radius_m, &self.lines, gauge_pa)
+        torque_n_m(self.radius_m, &self.lines, gauge_pa)
     }
 
     /// Stiffness behind shut valves at these gauge pressures \[N m/rad\].
     pub fn stiffness_n_m_rad(&self, gauge_pa: [f32; 2]) -> f32 {
-        stiffness_n_m_rad(self.mechanism.radius_m, &self.lines, gauge_pa)
+        stiffness_n_m_rad(self.radius_m, &self.lines, gauge_pa)
     }
 
     /// Takes how the muscles act now; their ways over a small one of the joint \[m\].
     pub fn pull_by(&mut self, levers: [Lever; 2], way_rad: f32) -> [f32; 2] {
         self.levers = levers;
-        let way_m = self.mechanism.radius_m * way_rad;
-        self.levers.map(|lever| way_m * lever.share)
+        let way_m = self.radius_m * way_rad;
+        self.levers.map(|lever| lever.scaled(way_m))
     }
 
     /// Torque of gravity at an angle \[N m\].
-    fn gravity_n_m(&self, angle_rad: f32) -> f32 {
-        self.mechanism.gravity_n_m * sin(self.mechanism.gravity_angle_rad - angle_rad)
+    fn gravity_n_m(mechanism: &Mechanism, angle_rad: f32) -> f32 {
+        mechanism.gravity_n_m * sin(mechanism.gravity_angle_rad - angle_rad)
     }
 
     /// One step of the observer; returns the torque of muscles and gravity \[N m\].
-    pub fn observe(&mut self, angle_rad: f32, gauge_pa: [f32; 2]) -> f32 {
-        let torque_n_m = self.torque_n_m(gauge_pa) + self.gravity_n_m(angle_rad);
+    pub fn observe(&mut self, mechanism: &Mechanism, angle_rad: f32, gauge_pa: [f32; 2]) -> f32 {
+        let torque_n_m = self.torque_n_m(gauge_pa) + Self::gravity_n_m(mechanism, angle_rad);
         self.observer.step(angle_rad, torque_n_m, &self.friction);
         torque_n_m
     }
 
     /// Starts from what is measured: nothing jumps.
-    pub fn restart(&mut self, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
+    pub fn restart(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
         self.sides.iter_mut().for_each(|side| side.held = Held::default());
-        self.measure(muscles);
+        self.measure(mechanism, muscles);
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
         self.stand(angle_rad, stiffness_n_m_rad);
@@ -288,8 +288,8 @@ impl JointController {
     }
 
     /// The muscles at their lengths, and the friction of all that moves.
-    pub fn measure(&mut self, muscles: &[Measured<'_>; 2]) {
-        let bearing_n_m = self.mechanism.friction_n_m;
+    pub fn measure(&mut self, mechanism: &Mechanism, muscles: &[Measured<'_>; 2]) {
+        let bearing_n_m = mechanism.friction_n_m;
         let mut friction = Friction {
             coulomb_n_m: bearing_n_m,
             presliding_n_m_rad: bearing_n_m * (1.0 / BEARING_RAD),
@@ -298,7 +298,7 @@ impl JointController {
         for (((line, side), muscle), lever) in pair.zip(&self.levers) {
             let Measured { config, chamber, feedback, .. } = muscle;
             *line = Line::new(config, *chamber, feedback.length_m, side.held.force_n(), lever);
-            let r = self.mechanism.radius_m * lever.share;
+            let r = lever.scaled(self.radius_m);
             let friction_n = config.friction.force_n(feedback.estimate.wall_k)
                 * config.friction.at_pressure(muscle.gauge_pa());
             friction.coulomb_n_m += r * friction_n;
@@ -313,6 +313,7 @@ impl JointController {
     /// [`restart`](Self::restart).
     pub fn period(
         &mut self,
+        mechanism: &Mechanism,
         set_point: &JointSetPoint,
         angle_rad: f32,
         muscles: &[Measured<'_>; 2],
@@ -347,10 +348,12 @@ impl JointController {
                 self.follow_measured(angle_rad);
                 let lines = self.lines;
                 let wanted = torque(stiffness_n_m_rad, torque_n_m);
-                let given = allocate(self.mechanism.radius_m, &lines, wanted, most_pa);
+                let given = allocate(self.radius_m, &lines, wanted, most_pa);
                 self.give(&lines, given, muscles)
             }
-            JointSetPoint::Angle(wanted) => self.angle(&wanted, angle_rad, muscles, most_pa),
+            JointSetPoint::Angle(wanted) => {
+                self.angle(mechanism, &wanted, angle_rad, muscles, most_pa)
+            }
         }
     }
 
@@ -373,10 +376,10 @@ impl JointController {
 
     /// Slip and creep over a way of the reference \[rad\].
     fn creep(&mut self, way_rad: f32, [of_a, of_b]: &[Lever; 2]) {
-        let way_m = self.mechanism.radius_m * way_rad;
+        let way_m = self.radius_m * way_rad;
         let [a, b] = &mut self.sides;
         // Muscle a contracts as the angle grows. Slip at 4 bar, which is the configured one.
-        for (side, way_m) in [(a, way_m * of_a.share), (b, -way_m * of_b.share)] {
+        for (side, way_m) in [(a, of_a.scaled(way_m)), (b, -of_b.scaled(way_m))] {
             side.held = side.law.after(&side.held, way_m, 4.0e5, 1.0);
         }
     }
@@ -384,6 +387,7 @@ impl JointController {
     /// Angle and stiffness.
     fn angle(
         &mut self,
+        mechanism: &Mechanism,
         wanted: &Motion,
         angle_rad: f32,
         muscles: &[Measured<'_>; 2],
@@ -401,20 +405,20 @@ impl JointController {
         self.learn(error_rad);
         // A valve that is fully open is late, and the other muscle's would turn the arm meanwhile.
         let stiffens = !self.saturated();
-        let Self { reference, mechanism, tuning, period_s, .. } = self;
+        let Self { reference, tuning, period_s, .. } = self;
         reference.advance(mechanism, tuning, wanted, *period_s, stiffens);
         let [Measured { config, .. }, _] = muscles;
         let late_s = lead_s + config.valve_kind.late_s(&config.valve);
         let next = self.reference.ahead(late_s, self.period_s);
         let way_rad = next.angle_rad - core::mem::replace(&mut self.led_rad, next.angle_rad);
         self.friction_n_m = self.friction.after(self.friction_n_m, way_rad);
-        let (lengths_m, levers) = self.mechanism.at(next.angle_rad);
+        let (lengths_m, levers) = mechanism.at(next.angle_rad);
         self.creep(way_rad, &levers);
-        let inertia_kg_m2 = self.mechanism.inertia_kg_m2;
+        let inertia_kg_m2 = mechanism.inertia_kg_m2;
         let predicted_rad = error_rad + (late_s + self.period_s) * lag_rad_s;
         let torque_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
-            + self.mechanism.viscous_n_m_s * next.speed_rad_s
-            - self.gravity_n_m(next.angle_rad)
+            + mechanism.viscous_n_m_s * next.speed_rad_s
+            - Self::gravity_n_m(mechanism, next.angle_rad)
             + self.friction_n_m
             + gain_n_m_rad * predicted_rad
             + self.integral_n_m
@@ -429,7 +433,7 @@ impl JointController {
             *line = Line::new(muscle.config, muscle.chamber, length_m, held_n, lever);
         }
         let asked = [torque_n_m, next.stiffness_n_m_rad];
-        let given = allocate(self.mechanism.radius_m, &lines, asked, most_pa);
+        let given = allocate(self.radius_m, &lines, asked, most_pa);
         self.give(&lines, given, muscles)
     }
 
@@ -476,7 +480,7 @@ impl JointController {
     ) -> [Command; 2] {
         self.limited = allocation.limited;
         let closes = limit(self.period_s / self.tuning.mass_loop_s, 0.0, 1.0);
-        let per_radius = 1.0 / self.mechanism.radius_m;
+        let per_radius = 1.0 / self.radius_m;
         let spared_n =
             [self.tuning.quiet_n_m, self.tuning.waits_n_m].map(|torque| torque * per_radius);
         let mut commands = [Command::CLOSED; 2];

@@ -531,7 +531,7 @@ impl Joint {
             && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
         if self.started && !lost && !self.latched.intersects(JointFaults::ANGLE_SENSOR) {
-            let torque_n_m = self.controller.observe(angle_rad, gauge_pa);
+            let torque_n_m = self.controller.observe(&self.config.mechanism, angle_rad, gauge_pa);
             present = present.with(self.guard.step(&Motions {
                 angle_rad,
                 speed_rad_s: self.controller.speed_rad_s(),
@@ -558,28 +558,29 @@ impl Joint {
                 most_pa: muscle.armed_pa().unwrap_or(0.0),
             });
         let (begins, ends) = (a.begins_period(), a.ends_period());
+        let mechanism = &self.config.mechanism;
         if self.set_point == JointSetPoint::Vent {
             self.commands = self.controller.vent();
         } else if self.set_point == JointSetPoint::Lock {
             self.commands = self.controller.lock();
         } else if begins {
             if !self.started {
-                self.controller.restart(angle_rad, &measured);
+                self.controller.restart(mechanism, angle_rad, &measured);
                 self.guard.restart(angle_rad);
                 self.started = true;
             }
             let set_point = match self.set_point {
                 JointSetPoint::Angle(motion) if motion.moves() => {
                     let age_s = self.set_steps as f32 * config_a.step_s;
-                    self.set_point.after(age_s, &self.config.mechanism)
+                    self.set_point.after(age_s, mechanism)
                 }
                 given => given,
             };
-            self.commands = self.controller.period(&set_point, angle_rad, &measured);
+            self.commands = self.controller.period(mechanism, &set_point, angle_rad, &measured);
         }
         // A step ahead: the one that begins a period is the longest.
         if ends {
-            self.controller.measure(&measured);
+            self.controller.measure(mechanism, &measured);
         }
         self.set_steps = self.set_steps.saturating_add(1);
     }

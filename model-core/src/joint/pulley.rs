@@ -25,6 +25,11 @@ impl Lever {
     /// Of a constant radius.
     pub const PLAIN: Self = Self { share: 1.0, turn_per_m: 0.0 };
 
+    /// A way \[m\] or a radius \[m\] of the pulley as the muscle has it.
+    pub fn scaled(&self, of_pulley: f32) -> f32 {
+        if self.is_plain() { of_pulley } else { of_pulley * self.share }
+    }
+
     /// Whether it changes nothing.
     pub fn is_plain(&self) -> bool {
         let Self { share, turn_per_m } = self;
@@ -38,9 +43,6 @@ impl Shape {
     #[inline(never)]
     pub fn at(&self, angle_rad: f32, pulls_m: f32) -> (f32, Lever) {
         let Self([share, one, two, three]) = *self;
-        if one.to_bits() | two.to_bits() | three.to_bits() == 0 {
-            return (angle_rad * share, Lever { share, turn_per_m: 0.0 });
-        }
         let mean = Self([share, 0.5 * one, (1.0 / 3.0) * two, 0.25 * three]).share(angle_rad);
         let slope = Self([one, 2.0 * two, 3.0 * three, 0.0]).share(angle_rad);
         let lever = Lever { share: self.share(angle_rad), turn_per_m: slope / pulls_m };
@@ -83,7 +85,7 @@ mod tests {
     #[test]
     fn a_constant_radius_is_plain() {
         let lever = |shape| Shape(shape).at(0.7, 0.02).1;
-        assert!(lever([1.0, 0.0, 0.0, 0.0]).is_plain());
+        assert!(Lever::PLAIN.is_plain() && Lever::PLAIN.scaled(0.3) == 0.3);
         assert!(!lever([1.1, 0.0, 0.0, 0.0]).is_plain());
         assert!(!lever([1.0, 0.0, 0.0, 0.1]).is_plain());
         let (wound_rad, _) = Shape([1.0, 0.0, 0.0, 0.0]).at(0.7, 0.02);
