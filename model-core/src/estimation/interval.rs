@@ -1,5 +1,5 @@
 //! Movements of the zones and the end of an interval. Each leaves work for the steps that follow, so that no step has more
-//! than one of: the controller's period, a movement, what it leaves to sums and element, the heat transfer that follows,
+//! than one of: the controller's period, a movement, the heat transfer that follows, what it leaves to sums and element,
 //! a part of the covariance. At the end of an interval sums become a linearised error dynamics.
 
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
@@ -291,13 +291,15 @@ impl Estimator {
         }
     }
 
-    /// The next thing that a movement of the zones has left: sums and element, the interval's end, the heat transfer
-    /// that follows; whether there was any.
+    /// The next thing that a movement of the zones has left: the heat transfer that follows, sums and element, the
+    /// interval's end; whether there was any.
     fn follow_movement(&mut self) -> bool {
-        if let Some(moved) = self.moved.take() {
-            self.add_movement(&moved);
-        } else if self.exchange_due {
+        if self.exchange_due {
+            self.keep_exchange();
             self.set_exchange();
+        } else if let Some((moved, conductance_j_k)) = self.moved.take() {
+            let conductance_j_k = conductance_j_k.unwrap_or_else(|| self.exchange.settled_j_k());
+            self.add_movement(&moved, &conductance_j_k);
         } else {
             return false;
         }
@@ -366,23 +368,31 @@ impl Estimator {
         };
         self.length_m = length_m;
         self.movements.add_flow(&flow, &self.zones);
-        self.moved = Some(self.zones.advance(&self.coefficients, &flow, &self.exchange, &place));
+        let moved = self.zones.advance(&self.coefficients, &flow, &self.exchange, &place);
+        self.moved = Some((moved, None));
         self.place = place;
         self.exchange_due = true;
         self.set_leak(self.pressure_pa);
     }
 
-    /// Has sums and element follow the last movement of the zones, and an interval that ended with it. The wall gets the
-    /// heat of friction with the next one.
-    fn add_movement(&mut self, moved: &Moved) {
-        self.place.friction_j = self.rub(-self.place.way_m);
+    /// Takes what the last movement needs of the heat transfer that it had, before another one replaces it.
+    fn keep_exchange(&mut self) {
+        let Some((moved, conductance_j_k @ None)) = &mut self.moved else { return };
+        *conductance_j_k = Some(self.exchange.settled_j_k());
         let c = &self.coefficients;
-        let sums = &mut self.movements;
-        sums.add(moved, &self.exchange.settled_j_k());
         if c.profile.exists {
             let excess_k = minus(&moved.gas_k, &self.zones.wall_k);
             self.element.conduct(c, &self.exchange, &excess_k);
         }
+    }
+
+    /// Has sums and element follow the last movement of the zones, and an interval that ended with it. The wall gets the
+    /// heat of friction with the next one.
+    fn add_movement(&mut self, moved: &Moved, conductance_j_k: &PerZone) {
+        self.place.friction_j = self.rub(-self.place.way_m);
+        let c = &self.coefficients;
+        let sums = &mut self.movements;
+        sums.add(moved, conductance_j_k);
         let steps = (f32::from(moved.steps), c.step_s);
         self.element.follow(&moved.gas_k, steps, &mut sums.response);
         if let Some(ended) = self.ended.take() {

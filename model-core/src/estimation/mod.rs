@@ -69,6 +69,7 @@ use self::covariance::Covariance;
 use self::element::Element;
 use self::energy::Energy;
 use self::interval::{Ended, Interval, Movements, Pending, Window, Work};
+use self::per_zone::PerZone;
 use self::trend::{FlowState, Trend, Uncertainty};
 use self::zones::{Exchange, Moved, Place, Zones};
 use crate::config::Config;
@@ -89,7 +90,7 @@ const UNKNOWN: f32 = 0.1;
 const LEAST_KG: f32 = 1.0e-9;
 /// Steps between a movement of the zones and the end of a balance: with what either leaves, they are done one after the
 /// other.
-const WINDOW_STEPS: u16 = 3;
+const WINDOW_STEPS: u16 = 2;
 /// Range of temperatures of gas and wall \[K\].
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
@@ -199,8 +200,9 @@ pub struct Estimator {
     exchange: Exchange,
     /// The zones have moved since.
     exchange_due: bool,
-    /// Last movement of the zones, until sums and element have followed it.
-    moved: Option<Moved>,
+    /// Last movement of the zones, until sums and element have followed it; and conductances of an error in it \[J/K\], once
+    /// the heat transfer is that of the next one.
+    moved: Option<(Moved, Option<PerZone>)>,
     movements: Movements,
     ended: Option<Ended>,
     place: Place,
