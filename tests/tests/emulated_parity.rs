@@ -13,9 +13,9 @@ use thermyo_simulation::board::BoardError;
 /// A PWM period of the configuration that is run.
 const PERIOD_STEPS: f64 = 10.0;
 
-/// Mean time of the core's step, 110 us, and the worst with the line's interrupts included, 322 us.
+/// Mean time of the core's step, 114 us, and the worst with the line's interrupts included, 204 us.
 const STEP_MEAN_NS: RangeInclusive<u32> = 100_000..=116_000;
-const STEP_WORST_US: RangeInclusive<u32> = 280..=340;
+const STEP_WORST_US: RangeInclusive<u32> = 185..=220;
 
 /// The start of a step is this close to its mean delay \[us\].
 const JITTER_US: u32 = 5;
