@@ -125,7 +125,7 @@ pub fn fitted(joint: &Joint, rows: &[[f64; 3]]) -> Joint {
     let [a, b] = [1, 2].map(|column| cubic(rows, column, way_rad));
     let radius_m = a[0];
     let largest_rad = way_rad[0].abs().max(way_rad[1]);
-    // What the largest angle makes of a power is above the rounding.
+    // At the largest angle a power whose share is less than the rounding counts for nothing.
     let share = |of: [f64; 4], power: usize| {
         let share = of[power] / radius_m;
         let at_end: f64 = std::iter::repeat_n(largest_rad, power).product();
