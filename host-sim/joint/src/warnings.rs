@@ -383,14 +383,19 @@ mod tests {
         }
     }
 
-    #[test]
-    fn a_profile_that_asks_for_too_much_is_named_by_its_key() {
+    /// Warnings of a drive beside a profile, `course.csv`, which ends with that row.
+    fn warned_beside_course(last_row: &str, drive: &str) -> Vec<InputError> {
         let folder = tempfile::tempdir().unwrap();
-        let rows = "time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n1,0.3,1000\n";
+        let rows = format!("time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n{last_row}\n");
         std::fs::write(folder.path().join("course.csv"), rows).unwrap();
         let path = folder.path().join("joint.toml");
-        std::fs::write(&path, "[joint]\n[drive]\nprofile_csv = \"course.csv\"\n").unwrap();
-        let (_, found) = load_with_warnings(&path).unwrap().unwrap();
+        std::fs::write(&path, format!("[joint]\n[drive]\n{drive}")).unwrap();
+        load_with_warnings(&path).unwrap().unwrap().1
+    }
+
+    #[test]
+    fn a_profile_that_asks_for_too_much_is_named_by_its_key() {
+        let found = warned_beside_course("1,0.3,1000", "profile_csv = \"course.csv\"\n");
         let said = found.iter().map(ToString::to_string).collect::<String>();
         assert!(said.contains("joint.toml:3: drive.profile_csv = "), "{said}");
         assert!(said.contains("course.csv\": it asks for 1000.0 N m/rad: at 0.30 rad"), "{said}");
@@ -398,14 +403,9 @@ mod tests {
 
     #[test]
     fn a_profile_stands_above_all_other_keys_of_the_drive() {
-        let folder = tempfile::tempdir().unwrap();
-        let rows = "time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n1,0.1,14\n";
-        std::fs::write(folder.path().join("course.csv"), rows).unwrap();
-        let path = folder.path().join("joint.toml");
         let drive = "profile_csv = \"course.csv\"\nangle_rad = 0.1\nstiffness_n_m_rad = 12\nshape = \"sine\"\n\
                      amplitude_rad = 0.1\nperiod_s = 2\n";
-        std::fs::write(&path, format!("[joint]\n[drive]\n{drive}")).unwrap();
-        let (_, found) = load_with_warnings(&path).unwrap().unwrap();
+        let found = warned_beside_course("1,0.1,14", drive);
         let lines: Vec<Option<u64>> = found.iter().map(|warning| warning.line).collect();
         assert_eq!(lines, [4, 5, 6, 7, 8].map(Some), "{found:?}");
         let by_table = |warning: &InputError| {

@@ -40,20 +40,23 @@ fn a_step_arrives_with_its_stiffness_and_rests() {
 const HOSED: &str =
     "model = \"full\"\n[tube]\nlength_m = 0.5\ndiameter_m = 0.004\n[joint]\ngravity_n_m = 4.9\n";
 
+/// A sine of that angular frequency \[rad/s\] and size \[rad\], after half a second at rest.
+fn sine(w: f64, size: f64, time_s: f64) -> Inputs {
+    let (sin, cos) = if time_s < 0.5 { (0.0, 0.0) } else { (w * (time_s - 0.5)).sin_cos() };
+    Inputs::of(Motion {
+        angle_rad: (size * sin) as f32,
+        speed_rad_s: (size * w * cos) as f32,
+        acceleration_rad_s2: (-size * w * w * sin) as f32,
+        stiffness_n_m_rad: 14.0,
+    })
+}
+
 /// Without the time that gas takes through valve and hose in the reference it is 0.64 deg late.
 #[test]
 fn a_heavy_arm_is_followed_at_two_hertz() {
     let loaded = loaded(&format!("{HOSED}inertia_kg_m2 = 0.145\n"));
     let (w, size) = (2.0 * TAU, 10.0_f64.to_radians());
-    let rows = run(&loaded, 2.5, |t| {
-        let (sin, cos) = if t < 0.5 { (0.0, 0.0) } else { (w * (t - 0.5)).sin_cos() };
-        Inputs::of(Motion {
-            angle_rad: (size * sin) as f32,
-            speed_rad_s: (size * w * cos) as f32,
-            acceleration_rad_s2: (-size * w * w * sin) as f32,
-            stiffness_n_m_rad: 14.0,
-        })
-    });
+    let rows = run(&loaded, 2.5, |t| sine(w, size, t));
     let errors = rows.iter().filter(|row| row.time_s > 1.0).map(|row| {
         (row.truth.angle_rad - size * (w * (row.time_s - 0.5)).sin()).to_degrees().powi(2)
     });
@@ -65,15 +68,7 @@ fn a_heavy_arm_is_followed_at_two_hertz() {
 /// RMS error of 20 deg at 1 Hz \[deg\].
 fn sine_error_deg(loaded: &JointLoaded) -> f64 {
     let (w, size) = (TAU, 20.0_f64.to_radians());
-    let rows = run(loaded, 4.5, |t| {
-        let (sin, cos) = if t < 0.5 { (0.0, 0.0) } else { (w * (t - 0.5)).sin_cos() };
-        Inputs::of(Motion {
-            angle_rad: (size * sin) as f32,
-            speed_rad_s: (size * w * cos) as f32,
-            acceleration_rad_s2: (-size * w * w * sin) as f32,
-            stiffness_n_m_rad: 14.0,
-        })
-    });
+    let rows = run(loaded, 4.5, |t| sine(w, size, t));
     let moving = &rows[1500..];
     let errors =
         moving.iter().map(|row| row.truth.angle_rad - size * (w * (row.time_s - 0.5)).sin());
