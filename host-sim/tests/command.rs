@@ -97,6 +97,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
             vec!["evaluate", "tune", "--out", "x"],
             "--out goes with `evaluate control`, `evaluate faults`",
         ),
+        (
+            vec!["fmu", &nominal, "-o", "x.txt"],
+            "x.txt: must end in .fmu, by which importers know a unit: x.fmu",
+        ),
         (vec!["evaluate", "truth"], "<DATA>"),
         (vec!["evaluate"], "Usage: thermyo evaluate <COMMAND>"),
         (vec!["evaluate", "estimater"], "a similar subcommand exists: 'estimator'"),
