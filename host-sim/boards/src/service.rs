@@ -165,7 +165,7 @@ pub fn at_pins() -> Option<String> {
 
 /// Runs the board with the muscle of a scenario, as [`serve`].
 pub fn serve_muscle(files: [&Path; 3], loaded: &Loaded) -> Result<(), BoardError> {
-    serve(files, Port::Uart, &hardware(loaded), muscle(loaded)?)
+    serve(files, (Port::Uart, &hardware(loaded)), muscle(loaded)?)
 }
 
 /// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
@@ -173,20 +173,18 @@ pub fn serve_muscle(files: [&Path; 3], loaded: &Loaded) -> Result<(), BoardError
 /// `run` runs a millisecond of the board and of the plant at its pins.
 pub fn serve<R>(
     [scripts, image, file]: [&Path; 3],
-    port: Port,
-    at_pins: &str,
+    (port, at_pins): (Port, &str),
     mut run: R,
 ) -> Result<(), BoardError>
 where
     R: FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError>,
 {
-    fs::write(file.with_extension(AT_PINS), at_pins)?;
     let mut board = EmulatedBoard::with_flash(scripts, image, &file.with_extension("flash"))?;
     if port == Port::Usb {
         board.connect_usb_while(&mut run)?;
     }
     let mut board = Emulated { board, run, to_client: Vec::new() };
-    let (listener, card) = announced(file)?;
+    let (listener, card) = announced(file, at_pins)?;
     let plugged = || fs::read_to_string(file).is_ok_and(|text| text == card);
 
     let mut client: Option<TcpStream> = None;
@@ -234,8 +232,10 @@ where
     Ok(())
 }
 
-/// Listens at a port that the file names from now on; returns the file's content too.
-fn announced(file: &Path) -> io::Result<(TcpListener, String)> {
+/// Listens at a port that the file names from now on, beside the file of what is at the pins; returns the first one's
+/// content too.
+fn announced(file: &Path, at_pins: &str) -> io::Result<(TcpListener, String)> {
+    fs::write(file.with_extension(AT_PINS), at_pins)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());

@@ -39,7 +39,7 @@ pub fn hardware(loaded: &Loaded) -> String {
     COMMON.iter().chain(own).filter_map(entry).collect::<Table>().to_string()
 }
 
-/// What differs from such hardware, each as "key = own value, other value there".
+/// Differences from such hardware, each as "key = own value, other value there".
 pub fn differences(loaded: &Loaded, there: &str) -> Vec<String> {
     let (Ok(own), Ok(there)) = (hardware(loaded).parse::<Table>(), there.parse::<Table>()) else {
         return Vec::new();

@@ -218,7 +218,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let joint = scenario.as_deref().map(thermyo_joint::load).transpose()?.flatten();
     if let Some(joint) = joint {
         // The serial line carries the telemetry of a joint in every third step only.
-        return Ok(service::serve(files, Port::Usb, "", joint_board::at_pins(&joint)?)?);
+        return Ok(service::serve(files, (Port::Usb, ""), joint_board::at_pins(&joint)?)?);
     }
     let loaded = match scenario {
         Some(path) => thermyo_setup::load(path)?,
