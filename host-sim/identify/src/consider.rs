@@ -78,7 +78,7 @@ mod tests {
         let mut rows = "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n".to_owned();
         let mut observer = |row: &Row| {
             let (truth, command) = (&row.truth, &row.telemetry.command);
-            if row.telemetry.step % 10 == 0 {
+            if row.telemetry.step.is_multiple_of(10) {
                 rows += &format!(
                     "{},{},{},{},{},{}\n",
                     truth.time_s / 60.0,
