@@ -63,6 +63,7 @@ fn a_board_is_configured_armed_driven_and_queried() {
     );
     assert!(info.contains(" RP2040, firmware "), "{info}");
 
+    assert_another_muscle_is_warned_of(&bench);
     assert_configurations_are_returned(&bench);
     assert_a_drive_is_recorded(&bench);
 }
@@ -93,6 +94,22 @@ fn assert_the_limits_are_stated(bench: &Bench) {
     let kilograms = bench.run("thermyo board emulated set pressure 5kg");
     let kilograms = String::from_utf8_lossy(&kilograms.stderr).into_owned();
     assert!(kilograms.contains("or one with its unit: Pa, kPa, MPa, bar, "), "{kilograms}");
+}
+
+/// The emulated board has a muscle at its pins, whatever it is configured with.
+fn assert_another_muscle_is_warned_of(bench: &Bench) {
+    let warned = |text: &str| {
+        let file = bench.path("muscle.toml");
+        fs::write(&file, text).unwrap();
+        let line = format!("thermyo board emulated config write {}", file.display());
+        let output = bench.run(&line);
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert_eq!(warned("[friction]\nforce_n = 3\n"), "");
+    let other = warned("[muscle]\nrest_length_m = 0.2\n");
+    let expected = "muscle.toml: another muscle is at the emulated board's pins: muscle.rest_length_m = 0.2, 0.3 there";
+    assert!(other.contains(expected) && other.lines().count() == 1, "{other}");
 }
 
 /// The board returns its configuration, to the bit.

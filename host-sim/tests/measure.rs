@@ -69,6 +69,7 @@ fn identified_and_judged(folder: &Path) {
     let output =
         thermyo(&["evaluate", "estimator", "--recording", &recording, "--json", "--quiet"]);
     assert!(String::from_utf8_lossy(&output.stdout).contains("bare_k"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
 }
 
 #[test]

@@ -674,6 +674,12 @@ fn implausible_values_are_reported() {
              swing on",
         ),
         (
+            "[tube]\nlength_m = 2\ndiameter_m = 0.006\n[drive]\nkind = \"pressure\"",
+            "scenario.toml:2: tube.length_m = 2.0: the line's gas swings at 47 Hz, near a half of valve.pwm_hz = 100.0, and \
+             a bore of 6.0 mm damps it little: a held pressure may swing on at 50 Hz; a bore of 3 mm, or another length, \
+             lets it rest",
+        ),
+        (
             "[tube]\nlength_m = 10\ndiameter_m = 0.002",
             "scenario.toml:3: tube.diameter_m = 0.002: 10 m of it pass 0.65 g/s by friction, below a quarter of the 3.30 \
              g/s that the core expects of valve.conductance_m3_s_pa, so that it takes the inlet for shut and vents with \

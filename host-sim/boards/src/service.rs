@@ -5,7 +5,8 @@
 //! A file in the folder for temporary files holds its local port. The first program that opens it
 //! plugs it in; removing that file unplugs it. Without a client its time stops, after the time that
 //! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
-//! the first holds the content of its flash, which survives the loss of power.
+//! the first holds the content of its flash, which survives the loss of power, a third one what is at its
+//! pins.
 
 use super::emulated::{EmulatedBoard, Exchange, Port, STEP_NS};
 use super::image::{self, Variant};
@@ -17,7 +18,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use std::{env, fs, io, thread};
 use thermyo_protocol::PROTOCOL;
-use thermyo_setup::Loaded;
+use thermyo_setup::{Loaded, hardware};
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::rig::Rig;
 
@@ -39,6 +40,9 @@ const PLUGGED_STEPS: u32 = 500;
 const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
 /// The start fails after this time; it is long because machines may be slow.
 const LONGEST_START: Duration = Duration::from_secs(900);
+
+/// Extension of the file beside it that has what is at the board's pins.
+const AT_PINS: &str = "pins";
 
 /// The file that holds the port, one for each user. Only on Unix do users share the folder.
 fn file() -> PathBuf {
@@ -115,8 +119,7 @@ pub fn is_plugged_in() -> bool {
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
-    let board =
-        thread::spawn(move || serve([&scripts, &image, &file()], Port::Uart, muscle(&loaded)?));
+    let board = thread::spawn(move || serve_muscle([&scripts, &image, &file()], &loaded));
     while !is_plugged_in() {
         if board.is_finished() {
             let silent = Err(BoardError::Silent { asked: "a connection" });
@@ -154,12 +157,23 @@ pub fn muscle(
     })
 }
 
+/// Hardware at the pins of the board that is plugged in, as [`hardware`] has it; nothing of a joint.
+pub fn at_pins() -> Option<String> {
+    address()?;
+    fs::read_to_string(file().with_extension(AT_PINS)).ok()
+}
+
+/// Runs the board with the muscle of a scenario, as [`serve`].
+pub fn serve_muscle(files: [&Path; 3], loaded: &Loaded) -> Result<(), BoardError> {
+    serve(files, (Port::Uart, &hardware(loaded)), muscle(loaded)?)
+}
+
 /// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
-/// or has been idle for long. Clients are behind its `port`. Each call of `run` runs a millisecond of
-/// the board and of the plant at its pins.
+/// or has been idle for long. Clients are behind its `port`, and read what is [`at_pins`]. Each call of
+/// `run` runs a millisecond of the board and of the plant at its pins.
 pub fn serve<R>(
     [scripts, image, file]: [&Path; 3],
-    port: Port,
+    (port, at_pins): (Port, &str),
     mut run: R,
 ) -> Result<(), BoardError>
 where
@@ -170,7 +184,7 @@ where
         board.connect_usb_while(&mut run)?;
     }
     let mut board = Emulated { board, run, to_client: Vec::new() };
-    let (listener, card) = announced(file)?;
+    let (listener, card) = announced(file, at_pins)?;
     let plugged = || fs::read_to_string(file).is_ok_and(|text| text == card);
 
     let mut client: Option<TcpStream> = None;
@@ -218,8 +232,10 @@ where
     Ok(())
 }
 
-/// Listens at a port that the file names from now on; returns the file's content too.
-fn announced(file: &Path) -> io::Result<(TcpListener, String)> {
+/// Listens at a port that the file names from now on, beside the file of what is at the pins; returns the first one's
+/// content too.
+fn announced(file: &Path, at_pins: &str) -> io::Result<(TcpListener, String)> {
+    fs::write(file.with_extension(AT_PINS), at_pins)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());

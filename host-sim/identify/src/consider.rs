@@ -32,7 +32,9 @@ pub fn widened(
 ) -> DMatrix<f64> {
     // In one zone the sensor has no housing, and sees the mean.
     let known = problem.scenario.plant.model != PlantModel::Full;
-    if known || !matches!(problem.data.input, Input::Given(_)) {
+    // Where every parameter is at a limit none is off.
+    let held = sensitivities.ncols() == 0;
+    if known || held || !matches!(problem.data.input, Input::Given(_)) {
         return covariance;
     }
     let own = problem.weighted(place);
@@ -56,4 +58,43 @@ pub fn widened(
     let experiment = problem.experiment.clone().with_location_factor(DIFFERENCE.exp());
     add(Problem { experiment, ..problem.clone() }.weighted(place), LOCATION_SD);
     covariance
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::identify_table;
+    use std::path::Path;
+    use thermyo_files::table::Table;
+    use thermyo_record::trace::Row;
+    use thermyo_simulation::board::CoreBoard;
+    use thermyo_simulation::run;
+
+    /// A record in minutes takes every parameter to a limit; the search of the errors of none panicked.
+    #[test]
+    fn a_fit_with_every_parameter_at_a_limit_has_an_end() {
+        let text = "[run]\nduration_s = 20\n[heat]\nmodel = \"constant\"\n[identify]\nparameters = \
+                    [\"heat.inner_w_m2_k\", \"sensor.gas.time_constant_s\"]\ncolumns = [\"sensor_gas_k\"]\nstarts = 1\n";
+        let loaded = thermyo_setup::parse(text, "c.toml".as_ref()).unwrap();
+        let mut rows = "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n".to_owned();
+        let mut observer = |row: &Row| {
+            let (truth, command) = (&row.truth, &row.telemetry.command);
+            if row.telemetry.step.is_multiple_of(10) {
+                rows += &format!(
+                    "{},{},{},{},{},{}\n",
+                    truth.time_s / 60.0,
+                    truth.pressure_pa,
+                    truth.length_m,
+                    row.sensor_gas_k,
+                    command.inlet.share(),
+                    command.outlet.share()
+                );
+            }
+            Ok(())
+        };
+        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        let data = Path::new("d.csv");
+        let table = Table::parse(&rows, data).unwrap();
+        let found = identify_table(&loaded, "c.toml".as_ref(), &table, data, None, &()).unwrap();
+        assert!(found.failed().is_some());
+    }
 }

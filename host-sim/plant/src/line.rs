@@ -115,6 +115,35 @@ impl Bore {
         most
     }
 
+    /// Lowest frequency at which the gas of that length \[m\] swings between two volumes \[m3\], without friction \[Hz\]:
+    /// tan(k L) (k^2 V_1 V_2/S^2 - 1) = k (V_1 + V_2)/S, with 2 pi f = k c; c/4 L between a shut end and the open.
+    pub fn resonance_hz(&self, gas: &IdealGas, length_m: f64, ends_m3: [f64; 2]) -> f64 {
+        let [one_m, other_m] = ends_m3.map(|volume_m3| volume_m3 / self.section_m2);
+        let beyond = |k: f64| {
+            let (sine, cosine) = (math::sin(k * length_m), math::cos(k * length_m));
+            sine * (k * k * one_m * other_m - 1.0) - k * (one_m + other_m) * cosine
+        };
+        // Half a wave fits between two open ends, and less between any others.
+        let [mut least, mut most] = [0.0, PI / length_m];
+        for _ in 0..60 {
+            let middle = 0.5 * (least + most);
+            if beyond(middle) < 0.0 {
+                least = middle;
+            } else {
+                most = middle;
+            }
+        }
+        least * (gas.k * gas.r * self.wall_k).sqrt() / (2.0 * PI)
+    }
+
+    /// Quality of a swing of that frequency \[Hz\] in gas of that pressure \[Pa\]: 2 pi f over the rate 32 mu/(rho D^2) at
+    /// which laminar friction takes its flow \[-\].
+    pub fn quality(&self, gas: &IdealGas, frequency_hz: f64, pressure_pa: f64) -> f64 {
+        let density = pressure_pa / (gas.r * self.wall_k);
+        let square_m2 = self.diameter_m * self.diameter_m;
+        2.0 * PI * frequency_hz * density * square_m2 / (32.0 * self.viscosity_pa_s)
+    }
+
     /// Conductance to the wall \[W/K\] of gas of that volume \[m3\], at a Nusselt number.
     fn conductance(&self, volume_m3: f64, nusselt: f64) -> f64 {
         PI * self.conductivity_w_m_k * nusselt * volume_m3 / self.section_m2
@@ -298,6 +327,28 @@ mod tests {
                 line.rates(y, (tube_pa, AIR_K), (flow, flow * line.end(y).1), rates);
             });
         }
+    }
+
+    /// Quarter wave, a Helmholtz resonator, and two volumes that share the spring of one.
+    #[test]
+    fn gas_of_a_line_resonates_as_closed_forms_do() {
+        let gas = IdealGas::new(&Scenario::default().gas);
+        let bore = Bore::new(0.006, AIR_K);
+        let sound_m_s = (gas.k * gas.r * AIR_K).sqrt();
+        let section_m2 = PI / 4.0 * 0.006 * 0.006;
+        let helmholtz_hz =
+            |volume_m3: f64| sound_m_s / (2.0 * PI) * (section_m2 / (0.1 * volume_m3)).sqrt();
+        for (length_m, ends_m3, expected_hz) in [
+            (1.5, [0.0, 1.0e3], sound_m_s / 6.0),
+            (0.1, [1.0e-3, 1.0e3], helmholtz_hz(1.0e-3)),
+            (0.1, [1.0e-3, 1.0e-3], helmholtz_hz(0.5e-3)),
+        ] {
+            let found_hz = bore.resonance_hz(&gas, length_m, ends_m3);
+            assert!((found_hz / expected_hz - 1.0).abs() < 3.0e-3, "{ends_m3:?}: {found_hz} Hz");
+        }
+        let quality = bore.quality(&gas, 50.0, 2.0e5);
+        assert!((quality / bore.quality(&gas, 100.0, 1.0e5) - 1.0).abs() < 1e-12);
+        assert!((40.0..50.0).contains(&quality), "{quality}");
     }
 
     fn at_rest(line: &Line, pressure: f64) -> Vec<f64> {

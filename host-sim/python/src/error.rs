@@ -1,5 +1,6 @@
 //! Exceptions, with the messages of the command.
 
+use model_core::control::SetPointField;
 use model_core::{Faults, SetPointError};
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
 use pyo3::{PyErr, create_exception};
@@ -84,7 +85,14 @@ pub fn board(error: board::BoardError) -> PyErr {
     match error {
         // By the keyword's name and in its unit.
         board::BoardError::Refused(Refusal::SetPoint(range @ SetPointError::Range { .. })) => {
-            BoardError::new_err(range.to_string())
+            let now =
+                match range {
+                    SetPointError::Range {
+                        field: SetPointField::Armed, value, minimum, ..
+                    } if value < minimum => "; the lower end is the pressure now, at least ambient",
+                    _ => "",
+                };
+            BoardError::new_err(format!("{range}{now}"))
         }
         error => BoardError::new_err(format!("{error}{remedy}")),
     }

@@ -49,6 +49,8 @@ def test_a_board_is_armed_set_streamed_and_vents_at_the_end():
         assert times == sorted(times) and 2.9 < times[-1] <= 3.0 and len(times) > 250
         assert abs(stream[-1]["measured_pressure_pa"] - 1.5e5) < 3.5e3
         assert stream[-1]["mode"].startswith("pressure") and stream[-1]["faults"] == []
+        with pytest.raises(thermyo.BoardError, match=r"^armed_pa = 120000: must be from 14\d{4}\.?\d* to 66\d{4}\.?\d*; the lower end is the pressure now, at least ambient$"):
+            board.arm(1.2e5)
     with pytest.raises(thermyo.BoardError, match="^the board is closed$"):
         board.read()
     with thermyo.Board("emulated") as board:

@@ -1,6 +1,7 @@
 //! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
 
 use thermyo_files::input::{InputError, Instead, Problem, nearest, quoted};
+use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_scenario::schema::Limits;
 
@@ -25,6 +26,10 @@ const POSSIBLE: [(&str, Limits); 10] = [
 const NOT_ABSOLUTE: f64 = 0.8;
 /// A record with no pressure above this one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 2.0e4;
+/// Closer rows of a motion are those of a record in minutes: 50 rows a second are 0.33 ms apart in them \[s\].
+const LEAST_DISTANCE_S: f64 = 4.0e-4;
+/// Distances of times from the file are rounded by less \[-\].
+const ROUNDING: f64 = 1.0e-3;
 
 /// Refuses gauge pressures of a muscle in a column, if the table has it.
 ///
@@ -77,6 +82,44 @@ pub fn check_rising(table: &Table, times: &[f64]) -> Result<(), InputError> {
             let allowed = format!("later than the row before it, at {:?} s", times[row]);
             Err(table.cell_error(row + 1, TIME, &allowed))
         }
+        None => Ok(()),
+    }
+}
+
+/// Usual distance of times, the middle one of all \[s\].
+pub fn usual_distance_s(times: &[f64]) -> f64 {
+    let mut distances: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or_default()
+}
+
+/// Refuses times in ms or min, and rows too far apart, by their usual distance: at most `most_s`, which `why` needs.
+///
+/// # Errors
+/// With the first row that is so far from the one before it, or so close to it.
+pub fn check_distances(
+    table: &Table,
+    times: &[f64],
+    (most_s, why): (f64, &str),
+) -> Result<(), InputError> {
+    let usual_s = usual_distance_s(times);
+    let longest_s = (1.0 + ROUNDING) * most_s;
+    let (is_wrong, allowed): (&dyn Fn(f64) -> bool, String) = if usual_s > longest_s {
+        let most = significant(most_s, 3);
+        let allowed = format!(
+            "at most {most} s after the row before it, {why}: is this ms, or are rows left out?"
+        );
+        (&|distance_s| distance_s > longest_s, allowed)
+    } else if usual_s < LEAST_DISTANCE_S {
+        let allowed = format!(
+            "at least {LEAST_DISTANCE_S} s after the row before it: is this min? Leave out rows of a faster record"
+        );
+        (&|distance_s| distance_s < LEAST_DISTANCE_S, allowed)
+    } else {
+        return Ok(());
+    };
+    match times.windows(2).position(|pair| is_wrong(pair[1] - pair[0])) {
+        Some(row) => Err(table.cell_error(row + 1, TIME, &allowed)),
         None => Ok(()),
     }
 }
@@ -277,6 +320,29 @@ mod tests {
         let usual = read(0.0);
         assert_eq!(usual.columns[0].points[3], (0.06, 200_003.0));
         assert!([-5.0, 1.0, 1.0e5].iter().all(|first_s| read(*first_s) == usual));
+    }
+
+    #[test]
+    fn times_in_another_unit_are_refused() {
+        let checked = |distance_s: f64| {
+            let row = |i: u32| format!("{}\n", distance_s * f64::from(i));
+            let text = "time_s\n".to_owned() + &(0..9).map(row).collect::<String>();
+            let table = Table::parse(&text, "m.csv".as_ref()).unwrap();
+            let times = table.filled(TIME).unwrap();
+            check_distances(&table, &times, (0.2, "for creep")).map_err(|error| error.to_string())
+        };
+        assert_eq!((checked(0.02), checked(0.001)), (Ok(()), Ok(())));
+        let ms = "m.csv:3: column time_s = 20.0: must be at most 0.200 s after the row before it, for creep: is this \
+                  ms, or are rows left out?";
+        assert_eq!(checked(20.0), Err(ms.to_owned()));
+        assert!(
+            checked(4.0).unwrap_err().starts_with("m.csv:3: column time_s = 4.0: must be at most")
+        );
+        let minutes = checked(0.02 / 60.0).unwrap_err();
+        assert!(
+            minutes.contains("must be at least 0.0004 s after the row before it: is this min?"),
+            "{minutes}"
+        );
     }
 
     #[test]

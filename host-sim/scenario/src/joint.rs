@@ -648,30 +648,34 @@ fn own_tables(text: &str, origin: &Path) -> Result<Own, InputError> {
             None => InputError::file(origin, problem),
         }
     })?;
-    let mut found = Own::default();
+    let mut entries = Vec::new();
     for (path, table) in &OWN {
         let mut below = Some(root.get_ref());
         for part in path.split('.') {
             below = below.and_then(|table| table.get(part)?.get_ref().as_table());
         }
-        for (name, value) in below.into_iter().flatten() {
-            let full = format!("{path}.{}", name.get_ref());
-            if OWN.iter().any(|(own, _)| *own == full) {
-                continue;
-            }
-            let line = lines.line_at(name.span().start);
-            let refuse = |problem| InputError::line(origin, line, problem);
-            let Some(key) = table.keys.iter().find(|key| key.name == name.get_ref()) else {
-                return Err(refuse(unknown(&full, path, name.get_ref(), table.keys)));
-            };
-            let Some(taken) = checked(key.allowed, value.get_ref()) else {
-                let allowed = allowed_instead(key.allowed, value.get_ref().as_str());
-                let value = quoted(text.get(value.span()).unwrap_or_default());
-                return Err(refuse(Problem::NotAllowed { key: full, value, allowed }));
-            };
-            found.0.entry((*path).to_owned()).or_default().insert(key.name.to_owned(), taken);
-            found.1.push((full, line));
+        entries.extend(below.into_iter().flatten().map(|(name, value)| (path, table, name, value)));
+    }
+    // A table of the reader is sorted by its keys.
+    entries.sort_by_key(|(_, _, name, _)| name.span().start);
+    let mut found = Own::default();
+    for (path, table, name, value) in entries {
+        let full = format!("{path}.{}", name.get_ref());
+        if OWN.iter().any(|(own, _)| *own == full) {
+            continue;
         }
+        let line = lines.line_at(name.span().start);
+        let refuse = |problem| InputError::line(origin, line, problem);
+        let Some(key) = table.keys.iter().find(|key| key.name == name.get_ref()) else {
+            return Err(refuse(unknown(&full, path, name.get_ref(), table.keys)));
+        };
+        let Some(taken) = checked(key.allowed, value.get_ref()) else {
+            let allowed = allowed_instead(key.allowed, value.get_ref().as_str());
+            let value = quoted(text.get(value.span()).unwrap_or_default());
+            return Err(refuse(Problem::NotAllowed { key: full, value, allowed }));
+        };
+        found.0.entry((*path).to_owned()).or_default().insert(key.name.to_owned(), taken);
+        found.1.push((full, line));
     }
     Ok(found)
 }
@@ -790,6 +794,14 @@ mod tests {
             (
                 "[joint]\nradius_m = 0.02\nmid_lenght_a_m = 0.2\n",
                 "joint.toml:3: unknown key joint.mid_lenght_a_m; did you mean joint.mid_length_a_m?",
+            ),
+            (
+                "[joint]\nradius_m = 0.02\nmaximum_rad = 99\ninertia_kg_m2 = -3\n",
+                "joint.toml:3: joint.maximum_rad = 99: must be a number from -6.3 to 6.3 rad",
+            ),
+            (
+                "[joint.controller]\nlead_s = -1\n[joint]\nradius_m = -1\n",
+                "joint.toml:2: joint.controller.lead_s = -1: must be a number from 0 to 0.1 s",
             ),
             (
                 "[joint]\n[drive]\nkind = \"pressure\"\n",

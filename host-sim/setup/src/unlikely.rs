@@ -18,7 +18,7 @@ pub(super) fn unlikely(loaded: &Loaded) -> Vec<Unrest> {
     let all = [
         cold_sensor(plant),
         starved_by_regulator(loaded),
-        out_of_reach(plant),
+        out_of_reach(plant).or_else(|| too_heavy(plant)),
         late_profile(loaded),
         other_start(loaded),
     ];
@@ -85,6 +85,29 @@ fn out_of_reach(s: &Scenario) -> Option<Unrest> {
         let key = if s.drive.is_constant() { "drive.contraction" } else { "drive.amplitude" };
         let value = if s.drive.is_constant() { contraction } else { s.drive.amplitude };
         (key, format!("{value:?}"), why)
+    })
+}
+
+/// The load takes more pressure than there is where the chamber pulls most.
+fn too_heavy(s: &Scenario) -> Option<Unrest> {
+    let moving = chamber::of(s).filter(|_| fills(s) && s.load.kind != LoadKind::Isometric)?;
+    let needed_pa = needed_pa(s, moving.as_ref(), 0.0)?;
+    let most_pa = highest_pa(s);
+    // Where none is above ambient pressure nothing moves, whatever the load.
+    (needed_pa > most_pa && most_pa > s.ambient.pressure_pa).then(|| {
+        let needed = if needed_pa.is_finite() {
+            format!("by the static law it takes {:.0} kPa at the rest length, above", 1e-3 * needed_pa)
+        } else {
+            "by the static law no pressure holds it at the rest length, not".to_owned()
+        };
+        let why = format!(
+            "{needed} the {:.0} kPa of supply.pressure_pa and sensor.pressure.range_pa: it is never moved",
+            1e-3 * most_pa
+        );
+        match s.load.kind {
+            LoadKind::Mass => ("load.mass_kg", format!("{:?}", s.load.mass_kg), why),
+            _ => ("load.force_n", format!("{:?}", s.load.force_n), why),
+        }
     })
 }
 
@@ -174,6 +197,14 @@ mod tests {
                 "s.toml:8: drive.contraction = 0.2: by the static law a contraction of 0.2 takes",
             ),
             (
+                "[load]\nforce_n = 1e6\n",
+                "s.toml:2: load.force_n = 1000000.0: by the static law it takes ",
+            ),
+            (
+                "[load]\nkind = \"mass\"\nmass_kg = 500\n[drive]\nkind = \"pressure\"\n",
+                "s.toml:3: load.mass_kg = 500.0: by the static law it takes ",
+            ),
+            (
                 "[plant]\nmodel = \"full\"\ninitial_gas_temperature_k = 318.0\n",
                 "s.toml:3: plant.initial_gas_temperature_k = 318.0: 20 K off",
             ),
@@ -182,6 +213,8 @@ mod tests {
             assert!(found.len() == 1 && found[0].starts_with(start), "{text}: {found:?}");
         }
         for quiet in [
+            "[load]\nforce_n = 400.0\n",
+            "[load]\nforce_n = 1e6\n[drive]\nkind = \"closed\"\n",
             "[supply]\ntemperature_k = 273.0\n",
             "initial_gas_temperature_k = 303.0\n",
             "[valve]\nconductance_m3_s_pa = 1e-6\n",

@@ -13,6 +13,13 @@ use thermyo_plant::line::Bore;
 use thermyo_plant::load_n;
 use thermyo_scenario::{DriveKind, LoadKind, PlantKind, Scenario, ValveKind};
 
+/// A held pressure swings at a half or a third of the PWM frequency where the line's own frequency is by these factors
+/// about it, below that PWM frequency, with that quality and more: measured on `full` (`docs/background/control.md`) \[-\].
+const BEATS: [f64; 2] = [2.0, 3.0];
+const NEAR: [f64; 2] = [0.9, 1.3];
+const FASTEST_PWM_HZ: f64 = 150.0;
+const LEAST_QUALITY: f64 = 16.0;
+
 /// Key, value, and the consequence.
 pub type Unrest = (&'static str, String, String);
 
@@ -39,6 +46,7 @@ pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     let Some(moving) = chamber::of(believed).filter(|_| is_controlled) else { return found };
     let config = core_config(believed);
     let rest = Rest::at_the_goal(believed, &config, moving.as_ref());
+    found.extend(resonant(plant, rest.pressure_pa, moving.as_ref()));
     found.extend(coarse(believed, &config, &rest));
     found.extend(leaking(plant, &rest));
     found.extend(thrown(believed, &config, moving.as_ref()));
@@ -240,6 +248,33 @@ fn late(s: &Scenario) -> Option<Unrest> {
         );
         ("tube.length_m", format!("{length_m:?}"), why)
     })
+}
+
+/// Pulses that beat with the line's gas: the loop answers each swing by the next one.
+fn resonant(s: &Scenario, pressure_pa: f64, moving: &dyn Chamber) -> Option<Unrest> {
+    let [length_m, diameter_m] = s.tube.line().filter(|_| s.moves_in_full())?;
+    let [late_s, compensated_s] = flow_late_s(s);
+    let pulses = s.valve.kind == ValveKind::Switching && s.valve.pwm_hz < FASTEST_PWM_HZ;
+    let held = s.drive.kind == DriveKind::Pressure && pulses && late_s <= compensated_s;
+    let gas = IdealGas::new(&s.gas);
+    let bore = Bore::new(diameter_m, s.ambient.temperature_k);
+    let ends_m3 = [s.tube.volume_m3, moving.volume(moving.rest_length())];
+    let own_hz = bore.resonance_hz(&gas, length_m, ends_m3);
+    let rings = held && bore.quality(&gas, own_hz, pressure_pa) > LEAST_QUALITY;
+    let near = |beat: &&f64| {
+        let ratio = own_hz * **beat / s.valve.pwm_hz;
+        rings && (NEAR[0]..NEAR[1]).contains(&ratio)
+    };
+    let beat = BEATS.iter().find(near)?;
+    let part = if *beat == 2.0 { "half" } else { "third" };
+    let why = format!(
+        "the line's gas swings at {own_hz:.0} Hz, near a {part} of valve.pwm_hz = {:?}, and a bore of {:.1} mm damps it \
+         little: a held pressure may swing on at {:.0} Hz; a bore of 3 mm, or another length, lets it rest",
+        s.valve.pwm_hz,
+        1e3 * diameter_m,
+        s.valve.pwm_hz / beat
+    );
+    Some(("tube.length_m", format!("{length_m:?}"), why))
 }
 
 /// The core has no line: gas that does not come, or comes late, is to it an inlet that does not open.

@@ -1,6 +1,7 @@
 //! Boards that run the core. The one here runs it in this process.
 
 use model_core::control::{Mode, SetPointField};
+use model_core::joint::{JointError, JointField};
 use model_core::{Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use std::io;
 use std::path::PathBuf;
@@ -208,8 +209,37 @@ fn outside(field: SetPointField, value: f32, [least, most]: [f32; 2]) -> String 
     format!("{name} of {} {unit}: must be from {lowest} to {highest} {unit}", value * factor)
 }
 
+/// A highest pressure that the board does not arm for: with more in the muscle it would vent at once.
+fn not_armed_for(value: f32, [least_pa, most_pa]: [f32; 2]) -> String {
+    let range_pa = [least_pa, most_pa];
+    if least_pa > most_pa {
+        let [least_kpa, most_kpa] = range_pa.map(|pa| (pa / 10.0).round() / 100.0);
+        return format!(
+            "the pressure now is {least_kpa} kPa, and the board arms for {most_kpa} kPa at most: it has to vent first"
+        );
+    }
+    let range = outside(SetPointField::Armed, value, range_pa);
+    if value < least_pa {
+        format!("{range}; the lower end is the pressure now, at least ambient")
+    } else {
+        range
+    }
+}
+
 fn refused(refusal: &Refusal) -> String {
     match refusal {
+        Refusal::SetPoint(SetPointError::Range {
+            field: SetPointField::Armed,
+            value,
+            minimum,
+            maximum,
+        })
+        | Refusal::JointSetPoint(JointError::Range {
+            field: JointField::Armed,
+            value,
+            minimum,
+            maximum,
+        }) => not_armed_for(*value, [*minimum, *maximum]),
         Refusal::NotConfigured
         | Refusal::SetPoint(SetPointError::Faults(Faults::NOT_CONFIGURED)) => {
             "the board does not know its muscle yet".to_owned()
@@ -302,6 +332,29 @@ mod tests {
         );
         assert!(said(150.0).ends_with("; use 150kPa, which is 150000 Pa"));
         assert!(said(-3000.0).ends_with("to 689.5 kPa") && said(9e5).ends_with("to 689.5 kPa"));
+    }
+
+    /// The lower end was printed without a reason, and below the pressure now it was "refused: armed_pa".
+    #[test]
+    fn a_highest_pressure_below_the_one_now_is_refused_with_that_reason() {
+        let of_muscle = |value, minimum, maximum| {
+            let field = SetPointField::Armed;
+            Refusal::SetPoint(SetPointError::Range { field, value, minimum, maximum })
+        };
+        let of_joint = |value, minimum, maximum| {
+            let field = JointField::Armed;
+            Refusal::JointSetPoint(JointError::Range { field, value, minimum, maximum })
+        };
+        let said = |refusal| BoardError::Refused(refusal).to_string();
+        let now = "a highest pressure of 130 kPa: must be from 158.251 to 689.5 kPa; the lower end is the pressure now, at \
+                   least ambient";
+        assert_eq!(said(of_muscle(1.3e5, 158_250.0, 689_500.0)), now);
+        assert_eq!(said(of_joint(1.3e5, 158_250.0, 689_500.0)), now);
+        assert!(said(of_joint(9.0e5, 158_250.0, 689_500.0)).ends_with("to 689.5 kPa"));
+        assert_eq!(
+            said(of_muscle(6.895e5, 705_120.0, 689_500.0)),
+            "the pressure now is 705.12 kPa, and the board arms for 689.5 kPa at most: it has to vent first"
+        );
     }
 
     /// The largest contraction was printed as 0.37278953.

@@ -62,7 +62,9 @@ struct EstimatorArgs {
     /// Seed of the random muscles; with --random
     #[arg(long, value_name = "S", allow_negative_numbers = true, default_value_t = 1, requires = "random", value_parser = |text: &str| whole(text, 0..=u64::MAX))]
     seed: u64,
-    /// Evaluate a board's recording in this folder, with a reference sensor's column
+    /// Evaluate a board's recording in this folder, with a reference sensor's column; exit code 1
+    /// where the error is above 0.5 K, above that of the bare sensor, or less than 85 % of the rows
+    /// lie within two stated deviations
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
     /// Lag of that reference sensor, such as 0.044 (s) or 44ms

@@ -20,7 +20,7 @@ use thermyo_boards::{port, service};
 use thermyo_files::units::UnitSystem;
 use thermyo_protocol::Refusal;
 use thermyo_setup::core_config::core_config;
-use thermyo_setup::from_config;
+use thermyo_setup::{Loaded, differences, from_config};
 use thermyo_simulation::board::BoardError;
 
 #[derive(Debug, Args)]
@@ -218,13 +218,13 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let joint = scenario.as_deref().map(thermyo_joint::load).transpose()?.flatten();
     if let Some(joint) = joint {
         // The serial line carries the telemetry of a joint in every third step only.
-        return Ok(service::serve(files, Port::Usb, joint_board::at_pins(&joint)?)?);
+        return Ok(service::serve(files, (Port::Usb, ""), joint_board::at_pins(&joint)?)?);
     }
     let loaded = match scenario {
         Some(path) => thermyo_setup::load(path)?,
         None => thermyo_setup::parse("", Path::new("the default muscle"))?,
     };
-    Ok(service::serve(files, Port::Uart, service::muscle(&loaded)?)?)
+    Ok(service::serve_muscle(files, &loaded)?)
 }
 
 fn info(
@@ -277,6 +277,20 @@ fn refuse_joint(file: &Path) -> Result<(), Failure> {
     Err(Failure::Usage(usage))
 }
 
+/// Warns where the emulated board has another muscle at its pins than the scenario that it gets.
+fn warn_of_another_muscle(port: &str, file: &Path, loaded: &Loaded, err: &mut dyn Write) {
+    let there = service::at_pins().filter(|_| port == port::EMULATED).unwrap_or_default();
+    let all = differences(loaded, &there);
+    if !all.is_empty() {
+        let (file, all) = (file.display(), all.join("; "));
+        let _ = writeln!(
+            err,
+            "thermyo: warning: {file}: another muscle is at the emulated board's pins: {all}; `thermyo board emulated plug \
+             {file}` plugs in this one"
+        );
+    }
+}
+
 fn configure(
     board: &mut LiveBoard,
     task: ConfigTask,
@@ -287,7 +301,9 @@ fn configure(
     match task {
         ConfigTask::Write { file } => {
             refuse_joint(&file)?;
-            let config = core_config(&load(&file, format, err)?.believed);
+            let loaded = load(&file, format, err)?;
+            warn_of_another_muscle(board.port(), &file, &loaded, err);
+            let config = core_config(&loaded.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;
             format.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))

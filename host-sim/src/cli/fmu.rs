@@ -24,6 +24,12 @@ pub(super) struct FmuArgs {
 }
 
 pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
+    if args.out.extension().is_none_or(|extension| extension != "fmu") {
+        let [out, fmu] = [args.out.clone(), args.out.with_extension("fmu")];
+        let [out, fmu] = [out.display(), fmu.display()];
+        let usage = format!("{out}: must end in .fmu, by which importers know a unit: {fmu}");
+        return Err(Failure::Usage(usage));
+    }
     let scenario: Scenario = match joint_in(&args.scenario, args.format, err)? {
         Some(joint) => joint.into(),
         None => load(&args.scenario, args.format, err)?.into(),

@@ -1,6 +1,6 @@
 //! `thermyo identify` of a joint's record.
 
-use super::{Failure, IdentifyArgs, publish_and_print, say_damage, title_of};
+use super::{Failure, IdentifyArgs, print_warnings, publish_and_print, say_damage, title_of};
 use std::io::Write;
 use std::path::PathBuf;
 use thermyo_files::output::OutputDir;
@@ -27,6 +27,7 @@ pub(super) fn run(
         RecordError::Input(error) => Failure::Input(error),
         RecordError::Refused(refusal) => Failure::Check(format!("nothing was found: {refusal}")),
     })?;
+    print_warnings(&found.warnings, stderr);
     let title = title_of(data);
     let json = serde_json::to_string_pretty(&found.values).expect("plain data") + "\n";
     out.text("summary.json", &json)?;

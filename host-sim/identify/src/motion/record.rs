@@ -2,7 +2,9 @@
 
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
-use thermyo_record::measured::{check_pressures, check_rising, since_s};
+use thermyo_record::measured::{
+    check_distances, check_pressures, check_rising, since_s, usual_distance_s,
+};
 use thermyo_scenario::Scenario;
 
 /// Required columns, and the optional one.
@@ -12,6 +14,12 @@ const FORCE: &str = "force_n";
 const GAP_ROWS: f64 = 20.0;
 /// ... unless it is closer than this \[s\].
 const LEAST_GAP_S: f64 = 0.1;
+/// Rows further apart show no slip and no fast creep \[s\].
+const MOST_DISTANCE_S: f64 = 0.2;
+/// A muscle shortens by less of its rest length in a second \[1/s\]: an empty one with wide valves takes 50 ms for 30 %.
+const MOST_SPEED_PER_S: f64 = 10.0;
+/// Rows over which a speed is taken, so that noise is none.
+const SPEED_ROWS: usize = 5;
 /// Lengths of a muscle, share of its rest length \[-\].
 const LENGTHS: [f64; 2] = [0.5, 1.1];
 /// A muscle whose length changes by more than this share of its rest length moves \[-\].
@@ -59,6 +67,7 @@ impl Record {
         }
         check_times(table, &times)?;
         check_lengths(table, &lengths, scenario.muscle.rest_length_m)?;
+        check_speeds(table, &times, &lengths, scenario.muscle.rest_length_m)?;
         check_pressures(table, COLUMNS[2], scenario.ambient.pressure_pa)?;
         match &forces {
             Some(forces) => check_forces(table, forces)?,
@@ -138,12 +147,9 @@ fn largest(values: &[f64]) -> usize {
 /// Times rise, without gaps: slip and creep in between would be unknown.
 fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
     check_rising(table, times)?;
-    let mut distances: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let all = distances.clone();
-    distances.sort_by(f64::total_cmp);
-    let usual_s = distances[distances.len() / 2];
-    let longest_s = (GAP_ROWS * usual_s).max(LEAST_GAP_S);
-    match all.iter().position(|distance| *distance > longest_s) {
+    check_distances(table, times, (MOST_DISTANCE_S, "as slip and creep need"))?;
+    let longest_s = (GAP_ROWS * usual_distance_s(times)).max(LEAST_GAP_S);
+    match times.windows(2).position(|pair| pair[1] - pair[0] > longest_s) {
         Some(row) => {
             let allowed = format!(
                 "within {} s of the row before it, as the others are: what slips and creeps in a gap is \
@@ -175,8 +181,39 @@ fn check_lengths(table: &Table, lengths: &[f64], rest_m: f64) -> Result<(), Inpu
     Err(table.cell_error(row, COLUMNS[1], &allowed))
 }
 
+/// A muscle does not move as fast as its record read in minutes.
+fn check_speeds(
+    table: &Table,
+    times: &[f64],
+    lengths: &[f64],
+    rest_m: f64,
+) -> Result<(), InputError> {
+    let most_m_s = MOST_SPEED_PER_S * rest_m;
+    let rows = times.len().saturating_sub(SPEED_ROWS);
+    let fast = |row: &usize| {
+        let way_m = (lengths[row + SPEED_ROWS] - lengths[*row]).abs();
+        way_m > most_m_s * (times[row + SPEED_ROWS] - times[*row])
+    };
+    match (0..rows).find(fast) {
+        Some(row) => {
+            let allowed = format!(
+                "a time at which the muscle moves by no more than {} m/s, {MOST_SPEED_PER_S} times \
+                 muscle.rest_length_m in a second: is this min?",
+                thermyo_files::number::significant(most_m_s, 3)
+            );
+            Err(table.cell_error(row + SPEED_ROWS, COLUMNS[0], &allowed))
+        }
+        None => Ok(()),
+    }
+}
+
 fn check_forces(table: &Table, forces: &[f64]) -> Result<(), InputError> {
     let largest_n = forces[largest(forces)].max(0.0);
+    if largest_n == 0.0 && forces.iter().all(|force| *force == 0.0) {
+        let allowed = "above 0 somewhere: is the load cell connected? Leave the column out of a record without one: the \
+                       load is then the scenario's";
+        return Err(table.cell_error(0, FORCE, allowed));
+    }
     match forces.iter().position(|force| *force < -BELOW_ZERO * largest_n) {
         Some(row) => {
             let allowed = "a pull, positive, with a zero off by 5 % of the largest at most: is its sign reversed?";

@@ -192,6 +192,30 @@ fn a_record_may_begin_anywhere() {
     }
 }
 
+/// Minutes are told by rows too close together, and by a motion too fast where there are few.
+#[test]
+fn a_record_in_minutes_is_named() {
+    let read = |rows_per_s: f64| {
+        let mut text = "time_s,length_m,pressure_pa\n".to_owned();
+        for i in 0..400 {
+            let time_s = f64::from(i) / rows_per_s;
+            let swing = (4.0 * time_s).sin();
+            let (length_m, pressure_pa) = (0.23 - 0.015 * swing, 2.0e5 + 9.0e4 * swing);
+            text += &format!("{},{length_m},{pressure_pa}\n", time_s / 60.0);
+        }
+        Record::of(&table(&text), &shipped_scenario().plant).unwrap_err().to_string()
+    };
+    let close = "motion.csv:3: column time_s = 0.0003333333333333333: must be at least 0.0004 s after the row before \
+                 it: is this min?";
+    assert!(read(50.0).starts_with(close), "{}", read(50.0));
+    let fast = read(20.0);
+    assert!(fast.starts_with("motion.csv:7: column time_s = 0.00416"), "{fast}");
+    assert!(
+        fast.contains("no more than 2.50 m/s, 10 times muscle.rest_length_m in a second"),
+        "{fast}"
+    );
+}
+
 /// A record of 100 rows, each cell by a function of the row.
 fn rows(of: impl Fn(usize) -> String) -> String {
     let head = "time_s,length_m,pressure_pa,force_n\n".to_owned();
@@ -226,6 +250,14 @@ fn a_record_that_cannot_be_used_is_named_with_its_line() {
             (t, -l, p)
         }),
         (
+            "motion.csv:3: column time_s = 20.0: must be at most 0.200 s after the row before it, as slip and creep \
+             need: is this ms, or are rows left out?",
+            &|_, (t, l, p)| (1000.0 * t, l, p),
+        ),
+        ("motion.csv:3: column time_s = 4.0: must be at most 0.200 s", &|_, (t, l, p)| {
+            (200.0 * t, l, p)
+        }),
+        (
             "motion.csv:101: column pressure_pa = 497.3: must be absolute and in Pa",
             &|_, (t, l, p)| (t, l, 0.001 * p),
         ),
@@ -244,6 +276,9 @@ fn a_record_that_cannot_be_used_is_named_with_its_line() {
     assert!(error.ends_with("is this mm?"), "{error}");
     let error = with(&|_, (t, l, p)| (t, l, p - 101_325.0), 5.0).unwrap_err();
     assert!(error.contains("is this gauge pressure?"), "{error}");
+    let error = with(&|_, row| row, 0.0).unwrap_err();
+    let message = "motion.csv:2: column force_n = 0.0: must be above 0 somewhere: is the load cell connected?";
+    assert!(error.starts_with(message), "{error}");
     // Nothing but a sign: a stroke measured from the other end.
     let text = rows(|i| {
         let (t, l, p) = good(i);

@@ -18,6 +18,9 @@ use thermyo_simulation::board::BoardError;
 const RANGE: f64 = 0.75;
 /// Mean gauge pressures of both muscles, soft and stiff, as fractions of the highest \[-\].
 const PRESSURES: [f64; 2] = [0.3, 0.65];
+/// A bladder that takes much of the pressure gets more: beyond the one at which it begins to pull, this part of its share
+/// of the rest \[-\].
+const ABOVE_TAUT: f64 = 0.5;
 /// Speed of the slow sweeps over the least one at which a muscle slides \[-\].
 const SLOW: f64 = 1.5;
 /// Longest sweep from end to end \[s\].
@@ -235,8 +238,12 @@ impl Plan {
         let (middle, reach) = (f64::midpoint(least, most), 0.5 * RANGE * (most - least));
         let ends_rad = [middle - reach, middle + reach];
         let sliding_rad_s = sliding_rad_s(config, sliding_m_s);
-        let stiffness_n_m_rad =
-            PRESSURES.map(|share| stiffness(config, middle, share * gauge_pa(config, highest_pa)));
+        let most_pa = gauge_pa(config, highest_pa);
+        let taut_pa = taut_pa(config, ends_rad);
+        let stiffness_n_m_rad = PRESSURES.map(|share| {
+            let above_pa = taut_pa + ABOVE_TAUT * share * (most_pa - taut_pa);
+            stiffness(config, middle, above_pa.max(share * most_pa))
+        });
         let mut plan = Self { ends_rad, stiffness_n_m_rad, sliding_rad_s, parts: Vec::new() };
         for stiffness in stiffness_n_m_rad {
             plan.line([middle, middle], REST_S, stiffness);
@@ -310,6 +317,20 @@ impl Plan {
 fn gauge_pa(config: &JointConfig, highest_pa: f64) -> f64 {
     let [a, _] = &config.muscles;
     highest_pa - f64::from(a.ambient.pressure_pa)
+}
+
+/// Gauge pressure above which both muscles pull at both ends \[Pa\].
+fn taut_pa(config: &JointConfig, ends_rad: [f64; 2]) -> f64 {
+    let at = |angle_rad: f64| {
+        let (lengths_m, _) = config.mechanism.at(angle_rad as f32);
+        let slack_pa = |i: usize| {
+            let chamber = AnyChamber::new(&config.muscles[i].chamber);
+            let length_m = chamber.limit_length_m(lengths_m[i]);
+            f64::from(chamber.gauge_pressure_for_force_pa(0.0, length_m))
+        };
+        slack_pa(0).max(slack_pa(1))
+    };
+    ends_rad.map(at).into_iter().fold(0.0, f64::max)
 }
 
 /// Stiffness at an angle \[rad\] with that gauge pressure in both muscles \[Pa\].

@@ -211,7 +211,8 @@ impl Estimate {
         let [weight, angle] = ["joint.gravity_n_m", "joint.gravity_angle_rad"];
         let (before, hangs_at) = (joint.gravity_n_m, joint.gravity_angle_rad);
         if GRAVITY.iter().any(|term| self.is_open(*term)) {
-            let remark = || format!("{OPEN}: the arm moved too little to tell it");
+            let remark =
+                || format!("{OPEN}: too little motion, or too little of the torque, to tell it");
             return [
                 parameter(weight, before, before, None, remark()),
                 parameter(angle, hangs_at, hangs_at, None, remark()),

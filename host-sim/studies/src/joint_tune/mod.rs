@@ -58,7 +58,7 @@ pub enum Refusal {
     Faulty(String),
     #[error(
         "the joint moved by {:.1} deg of the {:.1} deg asked for, at least {:.1} deg are needed: are the pressures \
-         too low for its gravity (--max-pressure), or is it blocked?",
+         too low for its gravity or its bladders (--max-pressure), or is it blocked?",
         moved_rad.to_degrees(), asked_rad.to_degrees(), (MOVED * asked_rad).to_degrees()
     )]
     NotMoved { moved_rad: f64, asked_rad: f64 },

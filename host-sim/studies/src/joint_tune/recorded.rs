@@ -5,14 +5,22 @@ use super::findings::{self, Estimate};
 use super::{Refusal, Values, adopt};
 use crate::tune::SLIDING_M_S;
 use model_core::joint::JointConfig;
-use thermyo_files::input::InputError;
+use thermyo_files::input::{InputError, Problem};
+use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_joint::JointLoaded;
+use thermyo_record::measured::check_distances;
 
 /// Angles of a joint are below a turn either way \[rad\].
 const MOST_RAD: f64 = 6.3;
 /// Absolute pressures that a vented and a filled muscle may have \[Pa\]: gauge pressures and bar are below.
 const PRESSURES_PA: [f64; 2] = [5.0e4, 2.0e6];
+/// Longer distances of two rows are gaps \[s\].
+const GAP_S: f64 = 0.1;
+/// Columns of muscle a's pressure: the first is of this project's own records, which are absolute.
+const PRESSURE_A: [&str; 2] = ["a_measured_pressure_pa", "a_pressure_pa"];
+/// A muscle vents to less than this, times ambient pressure \[-\].
+const VENTED: f64 = 1.2;
 
 /// Why a record gives no values.
 #[derive(Debug, thiserror::Error)]
@@ -28,6 +36,8 @@ pub enum RecordError {
 pub struct Identified {
     pub values: Values,
     pub scenario: JointLoaded,
+    /// Gaps, and pressures that nothing shows to be absolute.
+    pub warnings: Vec<InputError>,
     pub(super) estimate: Estimate,
     pub(super) records: Vec<Record>,
 }
@@ -52,11 +62,13 @@ impl Identified {
 /// A column that is missing or holds what cannot have been measured, with its line; a motion that tells too little.
 pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, RecordError> {
     let config = loaded.config();
-    let records = filled(&read(&config, table)?);
+    let rows = read(&config, table)?;
+    let warnings = gaps(table).into_iter().chain(never_vents(&config, table, &rows)).collect();
+    let records = filled(&rows);
     let estimate = findings::estimate(loaded, sliding_rad_s(&config, SLIDING_M_S), &records)?;
     let scenario = adopt(loaded, &estimate.parameters(loaded))?;
     let values = Values::new(loaded, &estimate, &records);
-    Ok(Identified { values, scenario, estimate, records })
+    Ok(Identified { values, scenario, warnings, estimate, records })
 }
 
 /// A column by the first of its names that the table has.
@@ -82,6 +94,44 @@ fn spare<'a>(table: &'a Table, name: &str) -> Option<&'a [Option<f64>]> {
     Some(&column.cells)
 }
 
+fn warning(table: &Table, row: usize, column: &str, value: f64, why: String) -> InputError {
+    let key = format!("column {column}");
+    let problem = Problem::NoSense { key, value: format!("{value:?}"), why };
+    InputError { line: Some(table.line(row)), ..table.header_error(problem) }
+}
+
+/// The first of the gaps, which end the motion on either side.
+fn gaps(table: &Table) -> Option<InputError> {
+    let times = table.filled("time_s").ok()?;
+    let distance_s = |row: &usize| times[*row] - times[row - 1];
+    let gaps: Vec<usize> = (1..times.len()).filter(|row| distance_s(row) > GAP_S).collect();
+    let (first, others) = gaps.split_first()?;
+    let gap_s = significant(distance_s(first), 3);
+    let others = match others.len() {
+        0 => String::new(),
+        count => format!(", as {count} more are"),
+    };
+    let why = format!("{gap_s} s after the row before it{others}: no interval across a gap counts");
+    Some(warning(table, *first, "time_s", times[*first], why))
+}
+
+/// A record of gauge pressures is fitted as well as one of absolute ones, with another gravity: a vented joint tells them
+/// apart.
+fn never_vents(config: &JointConfig, table: &Table, rows: &[Record]) -> Option<InputError> {
+    let [own, other] = PRESSURE_A;
+    if table.columns().iter().any(|column| column.name == own) {
+        return None;
+    }
+    let ambient_pa = f64::from(config.muscles[0].ambient.pressure_pa);
+    let least_pa = rows.iter().flat_map(|row| row.pressure_pa).fold(f64::INFINITY, f64::min);
+    let cells = table.column(other).ok()?;
+    (least_pa > VENTED * ambient_pa).then(|| {
+        let why = "taken as absolute, which no row of a vented joint shows: gauge pressures give another gravity"
+            .to_owned();
+        warning(table, 0, other, cells[0].unwrap_or(least_pa), why)
+    })
+}
+
 /// The rows that have angle and pressures.
 fn read(config: &JointConfig, table: &Table) -> Result<Vec<Record>, InputError> {
     let step_s = f64::from(config.muscles[0].step_s);
@@ -90,7 +140,7 @@ fn read(config: &JointConfig, table: &Table) -> Result<Vec<Record>, InputError> 
     let angle_rad = column(table, ["measured_angle_rad", "angle_rad"], angle)?;
     let pressure = (PRESSURES_PA, "an absolute pressure from 50000 to 2e6 Pa");
     let pressures_pa = [
-        column(table, ["a_measured_pressure_pa", "a_pressure_pa"], pressure)?,
+        column(table, PRESSURE_A, pressure)?,
         column(table, ["b_measured_pressure_pa", "b_pressure_pa"], pressure)?,
     ];
     let walls_k = ["a_wall_estimate_k", "b_wall_estimate_k"].map(|name| spare(table, name));
@@ -121,10 +171,11 @@ fn read(config: &JointConfig, table: &Table) -> Result<Vec<Record>, InputError> 
             }),
         });
     }
+    let most_s = f64::from(MOST_LOST + 1) * step_s;
+    check_distances(table, &time_s, (most_s, "for the inertia"))?;
     let spaced = |pair: &[Record]| pair[1].step - pair[0].step <= MOST_LOST + 1;
     let far = records.windows(2).filter(|pair| !spaced(pair)).count();
     if far > 0 && 2 * far >= records.len() {
-        let most_s = f64::from(MOST_LOST + 1) * step_s;
         let allowed = format!("at most {most_s:.3} s after the row before, for the inertia");
         return Err(table.cell_error(1, "time_s", &allowed));
     }

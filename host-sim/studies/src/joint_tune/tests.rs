@@ -166,7 +166,18 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
             "j.csv:2: column angle_rad = 20.0: must be an angle from -6.3 to 6.3 rad",
         ),
         ("0,0,3e5,3e5\n0,0,3e5,3e5\n", "j.csv:3: column time_s = 0.0: must be above 0.0"),
-        ("0,0,3e5,3e5\n0.02,0,3e5,3e5\n", "j.csv:3: column time_s = 0.02: must be at most 0.010 s"),
+        (
+            "0,0,3e5,3e5\n0.02,0,3e5,3e5\n",
+            "j.csv:3: column time_s = 0.02: must be at most 0.0100 s",
+        ),
+        (
+            "0,0,3e5,3e5\n5,0,3e5,3e5\n",
+            "j.csv:3: column time_s = 5.0: must be at most 0.0100 s after the row before it, for the inertia: is this ms",
+        ),
+        (
+            "0,0,3e5,3e5\n0.00017,0,3e5,3e5\n",
+            "j.csv:3: column time_s = 0.00017: must be at least 0.0004 s after the row before it: is this min?",
+        ),
         ("0,0,3e5,3e5\n0.001,0,3e5,3e5\n", "cannot be fitted to the 0 intervals"),
     ] {
         let said = said(rows);
@@ -175,6 +186,32 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
     let table = Table::parse("time_s,angle_rad\n0,0\n", Path::new("j.csv")).unwrap();
     let said = identify(&loaded, &table).unwrap_err().to_string();
     assert!(said.contains("a_pressure_pa"), "{said}");
+}
+
+/// Gauge pressures that never vent cannot be told from absolute ones, and a gap leaves intervals out: neither is silent.
+#[test]
+fn a_gap_and_pressures_that_never_vent_are_warned_of() {
+    let radius_m = TRUE[Term::Radius as usize];
+    let loaded = loaded(&format!("[joint]\nradius_m = {radius_m}\n"));
+    let records = records(&loaded.config());
+    let warned = |column: &str, gap_s: f64, first_pa: f64| {
+        let mut text = format!("time_s,angle_rad,a_{column},b_{column}\n");
+        for (row, record) in records.iter().step_by(10).enumerate() {
+            let time_s = record.time_s + if row >= 3000 { gap_s } else { 0.0 };
+            let [a_pa, b_pa] = record.pressure_pa;
+            let a_pa = if row == 0 { first_pa } else { a_pa };
+            text += &format!("{time_s},{},{a_pa},{b_pa}\n", record.angle_rad);
+        }
+        let table = Table::parse(&text, Path::new("j.csv")).unwrap();
+        let found = identify(&loaded, &table).unwrap();
+        found.warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(warned("pressure_pa", 0.0, 101_325.0), [""; 0]);
+    assert_eq!(warned("measured_pressure_pa", 0.0, 3.0e5), [""; 0]);
+    let never = "j.csv:2: column a_pressure_pa = 300000.0: taken as absolute, which no row of a vented joint shows: \
+                 gauge pressures give another gravity";
+    let gap = "j.csv:3002: column time_s = 31.0: 1.01 s after the row before it: no interval across a gap counts";
+    assert_eq!(warned("pressure_pa", 1.0, 3.0e5), [gap, never]);
 }
 
 /// One muscle's force area 3 % larger: half of it makes every torque larger, and both mid-lengths part by ds A/A'.
@@ -271,6 +308,23 @@ fn a_joint_that_is_configured_wrong_is_found() {
     let check = tuned.findings.check;
     assert!(check.before.sine_rms_rad > 2.0 * check.after.sine_rms_rad, "{check:?}");
     assert!((1.0e-3..0.012).contains(&check.after.sine_rms_rad), "{check:?}");
+}
+
+/// The bladder of a DMSP-20 takes 2.1 bar at an end of the sweeps: softer, half of the tendons were slack, and the fit ran
+/// away.
+#[test]
+fn bladders_that_take_much_of_the_pressure_leave_the_tendons_taut() {
+    let text = "[plant]\ninitial_pressure_pa = 295000\n[muscle]\npreset = \"dmsp-20\"\n[joint]\nmid_length_a_m = 0.27\n\
+                mid_length_b_m = 0.27\ninertia_kg_m2 = 0.02\ngravity_n_m = 4.9\n";
+    let [soft, stiff] = Plan::new(&loaded(text).config(), 4.0e5, SLIDING_M_S).stiffness_n_m_rad;
+    assert!((9.9..10.1).contains(&soft) && (10.5..10.7).contains(&stiff), "{soft}, {stiff}");
+    let tuned = tuned(text).unwrap();
+    println!("{}", tuned.findings.text());
+    for (path, truth) in [("joint.inertia_kg_m2", 0.02), ("joint.gravity_n_m", 4.9)] {
+        let found = tuned.findings.values.value(path).unwrap();
+        let off = found.after / truth - 1.0;
+        assert!(off.abs() > 1.0e-6 && off.abs() < 0.02, "{path}: {found:?}");
+    }
 }
 
 #[test]

@@ -1,0 +1,96 @@
+//! Dimensions of a scenario's chamber, its load and the ranges of its sensors, to compare with those of another one.
+
+use super::loaded::Loaded;
+use super::tree::value;
+use thermyo_scenario::PlantKind;
+use toml::{Table, Value};
+
+/// Keys of every chamber.
+const COMMON: [&str; 6] = [
+    "plant.kind",
+    "load.kind",
+    "load.force_n",
+    "load.mass_kg",
+    "sensor.pressure.range_pa",
+    "sensor.length.range_m",
+];
+/// Keys of each kind.
+const MUSCLE: [&str; 3] = ["muscle.rest_length_m", "muscle.diameter_m", "muscle.braid_angle_deg"];
+const CYLINDER: [&str; 4] =
+    ["cylinder.acts", "cylinder.rest_length_m", "cylinder.stroke_m", "cylinder.area_m2"];
+const TABLE: [&str; 1] = ["table.csv"];
+/// Numbers that differ by less are those of one muscle, measured twice \[-\].
+const SAME: f64 = 0.1;
+
+/// The hardware that the core of a scenario is configured with, as TOML.
+pub fn hardware(loaded: &Loaded) -> String {
+    let scenario = &loaded.believed;
+    let own = match scenario.plant.kind {
+        PlantKind::Muscle => &MUSCLE[..],
+        PlantKind::Cylinder => &CYLINDER,
+        PlantKind::Table => &TABLE,
+        PlantKind::Vessel => &[],
+    };
+    let all = scenario.to_table();
+    let entry = |path: &&str| {
+        let (table, key) = path.rsplit_once('.')?;
+        Some(((*path).to_owned(), value(&all, table, key)?.clone()))
+    };
+    COMMON.iter().chain(own).filter_map(entry).collect::<Table>().to_string()
+}
+
+/// Differences from such hardware, each as "key = own value, other value there".
+pub fn differences(loaded: &Loaded, there: &str) -> Vec<String> {
+    let (Ok(own), Ok(there)) = (hardware(loaded).parse::<Table>(), there.parse::<Table>()) else {
+        return Vec::new();
+    };
+    let differs = |own: &Value, other: &Value| match (own.as_float(), other.as_float()) {
+        (Some(own), Some(other)) => (own - other).abs() > SAME * own.abs().max(other.abs()),
+        _ => own != other,
+    };
+    let one = |(key, own): (&String, &Value)| {
+        let other = there.get(key)?;
+        differs(own, other).then(|| format!("{key} = {own}, {other} there"))
+    };
+    own.iter().filter_map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    fn loaded(text: &str) -> Loaded {
+        crate::parse(text, Path::new("s.toml")).unwrap()
+    }
+
+    #[test]
+    fn another_muscle_is_named_by_its_keys() {
+        let there = hardware(&loaded(""));
+        for (text, expected) in [
+            ("", &[][..]),
+            // Identified again, believed otherwise in what is no dimension, or driven otherwise.
+            (
+                "[muscle]\ndiameter_m = 0.0205\n[friction]\nforce_n = 3\n[valve]\nconductance_m3_s_pa = 2e-9\n",
+                &[],
+            ),
+            (
+                "[muscle]\npreset = \"dmsp-10\"\n",
+                &[
+                    "muscle.braid_angle_deg = 28.06, 23.0 there",
+                    "muscle.diameter_m = 0.01387, 0.02 there",
+                    "muscle.rest_length_m = 0.25, 0.3 there",
+                ],
+            ),
+            ("[load]\nforce_n = 300\n", &["load.force_n = 300.0, 100.0 there"]),
+            ("[plant]\nkind = \"cylinder\"\n", &["plant.kind = \"cylinder\", \"muscle\" there"]),
+            (
+                "[believed.sensor.pressure]\nrange_pa = 1e6\n",
+                &["sensor.pressure.range_pa = 1000000.0, 700000.0 there"],
+            ),
+        ] {
+            assert_eq!(differences(&loaded(text), &there), expected, "{text}");
+        }
+        assert_eq!(differences(&loaded("[load]\nforce_n = 300\n"), ""), [""; 0], "a joint there");
+    }
+}
