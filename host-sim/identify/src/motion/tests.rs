@@ -192,7 +192,7 @@ fn a_record_may_begin_anywhere() {
     }
 }
 
-/// Minutes are told by rows too close together, and by a motion too fast where there are few.
+/// In minutes rows are too close together, or, where there are few, the motion is too fast.
 #[test]
 fn a_record_in_minutes_is_named() {
     let read = |rows_per_s: f64| {
