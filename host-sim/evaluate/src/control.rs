@@ -473,6 +473,26 @@ pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
 }
 
 /// Loads other than a constant force: a hanging mass, and a fixed length.
+/// Contractions of [`overshoot_percent`], each for 3 s.
+const STEPS: [f64; 6] = [0.08, 0.16, 0.05, 0.2, 0.12, 0.08];
+const STEP_S: f64 = 3.0;
+
+/// Largest overshoot of steps of the contraction, of the step \[%\].
+pub fn overshoot_percent(loaded: &Loaded, board: &mut dyn Board) -> Result<f64, RunError> {
+    let holds = STEPS.iter().enumerate().flat_map(|(i, value)| {
+        let from_s = i as f64 * STEP_S;
+        [(from_s, *value), (from_s + STEP_S - 0.001, *value)]
+    });
+    let points = trace(loaded, DriveKind::Contraction, holds.collect(), board)?;
+    let beyond = |(i, pair): (usize, &[f64])| {
+        let from_s = (i + 1) as f64 * STEP_S;
+        let step = pair[1] - pair[0];
+        let within = points.iter().filter(|p| (from_s..from_s + STEP_S).contains(&p.time_s));
+        within.map(|p| 100.0 * (p.value - pair[1]) / step).fold(0.0, f64::max)
+    };
+    Ok(STEPS.windows(2).enumerate().map(beyond).fold(0.0, f64::max))
+}
+
 fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
     let with = |change: &dyn Fn(&mut Load)| {
         let mut loaded = full.clone();
@@ -488,6 +508,19 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
         });
         jobs.push(Box::new(move || {
             hold_line(format!("hold, {mass_kg} kg hanging"), &loaded, 0, 1.0)
+        }));
+    }
+    for mass_kg in [5.0, 10.0, 20.0, 30.0] {
+        let loaded = with(&|load| {
+            load.kind = LoadKind::Mass;
+            load.mass_kg = mass_kg;
+        });
+        jobs.push(Box::new(move || {
+            let overshoot = overshoot_percent(&loaded, &mut CoreBoard::default())?;
+            Ok(CaseFigures {
+                case: format!("steps of 4 to 15 % contraction, {mass_kg} kg hanging"),
+                figures: vec![Figure::at_most("overshoot_percent", overshoot, 10.0)],
+            })
         }));
     }
     for length_m in [0.29, 0.27, 0.24] {
