@@ -28,6 +28,12 @@ pub fn inverse_sqrt(x: f32) -> f32 {
     y
 }
 
+/// Reciprocal square root, relative error below 5 %, for limits that are no more exact; 0 for arguments that are not
+/// positive.
+pub fn rough_inverse_sqrt(x: f32) -> f32 {
+    if x >= f32::MIN_POSITIVE { x.invsqrt() } else { 0.0 }
+}
+
 /// Square root, relative error below 1e-6; 0 for arguments that are not positive.
 pub fn sqrt(x: f32) -> f32 {
     x * inverse_sqrt(x)

@@ -6,7 +6,7 @@ use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_evaluate::control::{full, pressure_step, pressure_step_between, rest};
 use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
 
-/// One core step takes 119 us in the mean for pressure, 124 us for contraction, and 235 us at worst.
+/// One core step takes 119 us in the mean for pressure, 124 us for contraction, and 233 us at worst.
 fn assert_on_time(board: &mut EmulatedBoard) {
     let timing = board.timing().unwrap();
     println!("{timing:?}");

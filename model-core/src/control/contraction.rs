@@ -28,7 +28,7 @@ use super::chamber_port::{ChamberPort, Feedback};
 use super::load_observer::{Balance, LoadObserver};
 use super::valve_drive::OpenFlow;
 use crate::config::{Config, ControllerConfig};
-use crate::math::{absolute, inverse_sqrt, limit};
+use crate::math::{absolute, limit, rough_inverse_sqrt};
 use crate::physics::chamber::Chamber;
 use crate::physics::hysteresis::{Held, Law};
 
@@ -63,9 +63,29 @@ const STICKS: f32 = 1.0 / 3.0;
 /// Share of an open period's mass up to which two periods' fit into one.
 const FITS: f32 = 0.5;
 
+/// Double pole of the reference, x'' = w^2 (target - x) - 2 w (x' - target'), by backward Euler over a period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Pole {
+    rad: f32,
+    /// Share of its speed that is left \[-\], and the speed that an error \[1/s\] and the target's speed \[-\] give.
+    keeps: f32,
+    per_error: f32,
+    per_target_speed: f32,
+}
+
+impl Pole {
+    fn new(rad_s: f32, period_s: f32) -> Self {
+        let rad = rad_s * period_s;
+        let keeps = 1.0 / (1.0 + rad * (2.0 + rad));
+        Self { rad, keeps, per_error: keeps * rad * rad_s, per_target_speed: keeps * 2.0 * rad }
+    }
+}
+
 /// Coefficients of a period, computed once because divisions are slow without an FPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
+    /// Of a reference that follows a set point.
+    follows: Pole,
     /// Share of an error of the gas mass that one period closes \[-\].
     closes: f32,
     /// Square of the frequency of the load on its gas spring up to which the lead damps it \[1/s2\]: its force is behind
@@ -78,6 +98,11 @@ pub struct Gains {
     lead_closes: f32,
     /// Gas for less way than this, as a share of the rest length, can wait where it goes back on the last pulse.
     turn_waits: f32,
+    /// Way in a period of a muscle that sticks, as a share of the rest length.
+    sticks: f32,
+    /// Force that the integral learns from an error, and where it shrinks while the muscle sticks \[N/m\].
+    learns_n_m: f32,
+    shrinks_n_m: f32,
     /// Slip and creep over a period.
     law: Law,
 }
@@ -90,10 +115,14 @@ impl Gains {
         // The speed of a difference is late by half a period, and a pulse by another half.
         let late_s = period_s + valve_s;
         Self {
+            follows: Pole::new(tuning.reference_rad_s, period_s),
             closes: limit(period_s / tuning.length_loop_s, 0.0, 1.0),
             damped_per_s2: 1.0 / (late_s * (tuning.length_loop_s + late_s * (1.0 / 3.0))),
             late_s: valve_s,
             lead_closes: tuning.length_gain * tuning.length_lead_s / tuning.length_loop_s,
+            sticks: STICKS * tuning.contraction_dead_zone,
+            learns_n_m: tuning.load_gain_n_m_s * period_s,
+            shrinks_n_m: SHRINKS * tuning.load_gain_n_m_s * period_s,
             turn_waits: limit(HYSTERESIS * tuning.contraction_dead_zone, 0.0, WAITS),
             law: Law::new(&config.hysteresis, period_s),
         }
@@ -138,10 +167,14 @@ impl GasSpring {
         Self { gas_n_m, inverse_s2: mass_kg / stiffness_n_m }
     }
 
-    /// Frequency of a step that the load can follow, up to that one \[rad/s\].
-    fn step_rad_s(&self, most_rad_s: f32) -> f32 {
-        let fastest_rad_s = FASTEST * inverse_sqrt(self.inverse_s2);
-        if fastest_rad_s > 0.0 && fastest_rad_s < most_rad_s { fastest_rad_s } else { most_rad_s }
+    /// Pole of a step that the load can follow, no faster than that one.
+    fn pole(&self, fastest: &Pole, period_s: f32) -> Pole {
+        let rad_s = FASTEST * rough_inverse_sqrt(self.inverse_s2);
+        if rad_s > 0.0 && rad_s * period_s < fastest.rad {
+            Pole::new(rad_s, period_s)
+        } else {
+            *fastest
+        }
     }
 }
 
@@ -167,14 +200,12 @@ impl Reference {
         self.length_m + time_s * (self.speed_m_s + 0.5 * time_s * self.acceleration_m_s2)
     }
 
-    /// One period towards `target_m`, backward Euler of x'' = w^2 (target - x) - 2 w (x' - target'); after a step w is at
-    /// most `step_rad_s`. A set point that moves no faster than the rate
-    /// limit is followed without lag, to where it will be at the period's end; a faster one is a
-    /// step.
+    /// One period towards `target_m`. A set point that moves no faster than the rate limit is followed without lag, to
+    /// where it will be at the period's end; a faster one is a step, which is no faster than the load on its spring.
     fn advance(
         &mut self,
         tuning: &ControllerConfig,
-        step_rad_s: f32,
+        (follows, spring): (&Pole, &GasSpring),
         chamber: &impl Chamber,
         target_m: f32,
         port: &ChamberPort,
@@ -190,13 +221,14 @@ impl Reference {
         if !moves {
             self.step_rad = STEP_RAD;
         }
-        let w_rad_s = if self.step_rad > 0.0 { step_rad_s } else { tuning.reference_rad_s };
-        let wt = w_rad_s * period_s;
+        let steps = self.step_rad > 0.0;
+        let pole = if steps { spring.pole(follows, period_s) } else { *follows };
         let error_m = target_m + ahead_m - self.length_m;
-        let gains_m_s = wt * (w_rad_s * error_m + 2.0 * target_m_s);
-        let wanted_m_s = (self.speed_m_s + gains_m_s) / (1.0 + wt * (2.0 + wt));
-        if absolute(wanted_m_s) < fastest_m_s {
-            self.step_rad -= wt;
+        let wanted_m_s = pole.keeps * self.speed_m_s
+            + pole.per_error * error_m
+            + pole.per_target_speed * target_m_s;
+        if steps && absolute(wanted_m_s) < fastest_m_s {
+            self.step_rad -= pole.rad;
         }
         let wanted_m_s = limit(wanted_m_s, -fastest_m_s, fastest_m_s);
         let most_m_s = tuning.contraction_acceleration_per_s2 * rest_m * period_s;
@@ -400,8 +432,7 @@ impl ContractionLoop {
             self.learn(config, chamber, feedback, port, wanted, (error_m, moved_m));
         }
         let start_m3 = self.arrival.volume_m3;
-        let step_rad_s = spring.step_rad_s(config.controller.reference_rad_s);
-        self.advance(config, chamber, feedback, port, wanted, (target_m, step_rad_s));
+        self.advance(config, chamber, feedback, port, wanted, (target_m, &spring));
         let given = self.gains.closes;
         let change_pa = self.arrival.pressure_pa - self.given_pa + given * missing_pa;
         let change_m3 = self.arrival.volume_m3 - self.given_m3 + given * missing_m3;
@@ -451,16 +482,16 @@ impl ContractionLoop {
             let tuning = &config.controller;
             let rest_m = chamber.rest_length_m();
             let most_m = tuning.learning_band * rest_m;
-            let sticks = absolute(moved_m) <= STICKS * tuning.contraction_dead_zone * rest_m;
-            let shrinks = if sticks && self.effort_n * error_m < 0.0 { SHRINKS } else { 1.0 };
-            let gain_n_m = shrinks * tuning.load_gain_n_m_s * port.period_s;
+            let shrinks =
+                self.effort_n * error_m < 0.0 && absolute(moved_m) <= self.gains.sticks * rest_m;
+            let gain_n_m = if shrinks { self.gains.shrinks_n_m } else { self.gains.learns_n_m };
             let learns_n = gain_n_m * limit(error_m, -most_m, most_m);
             let most_n = tuning.load_limit_n;
             self.effort_n = limit(self.effort_n + learns_n, -most_n, most_n);
         }
     }
 
-    /// One period of the reference to that length \[m\], after a step with that frequency \[rad/s\], and of what holds it back.
+    /// One period of the reference to that length \[m\], with the load on its spring, and of what holds it back.
     fn advance(
         &mut self,
         config: &Config,
@@ -468,12 +499,13 @@ impl ContractionLoop {
         feedback: &Feedback,
         port: &ChamberPort,
         wanted: &Contracting,
-        (target_m, step_rad_s): (f32, f32),
+        (target_m, spring): (f32, &GasSpring),
     ) {
         let Contracting { load_n, softening, most_pa, .. } = *wanted;
         let (before, arrival) = (self.reference, self.arrival);
         let (friction_n, held) = (self.friction_n, self.held);
-        self.reference.advance(&config.controller, step_rad_s, chamber, target_m, port);
+        let poles = (&self.gains.follows, spring);
+        self.reference.advance(&config.controller, poles, chamber, target_m, port);
         let reference = self.reference;
         let length_m = chamber.limit_length_m(reference.after_m(self.gains.late_s));
         let way_m = arrival.length_m - length_m;
@@ -517,7 +549,7 @@ impl ContractionLoop {
     ) -> f32 {
         let size_kg = absolute(wanted_kg);
         let fits = size_kg < FITS * open_kg;
-        let turns = wanted_kg * self.pulsed_kg < 0.0;
+        let turns = (wanted_kg > 0.0) != (self.pulsed_kg > 0.0);
         let waits = if turns { self.gains.turn_waits } else { WAITS };
         if self.pulsed_kg != 0.0 && fits && size_kg < waits * per_rest_kg {
             self.pulsed_kg = 0.0;
@@ -661,11 +693,13 @@ mod tests {
     /// A reference at rest at 0.25 m, and its next values for these targets.
     fn references(targets_m: impl Iterator<Item = f32>) -> Vec<Reference> {
         let config = plain();
+        let gains = Gains::new(&config, PERIOD_S);
         let mut reference = Reference::at(0.25);
         let port = port(&feedback(3.0e5, 0.25));
         targets_m
             .map(|target_m| {
-                reference.advance(&config.controller, 90.0, &muscle(), target_m, &port);
+                let poles = (&gains.follows, &GasSpring { gas_n_m: 1.0e4, inverse_s2: 0.0 });
+                reference.advance(&config.controller, poles, &muscle(), target_m, &port);
                 reference
             })
             .collect()
@@ -719,12 +753,34 @@ mod tests {
 
     /// 20 kg on 12 kN/m swing at 24.5 rad/s: seven tenths of that, no more than is configured, and that without a mass.
     #[test]
-    fn the_reference_of_a_heavy_load_is_slower() {
+    fn a_step_of_a_heavy_load_is_slower() {
         let rad_s = |mass_kg: f32, most_rad_s: f32| {
-            GasSpring { gas_n_m: 1.0e4, inverse_s2: mass_kg / 1.2e4 }.step_rad_s(most_rad_s)
+            let spring = GasSpring { gas_n_m: 1.0e4, inverse_s2: mass_kg / 1.2e4 };
+            spring.pole(&Pole::new(most_rad_s, PERIOD_S), PERIOD_S).rad / PERIOD_S
         };
-        assert!((rad_s(20.0, 90.0) / (0.7 * 24.495) - 1.0).abs() < 1e-4);
-        assert_eq!([rad_s(20.0, 10.0), rad_s(0.0, 90.0), rad_s(0.1, 90.0)], [10.0, 90.0, 90.0]);
+        assert!((rad_s(20.0, 90.0) / (0.7 * 24.495) - 1.0).abs() < 0.05);
+        for (mass_kg, most_rad_s) in [(20.0, 10.0), (0.0, 90.0), (0.1, 90.0)] {
+            assert!((rad_s(mass_kg, most_rad_s) / most_rad_s - 1.0).abs() < 1e-6);
+        }
+        // A third of a step is left after 2.2/w, a sixtieth after 6.2/w. A set point that moves then is followed at once.
+        let spring = GasSpring { gas_n_m: 1.0e4, inverse_s2: 20.0 / 1.2e4 };
+        let config = plain();
+        let (gains, port) = (Gains::new(&config, PERIOD_S), port(&feedback(3.0e5, 0.25)));
+        let mut reference = Reference::at(0.25);
+        let mut advance = |target_m: f32| {
+            let poles = (&gains.follows, &spring);
+            reference.advance(&config.controller, poles, &muscle(), target_m, &port);
+            reference
+        };
+        let left = |reference: Reference| (reference.length_m - 0.24) / 0.01;
+        let after: Vec<f32> = (0..70).map(|_| left(advance(0.24))).collect();
+        assert!(
+            (0.2..0.45).contains(&after[12]) && (0.005..0.03).contains(&after[35]),
+            "{after:?}"
+        );
+        assert!(after[69].abs() < 1e-3);
+        let moving = advance(0.2395);
+        assert!((moving.length_m - 0.2395).abs() < 6e-4 && moving.step_rad <= 0.0, "{moving:?}");
     }
 
     /// 30/s2 and 0.7/s of 0.3 m: at most 9 m/s2 while it gains speed, at most 0.21 m/s, and not past
