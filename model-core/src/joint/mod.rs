@@ -21,6 +21,7 @@ mod angle;
 mod config;
 pub mod controller;
 pub mod encoder;
+pub mod gravity;
 pub mod guard;
 pub mod observer;
 pub mod pulley;
@@ -443,8 +444,8 @@ impl Joint {
         let samples = sample.muscles();
         let latched_before = self.latched() != Faults::NONE;
         let (angle_rad, wide_rad) = self.line.read(sample.angle);
-        let ([length_a_m, length_b_m], levers) = self.config.mechanism.at(angle_rad);
-        let [wide_a_m, wide_b_m] = self.controller.pull_by(levers, wide_rad);
+        let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
+        let [wide_a_m, wide_b_m] = self.controller.ways_m(wide_rad);
         let [sample_a, sample_b] = &samples;
         let [a, b] = &mut self.muscles;
         let judged = [
@@ -457,7 +458,8 @@ impl Joint {
         b.openings(sample_b, judged_b);
         let pressure_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
         let gauge_pa = self.gauge_pa(pressure_pa);
-        self.watch(angle_rad, gauge_pa, &judged);
+        self.controller.press(gauge_pa);
+        self.watch(angle_rad, &judged);
         if !latched_before && self.latched() != Faults::NONE {
             self.first = Some(self.failure(pressure_pa, &judged));
         }
@@ -525,13 +527,13 @@ impl Joint {
     }
 
     /// Observer and faults of the joint.
-    fn watch(&mut self, angle_rad: f32, gauge_pa: [f32; 2], judged: &[Judged; 2]) {
+    fn watch(&mut self, angle_rad: f32, judged: &[Judged; 2]) {
         // The angle's sensor is not known before it is configured.
         let lost = self.is_configured()
             && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
         if self.started && !lost && !self.latched.intersects(JointFaults::ANGLE_SENSOR) {
-            let torque_n_m = self.controller.observe(&self.config.mechanism, angle_rad, gauge_pa);
+            let torque_n_m = self.controller.observe(&self.config.mechanism, angle_rad);
             present = present.with(self.guard.step(&Motions {
                 angle_rad,
                 speed_rad_s: self.controller.speed_rad_s(),
@@ -578,9 +580,11 @@ impl Joint {
             };
             self.commands = self.controller.period(mechanism, &set_point, angle_rad, &measured);
         }
-        // A step ahead: the one that begins a period is the longest.
+        // A step ahead, and a step after: the one that begins a period is the longest.
         if ends {
-            self.controller.measure(mechanism, &measured);
+            self.controller.measure(mechanism, angle_rad, &measured);
+        } else if !begins {
+            self.controller.weigh(mechanism, angle_rad);
         }
         self.set_steps = self.set_steps.saturating_add(1);
     }
@@ -604,7 +608,7 @@ impl Joint {
             angle_rad,
             speed_rad_s: self.controller.speed_rad_s(),
             reference_rad: self.controller.reference_rad(),
-            torque_n_m: self.controller.torque_n_m(gauge_pa),
+            torque_n_m: self.controller.torque_n_m(),
             stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
             disturbance_n_m: self.controller.disturbance_n_m(),
             limited: self.controller.limited(),
