@@ -156,6 +156,36 @@ fn another_stiffness_does_not_throw_the_arm() {
 }
 
 /// With small pulses that wait it swings by 1.2 deg at half of the angles.
+/// Whether a stiffness gives way is judged by the torque at rest, not by the last one of the motion: at 27 deg it rested
+/// with 4.8 % less than was wanted, at 33 deg with 4.7 %.
+#[test]
+fn a_stiffness_that_pressures_give_is_waited_for() {
+    let loaded = loaded(HOSED);
+    for (angle_deg, stiffness) in [(27.0, 28.0), (33.0, 27.0)] {
+        let at = |t: f64| still(if t < 1.0 { 5.0 } else { angle_deg }, stiffness);
+        let rows = run(&loaded, 10.0, at);
+        let off = rows[3000..].iter().map(|row| row.stiffness_n_m_rad / f64::from(stiffness) - 1.0);
+        let off = off.map(f64::abs).fold(0.0, f64::max);
+        assert!((0.01..0.035).contains(&off), "{angle_deg} deg: {off}");
+    }
+}
+
+/// A supply below the muscles' limit: at its pressure no gas flows. The joint asked for more, and swung by 1 deg.
+#[test]
+fn a_low_supply_limits_the_stiffness() {
+    let text = HOSED.replace("[joint]", "[supply]\npressure_pa = 500000\n[joint]");
+    let rows = run(&loaded(&text), 12.0, |t| still(if t < 1.0 { 5.0 } else { 33.0 }, 20.0));
+    assert!(rows[2000..].iter().all(|row| row.telemetry.limited));
+    let late = &rows[6000..];
+    let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(low, high), row| {
+        let angle_deg = row.truth.angle_rad.to_degrees();
+        (low.min(angle_deg), high.max(angle_deg))
+    });
+    assert!((1e-3..0.7).contains(&(high - low)), "{} deg", high - low);
+    let shut = late.iter().filter(|row| row.shut()).count() as f64 / late.len() as f64;
+    assert!(shut > 0.9, "shut for {shut} of the time");
+}
+
 #[test]
 fn slow_valves_do_not_hunt_at_rest() {
     rests(&format!("{HOSED}[valve]\npwm_hz = 50\n"), &[-30.0, -20.0, 15.0, 25.0]);

@@ -36,6 +36,8 @@ const HYSTERESIS: f32 = 1.5;
 const AHEAD: f32 = 0.5;
 /// Share of an open period's gas up to which two periods' fit into one \[-\].
 const FITS: f32 = 0.5;
+/// Share of the supply's pressure to which a muscle is filled: there a fifth of the valve's full flow is left \[-\].
+const FILLED: f32 = 0.98;
 /// Dry friction of a bearing builds up over this way: assumed \[rad\].
 const BEARING_RAD: f32 = 0.005;
 
@@ -344,8 +346,10 @@ impl JointController {
         angle_rad: f32,
         muscles: &[Measured<'_>; 2],
     ) -> [Command; 2] {
-        let most_pa =
-            muscles.map(|Measured { config, most_pa, .. }| most_pa - config.ambient.pressure_pa);
+        // No more than what the supply fills within periods.
+        let most_pa = muscles.map(|Measured { config, most_pa, .. }| {
+            limit(FILLED * config.supply.pressure_pa, 0.0, most_pa) - config.ambient.pressure_pa
+        });
         let torque = |stiffness_n_m_rad, torque_n_m| [torque_n_m, stiffness_n_m_rad];
         match *set_point {
             JointSetPoint::Vent => self.vent(),
@@ -422,7 +426,7 @@ impl JointController {
         let JointTuning { gain_n_m_rad, damping_per_s, observer_share, lead_s, .. } = self.tuning;
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let error_rad = self.reference.motion.angle_rad - angle_rad;
-        if self.rests(wanted, error_rad, gauge_pa) {
+        if self.rests(wanted, error_rad, gauge_pa, most_pa) {
             self.creep(0.0, &[Lever::PLAIN; 2]);
             let [a, b] = &mut self.sides;
             return [a.drive.closed(), b.drive.closed()];
@@ -465,16 +469,28 @@ impl JointController {
     }
 
     /// Whether the valves rest in this period.
-    fn rests(&mut self, wanted: &Motion, error_rad: f32, gauge_pa: [f32; 2]) -> bool {
+    fn rests(
+        &mut self,
+        wanted: &Motion,
+        error_rad: f32,
+        gauge_pa: [f32; 2],
+        most_pa: [f32; 2],
+    ) -> bool {
         let JointTuning { dead_zone_rad, dead_zone_stiffness, .. } = self.tuning;
         let stiffness = self.stiffness_n_m_rad(gauge_pa);
-        let off = absolute(stiffness - wanted.stiffness_n_m_rad);
+        let mut stiffest = wanted.stiffness_n_m_rad;
+        if self.limited {
+            // A stiffness that no pressure gives is not waited for. The last period's torque may have been a motion's.
+            let asked = [self.torque_n_m, wanted.stiffness_n_m_rad];
+            let given = allocate(self.radius_m, &self.lines, asked, most_pa);
+            stiffest = self.stiffness_n_m_rad(given.gauge_pa);
+        }
+        let off = absolute(stiffness - stiffest);
         let width = if self.holding { HYSTERESIS } else { 1.0 };
         let arrived = self.reference.rests_at(wanted, dead_zone_rad);
         let calm = arrived
             && absolute(error_rad) <= width * dead_zone_rad
-            // A stiffness that no pressure gives is not waited for.
-            && (self.limited || off <= width * dead_zone_stiffness * wanted.stiffness_n_m_rad);
+            && off <= width * dead_zone_stiffness * wanted.stiffness_n_m_rad;
         self.calm_periods = if calm { self.calm_periods.saturating_add(1) } else { 0 };
         let rests = self.calm_periods >= CALM_PERIODS || (self.holding && calm);
         if rests && !self.holding {
