@@ -23,6 +23,7 @@ pub mod controller;
 pub mod encoder;
 pub mod gravity;
 pub mod guard;
+pub mod lock;
 pub mod observer;
 pub mod pulley;
 pub mod reference;
@@ -37,6 +38,7 @@ pub use self::set_point::{JointError, JointField, JointSetPoint, LONGEST_S};
 use self::angle::AngleLine;
 use self::controller::{JointController, Measured};
 use self::guard::{Guard, Motions};
+use self::lock::LockWatch;
 use crate::control::{SetPointError, SetPointField};
 use crate::parameter::ConfigError;
 use crate::safety::supervisor::FirstFailure;
@@ -189,8 +191,9 @@ pub struct Joint {
     commands: [Command; 2],
     /// The controller has started from what was measured.
     started: bool,
-    /// Steps that it has been locked for.
+    /// Steps that it has been locked for, and its gas since then.
     locked_steps: u32,
+    lock: Option<LockWatch>,
     /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
     limits_pa: [f32; 2],
     /// Faults that hold now, and those that are latched.
@@ -234,6 +237,7 @@ impl Joint {
             commands: [Command::VENT; 2],
             started: false,
             locked_steps: 0,
+            lock: None,
             limits_pa: [0.0; 2],
             present: JointFaults::NONE,
             latched: JointFaults::NONE,
@@ -473,7 +477,7 @@ impl Joint {
                 self.disarm();
             }
         }
-        self.count_lock(&judged);
+        self.count_lock(pressure_pa, &judged);
         if judged.iter().all(Judged::is_checked) {
             self.drive(angle_rad, &judged);
         }
@@ -502,15 +506,25 @@ impl Joint {
     }
 
     /// Ends a lock whose time is over, or in which a muscle leaks: both vent in this step.
-    fn count_lock(&mut self, judged: &[Judged; 2]) {
+    fn count_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
         if self.set_point != JointSetPoint::Lock {
             self.locked_steps = 0;
+            self.lock = None;
             return;
         }
-        let [a, _] = &self.config.muscles;
+        let [config_a, _] = &self.config.muscles;
+        let step_s = config_a.step_s;
         self.locked_steps = self.locked_steps.saturating_add(1);
-        let leaks = judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
-        if leaks || self.locked_steps > timeout_steps(self.config.mechanism.lock_s, a.step_s) {
+        let [a, b] = &self.muscles;
+        let [judged_a, judged_b] = judged;
+        let watch = self.lock.get_or_insert_with(|| {
+            let feedback = [a.measured(judged_a), b.measured(judged_b)];
+            let wall_k = feedback.map(|one| one.estimate.wall_k);
+            LockWatch::new(step_s, feedback.map(|one| one.muscle()), wall_k)
+        });
+        let leaks = watch.step(pressure_pa)
+            || judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
+        if leaks || self.locked_steps > timeout_steps(self.config.mechanism.lock_s, step_s) {
             self.disarm();
         }
     }
