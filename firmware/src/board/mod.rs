@@ -132,7 +132,7 @@ pub trait Adc {
     /// One conversion, 0 to 4095. It blocks for some two microseconds; the watchdog ends a longer
     /// wait.
     fn convert(&mut self, channel: Channel) -> u16;
-    /// Masks interrupts above control's priority whose peripherals can buffer for 100 us, from
+    /// Masks interrupts above control's priority whose peripherals can wait for 100 us, from
     /// shortly before a step is due until its conversions are done.
     fn hold_others(&mut self, _held: bool) {}
 }

@@ -25,6 +25,11 @@ use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::i2c::{self, I2c};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
+// Of embassy's timer.
+#[cfg(not(feature = "pico2"))]
+use embassy_rp::interrupt::TIMER_IRQ_0 as TIMER_IRQ;
+#[cfg(feature = "pico2")]
+use embassy_rp::interrupt::TIMER0_IRQ_0 as TIMER_IRQ;
 use embassy_rp::pac::{self, io::vals::Outover};
 use embassy_rp::peripherals::{self, FLASH, PIN_16, PIN_17, UART0, USB};
 #[cfg(feature = "joint")]
@@ -249,13 +254,18 @@ impl Adc for Converter {
         self.adc.blocking_read(channel).unwrap_or(0)
     }
 
-    /// Masks the UART, whose receiver buffers meanwhile.
+    /// Masks the UART, whose receiver buffers meanwhile, and the timer, which wakes tasks below control only: they
+    /// have to wait for it anyway.
     fn hold_others(&mut self, held: bool) {
         if held {
             interrupt::UART0_IRQ.disable();
+            TIMER_IRQ.disable();
         } else {
-            // SAFETY: it was enabled before.
-            unsafe { interrupt::UART0_IRQ.enable() };
+            // SAFETY: both were enabled before.
+            unsafe {
+                interrupt::UART0_IRQ.enable();
+                TIMER_IRQ.enable();
+            }
         }
     }
 }

@@ -191,7 +191,8 @@ pub fn softens(config: &JointConfig) -> Option<f64> {
     let chambers = config.muscles.each_ref().map(|muscle| AnyChamber::new(&muscle.chamber));
     let mechanism = &config.mechanism;
     along([mechanism.minimum_rad, mechanism.maximum_rad].map(f64::from)).find(|angle_rad| {
-        let (lengths_m, levers) = mechanism.at(*angle_rad as f32);
+        let lengths_m = mechanism.lengths_m(*angle_rad as f32);
+        let levers = mechanism.levers(*angle_rad as f32);
         let [a, b] = [0, 1].map(|i: usize| {
             let length_m = chambers[i].limit_length_m(lengths_m[i]);
             Line::new(&config.muscles[i], &chambers[i], length_m, 0.0, &levers[i])
@@ -250,7 +251,7 @@ mod tests {
         let [radius_m, rest @ ..] = coefficients(&found.joint);
         assert!((radius_m / 0.021 - 1.0).abs() < 1e-12);
         assert_eq!(rest, [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
-        assert!(found.config().mechanism.at(0.5).1.iter().all(|lever| lever.is_plain()));
+        assert!(found.config().mechanism.levers(0.5).iter().all(|lever| lever.is_plain()));
         let linear = |q: f64| [0.02 * (1.0 + 0.2 * q), 0.022 * (1.0 - 0.1 * q)];
         let found = loaded(&table(linear), TABLE).unwrap();
         let expected = [0.02, 0.2, 0.0, 0.0, 1.1, -0.11, 0.0, 0.0];
@@ -387,6 +388,6 @@ mod tests {
         }
         let constant =
             parse(&format!("{TABLE}[believed.joint]\nradius_m = 0.02\n"), &origin).unwrap();
-        assert!(constant.config().mechanism.at(0.5).1.iter().all(|lever| lever.is_plain()));
+        assert!(constant.config().mechanism.levers(0.5).iter().all(|lever| lever.is_plain()));
     }
 }

@@ -210,7 +210,9 @@ struct Pair {
 impl Pair {
     fn at(loaded: &JointLoaded, angle_rad: f64) -> Self {
         let config = loaded.config();
-        let (lengths_m, levers) = config.mechanism.at(angle_rad as f32);
+        let angle_f32 = angle_rad as f32;
+        let lengths_m = config.mechanism.lengths_m(angle_f32);
+        let levers = config.mechanism.levers(angle_f32);
         let line = |i: usize| {
             let muscle = &config.muscles[i];
             let chamber = AnyChamber::new(&muscle.chamber);

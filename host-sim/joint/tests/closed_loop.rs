@@ -156,6 +156,36 @@ fn another_stiffness_does_not_throw_the_arm() {
 }
 
 /// With small pulses that wait it swings by 1.2 deg at half of the angles.
+/// Whether a stiffness gives way is judged by the torque at rest, not by the last one of the motion: at 27 deg it rested
+/// with 4.8 % less than was wanted, at 33 deg with 4.7 %.
+#[test]
+fn a_stiffness_that_pressures_give_is_waited_for() {
+    let loaded = loaded(HOSED);
+    for (angle_deg, stiffness) in [(27.0, 28.0), (33.0, 27.0)] {
+        let at = |t: f64| still(if t < 1.0 { 5.0 } else { angle_deg }, stiffness);
+        let rows = run(&loaded, 10.0, at);
+        let off = rows[3000..].iter().map(|row| row.stiffness_n_m_rad / f64::from(stiffness) - 1.0);
+        let off = off.map(f64::abs).fold(0.0, f64::max);
+        assert!((0.01..0.035).contains(&off), "{angle_deg} deg: {off}");
+    }
+}
+
+/// A supply below the muscles' limit: at its pressure no gas flows. The joint asked for more, and swung by 1 deg.
+#[test]
+fn a_low_supply_limits_the_stiffness() {
+    let text = HOSED.replace("[joint]", "[supply]\npressure_pa = 500000\n[joint]");
+    let rows = run(&loaded(&text), 12.0, |t| still(if t < 1.0 { 5.0 } else { 33.0 }, 20.0));
+    assert!(rows[2000..].iter().all(|row| row.telemetry.limited));
+    let late = &rows[6000..];
+    let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(low, high), row| {
+        let angle_deg = row.truth.angle_rad.to_degrees();
+        (low.min(angle_deg), high.max(angle_deg))
+    });
+    assert!((1e-3..0.7).contains(&(high - low)), "{} deg", high - low);
+    let shut = late.iter().filter(|row| row.shut()).count() as f64 / late.len() as f64;
+    assert!(shut > 0.9, "shut for {shut} of the time");
+}
+
 #[test]
 fn slow_valves_do_not_hunt_at_rest() {
     rests(&format!("{HOSED}[valve]\npwm_hz = 50\n"), &[-30.0, -20.0, 15.0, 25.0]);
@@ -265,6 +295,47 @@ fn a_leak_ends_a_lock() {
 }
 
 /// A board that has restarted vents both muscles, whatever it is asked for: the default stops are not this joint's.
+/// Time \[s\] from the lock until it vents, of a joint whose angle is lost at 1.5 s and that may lock for 8 s.
+fn lock_s(text: &str, inputs: impl Fn(f64) -> Inputs) -> f64 {
+    let lost = format!("{HOSED}lock_s = 8\n{text}");
+    let rows = run(&loaded(&lost), 10.5, inputs);
+    let first = |mode| rows.iter().find(|row| row.telemetry.mode == mode).map(|row| row.time_s);
+    let locks_s = first(JointMode::Locked).unwrap();
+    assert!((1.5..1.62).contains(&locks_s), "{locks_s} s");
+    first(JointMode::Vent).unwrap() - locks_s
+}
+
+/// Without the angle there is no balance of the gas: by both pressures.
+#[test]
+fn a_leak_ends_a_lock_without_an_angle() {
+    let lost = "[joint.a.faults]\nlength = \"open\"\nfrom_s = 1.5\n";
+    let leaking = "outlet = \"leaking\"\nfrom_s = 1.5\n";
+    for (leak, within_s) in [(0.3, 0.1..3.0), (1.0, 0.02..0.6)] {
+        let of_a =
+            format!("{lost}{leaking}outlet_leak = {leak}\n").replacen("from_s = 1.5\n", "", 1);
+        let of_b = format!("{lost}[joint.b.faults]\n{leaking}outlet_leak = {leak}\n");
+        for text in [of_a, of_b] {
+            let held_s = lock_s(&text, |_| still(20.0, 14.0));
+            assert!(within_s.contains(&held_s), "{held_s} s: {text}");
+        }
+    }
+}
+
+/// Gas that a fast change has warmed, muscles that creep, and an arm that is pushed about.
+#[test]
+fn a_lock_of_tight_muscles_lasts() {
+    let lost = "[joint.a.faults]\nlength = \"open\"\nfrom_s = 1.5\n";
+    let load = |t: f64| if t < 1.7 { 0.0 } else { 5.0 * (3.0 * t).sin() };
+    let fills = |t: f64| still(0.0, if t < 1.25 { 5.0 } else { 26.0 });
+    let vents =
+        |t: f64| still(if t < 1.3 { 30.0 } else { -30.0 }, if t < 1.3 { 26.0 } else { 6.0 });
+    let (filled_s, vented_s) = (lock_s(lost, fills), lock_s(lost, vents));
+    let pushed_s = lock_s(lost, |t| Inputs { load_n_m: load(t), ..still(20.0, 14.0) });
+    for held_s in [filled_s, vented_s, pushed_s] {
+        assert!((7.99..8.01).contains(&held_s), "{filled_s}, {vented_s}, {pushed_s} s");
+    }
+}
+
 #[test]
 fn a_board_that_restarts_is_not_configured() {
     for table in ["faults", "joint.b.faults"] {

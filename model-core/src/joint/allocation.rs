@@ -26,8 +26,6 @@ use crate::config::Config;
 use crate::math::limit;
 use crate::physics::chamber::Chamber;
 
-/// Gauge pressure over which the slope of a stiffness is taken; it is linear \[Pa\].
-const SLOPE_OVER_PA: f32 = 1.0e5;
 /// Smallest area that turns pressure into force \[m2\].
 const LEAST_M2: f32 = 1.0e-6;
 
@@ -57,16 +55,14 @@ impl Line {
     ) -> Self {
         let volume_m3 = chamber.volume_m3(length_m);
         let area_m2 = limit(-chamber.volume_slope_m2(length_m), LEAST_M2, f32::MAX);
-        let elastic_n_m = chamber.stiffness_n_m(0.0, length_m);
-        let widens_m =
-            (chamber.stiffness_n_m(SLOPE_OVER_PA, length_m) - elastic_n_m) * (1.0 / SLOPE_OVER_PA);
+        let springs = chamber.springs(length_m);
         let gas_m = config.gas.heat_capacity_ratio * area_m2 * area_m2 / volume_m3;
         let mut line = Self {
             volume_m3,
             area_m2,
-            held_n: hysteresis_n - chamber.force_n(0.0, length_m),
-            stiffness_m: gas_m + widens_m,
-            stiffness_n_m: gas_m * config.ambient.pressure_pa + elastic_n_m,
+            held_n: hysteresis_n - springs.force_n,
+            stiffness_m: gas_m + springs.stiffness_m,
+            stiffness_n_m: gas_m * config.ambient.pressure_pa + springs.stiffness_n_m,
         };
         if !lever.is_plain() {
             let Lever { share, turn_per_m } = *lever;
@@ -217,7 +213,8 @@ mod tests {
         let chamber = AnyChamber::new(&config.chamber);
         let gauge_pa = [2.4e5, 1.7e5];
         let pair = |angle_rad: f32| {
-            let ([a_m, b_m], [of_a, of_b]) = mechanism.at(angle_rad);
+            let [a_m, b_m] = mechanism.lengths_m(angle_rad);
+            let [of_a, of_b] = mechanism.levers(angle_rad);
             let line = |length_m, lever| Line::new(&config, &chamber, length_m, 0.0, lever);
             [line(a_m, &of_a), line(b_m, &of_b)]
         };

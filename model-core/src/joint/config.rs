@@ -111,24 +111,25 @@ impl Mechanism {
         varies | (self.radius_b_share.to_bits() ^ 1.0_f32.to_bits()) == 0
     }
 
-    /// Length of each muscle at an angle \[m\], and how it acts.
+    /// Length of each muscle at an angle \[m\].
     #[inline(never)] // In three places: as small as can be.
-    pub fn at(&self, angle_rad: f32) -> ([f32; 2], [Lever; 2]) {
-        if self.is_round() {
-            let way_m = self.radius_m * angle_rad;
-            return ([self.mid_length_a_m - way_m, self.mid_length_b_m + way_m], [Lever::PLAIN; 2]);
-        }
-        let [a, b] = self.shapes();
-        let (a_rad, of_a) = a.at(angle_rad, -self.radius_m);
-        let (b_rad, of_b) = b.at(angle_rad, self.radius_m);
-        let length_a_m = self.mid_length_a_m - self.radius_m * a_rad;
-        let length_b_m = self.mid_length_b_m + self.radius_m * b_rad;
-        ([length_a_m, length_b_m], [of_a, of_b])
+    pub fn lengths_m(&self, angle_rad: f32) -> [f32; 2] {
+        let [a_rad, b_rad] = if self.is_round() {
+            [angle_rad; 2]
+        } else {
+            self.shapes().map(|shape| shape.wound_rad(angle_rad))
+        };
+        [self.mid_length_a_m - self.radius_m * a_rad, self.mid_length_b_m + self.radius_m * b_rad]
     }
 
-    /// Length of each muscle at an angle \[m\].
-    pub fn lengths_m(&self, angle_rad: f32) -> [f32; 2] {
-        self.at(angle_rad).0
+    /// How each muscle acts at an angle: dearer than its length by two divisions.
+    #[inline(never)]
+    pub fn levers(&self, angle_rad: f32) -> [Lever; 2] {
+        if self.is_round() {
+            return [Lever::PLAIN; 2];
+        }
+        let [a, b] = self.shapes();
+        [a.lever(angle_rad, -self.radius_m), b.lever(angle_rad, self.radius_m)]
     }
 }
 
@@ -185,11 +186,11 @@ impl JointConfig {
     /// Checks radii and lengths at an angle between the stops.
     #[inline(never)] // In two places: as small as can be.
     fn check_pulley(&self, angle_rad: f32) -> Result<(), ConfigError> {
-        let (lengths_m, [of_a, of_b]) = self.mechanism.at(angle_rad);
+        let [of_a, of_b] = self.mechanism.levers(angle_rad);
         let [least, most] = RADII;
         within(RADIUS_KEYS[0], of_a.share, least, most)?;
         within(RADIUS_KEYS[1], of_b.share, least, most)?;
-        self.check_lengths(lengths_m)
+        self.check_lengths(self.mechanism.lengths_m(angle_rad))
     }
 
     /// Checks that both muscles can have the lengths that they have at a stop \[m\].

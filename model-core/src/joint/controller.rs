@@ -15,6 +15,7 @@
 
 use super::allocation::{Allocation, Line, allocate, stiffness_n_m_rad, torque_n_m};
 use super::config::{JointConfig, JointTuning, Mechanism};
+use super::gravity::Gravity;
 use super::observer::{Friction, Observer};
 use super::pulley::Lever;
 use super::reference::{Motion, Reference};
@@ -22,7 +23,7 @@ use super::set_point::JointSetPoint;
 use crate::config::Config;
 use crate::control::chamber_port::{ChamberPort, Feedback};
 use crate::control::valve_drive::{FlowDrive, OpenFlow};
-use crate::math::{absolute, limit, sin};
+use crate::math::{absolute, limit};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::hysteresis::{Held, Law};
 use crate::sample::{Command, Duty};
@@ -35,6 +36,8 @@ const HYSTERESIS: f32 = 1.5;
 const AHEAD: f32 = 0.5;
 /// Share of an open period's gas up to which two periods' fit into one \[-\].
 const FITS: f32 = 0.5;
+/// Share of the supply's pressure to which a muscle is filled: there a fifth of the valve's full flow is left \[-\].
+const FILLED: f32 = 0.98;
 /// Dry friction of a bearing builds up over this way: assumed \[rad\].
 const BEARING_RAD: f32 = 0.005;
 
@@ -157,9 +160,14 @@ pub struct JointController {
     tuning: JointTuning,
     period_s: f32,
     sides: [Side; 2],
-    /// The muscles at their present lengths, and how they act.
+    /// The muscles at their lengths in the last step of a period, and how they act there.
     lines: [Line; 2],
     levers: [Lever; 2],
+    /// Torque of the muscles, by these and the pressures of the step \[N m\].
+    torque_n_m: f32,
+    gravity: Gravity,
+    /// Gravity has been worked out in this period.
+    weighed: bool,
     friction: Friction,
     reference: Reference,
     /// Angle of the reference that the pressures were for \[rad\].
@@ -185,6 +193,9 @@ impl JointController {
             sides: [Side::new(&muscles[0]), Side::new(&muscles[1])],
             lines: [Line::default(); 2],
             levers: [Lever::PLAIN; 2],
+            torque_n_m: 0.0,
+            gravity: Gravity::UNKNOWN,
+            weighed: false,
             friction: Friction::default(),
             reference: Reference::still(0.0, 0.0),
             led_rad: 0.0,
@@ -227,9 +238,20 @@ impl JointController {
         self.holding
     }
 
-    /// Torque of the muscles at these gauge pressures \[N m\].
-    pub fn torque_n_m(&self, gauge_pa: [f32; 2]) -> f32 {
-        torque_n_m(self.radius_m, &self.lines, gauge_pa)
+    /// Ways of the muscles over a small one of the joint \[m\].
+    pub fn ways_m(&self, way_rad: f32) -> [f32; 2] {
+        let way_m = self.radius_m * way_rad;
+        self.levers.map(|lever| lever.scaled(way_m))
+    }
+
+    /// Takes the gauge pressures of a step: those of the torque.
+    pub fn press(&mut self, gauge_pa: [f32; 2]) {
+        self.torque_n_m = torque_n_m(self.radius_m, &self.lines, gauge_pa);
+    }
+
+    /// Torque of the muscles \[N m\].
+    pub fn torque_n_m(&self) -> f32 {
+        self.torque_n_m
     }
 
     /// Stiffness behind shut valves at these gauge pressures \[N m/rad\].
@@ -237,29 +259,24 @@ impl JointController {
         stiffness_n_m_rad(self.radius_m, &self.lines, gauge_pa)
     }
 
-    /// Takes how the muscles act now; their ways over a small one of the joint \[m\].
-    pub fn pull_by(&mut self, levers: [Lever; 2], way_rad: f32) -> [f32; 2] {
-        self.levers = levers;
-        let way_m = self.radius_m * way_rad;
-        self.levers.map(|lever| lever.scaled(way_m))
-    }
-
-    /// Torque of gravity at an angle \[N m\].
-    fn gravity_n_m(mechanism: &Mechanism, angle_rad: f32) -> f32 {
-        mechanism.gravity_n_m * sin(mechanism.gravity_angle_rad - angle_rad)
-    }
-
     /// One step of the observer; returns the torque of muscles and gravity \[N m\].
-    pub fn observe(&mut self, mechanism: &Mechanism, angle_rad: f32, gauge_pa: [f32; 2]) -> f32 {
-        let torque_n_m = self.torque_n_m(gauge_pa) + Self::gravity_n_m(mechanism, angle_rad);
+    pub fn observe(&mut self, mechanism: &Mechanism, angle_rad: f32) -> f32 {
+        let torque_n_m = self.torque_n_m + self.gravity.torque_n_m(mechanism, angle_rad);
         self.observer.step(angle_rad, torque_n_m, &self.friction);
         torque_n_m
     }
 
     /// Starts from what is measured: nothing jumps.
     pub fn restart(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
-        self.sides.iter_mut().for_each(|side| side.held = Held::default());
-        self.measure(mechanism, muscles);
+        let [line_a, _] = &self.lines;
+        // There was no step before.
+        if line_a.volume_m3.to_bits() == 0 {
+            self.measure(mechanism, angle_rad, muscles);
+        }
+        let sides = self.sides.iter_mut().zip(&mut self.lines).zip(&self.levers);
+        for ((side, line), lever) in sides {
+            line.held_n -= lever.scaled(core::mem::take(&mut side.held).force_n());
+        }
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
         self.stand(angle_rad, stiffness_n_m_rad);
@@ -287,8 +304,18 @@ impl JointController {
         [a.drive.direct(Command::CLOSED), b.drive.direct(Command::CLOSED)]
     }
 
+    /// Works gravity out, once in a period.
+    pub fn weigh(&mut self, mechanism: &Mechanism, angle_rad: f32) {
+        if !self.weighed {
+            self.gravity = Gravity::about(mechanism, angle_rad);
+            self.weighed = true;
+        }
+    }
+
     /// The muscles at their lengths, and the friction of all that moves.
-    pub fn measure(&mut self, mechanism: &Mechanism, muscles: &[Measured<'_>; 2]) {
+    pub fn measure(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
+        self.levers = mechanism.levers(angle_rad);
+        self.weighed = false;
         let bearing_n_m = mechanism.friction_n_m;
         let mut friction = Friction {
             coulomb_n_m: bearing_n_m,
@@ -307,6 +334,7 @@ impl JointController {
             }
         }
         self.friction = friction;
+        self.press(muscles.map(|muscle| muscle.gauge_pa()));
     }
 
     /// The openings of a period, at its start; [`measure`](Self::measure) has been called in the step before, or
@@ -318,8 +346,10 @@ impl JointController {
         angle_rad: f32,
         muscles: &[Measured<'_>; 2],
     ) -> [Command; 2] {
-        let most_pa =
-            muscles.map(|Measured { config, most_pa, .. }| most_pa - config.ambient.pressure_pa);
+        // No more than what the supply fills within periods.
+        let most_pa = muscles.map(|Measured { config, most_pa, .. }| {
+            limit(FILLED * config.supply.pressure_pa, 0.0, most_pa) - config.ambient.pressure_pa
+        });
         let torque = |stiffness_n_m_rad, torque_n_m| [torque_n_m, stiffness_n_m_rad];
         match *set_point {
             JointSetPoint::Vent => self.vent(),
@@ -396,7 +426,7 @@ impl JointController {
         let JointTuning { gain_n_m_rad, damping_per_s, observer_share, lead_s, .. } = self.tuning;
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let error_rad = self.reference.motion.angle_rad - angle_rad;
-        if self.rests(wanted, error_rad, gauge_pa) {
+        if self.rests(wanted, error_rad, gauge_pa, most_pa) {
             self.creep(0.0, &[Lever::PLAIN; 2]);
             let [a, b] = &mut self.sides;
             return [a.drive.closed(), b.drive.closed()];
@@ -412,13 +442,14 @@ impl JointController {
         let next = self.reference.ahead(late_s, self.period_s);
         let way_rad = next.angle_rad - core::mem::replace(&mut self.led_rad, next.angle_rad);
         self.friction_n_m = self.friction.after(self.friction_n_m, way_rad);
-        let (lengths_m, levers) = mechanism.at(next.angle_rad);
+        let lengths_m = mechanism.lengths_m(next.angle_rad);
+        let levers = mechanism.levers(next.angle_rad);
         self.creep(way_rad, &levers);
         let inertia_kg_m2 = mechanism.inertia_kg_m2;
         let predicted_rad = error_rad + (late_s + self.period_s) * lag_rad_s;
         let torque_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
             + mechanism.viscous_n_m_s * next.speed_rad_s
-            - Self::gravity_n_m(mechanism, next.angle_rad)
+            - self.gravity.torque_n_m(mechanism, next.angle_rad)
             + self.friction_n_m
             + gain_n_m_rad * predicted_rad
             + self.integral_n_m
@@ -438,16 +469,28 @@ impl JointController {
     }
 
     /// Whether the valves rest in this period.
-    fn rests(&mut self, wanted: &Motion, error_rad: f32, gauge_pa: [f32; 2]) -> bool {
+    fn rests(
+        &mut self,
+        wanted: &Motion,
+        error_rad: f32,
+        gauge_pa: [f32; 2],
+        most_pa: [f32; 2],
+    ) -> bool {
         let JointTuning { dead_zone_rad, dead_zone_stiffness, .. } = self.tuning;
         let stiffness = self.stiffness_n_m_rad(gauge_pa);
-        let off = absolute(stiffness - wanted.stiffness_n_m_rad);
+        let mut stiffest = wanted.stiffness_n_m_rad;
+        if self.limited {
+            // A stiffness that no pressure gives is not waited for. The last period's torque may have been a motion's.
+            let asked = [self.torque_n_m, wanted.stiffness_n_m_rad];
+            let given = allocate(self.radius_m, &self.lines, asked, most_pa);
+            stiffest = self.stiffness_n_m_rad(given.gauge_pa);
+        }
+        let off = absolute(stiffness - stiffest);
         let width = if self.holding { HYSTERESIS } else { 1.0 };
         let arrived = self.reference.rests_at(wanted, dead_zone_rad);
         let calm = arrived
             && absolute(error_rad) <= width * dead_zone_rad
-            // A stiffness that no pressure gives is not waited for.
-            && (self.limited || off <= width * dead_zone_stiffness * wanted.stiffness_n_m_rad);
+            && off <= width * dead_zone_stiffness * wanted.stiffness_n_m_rad;
         self.calm_periods = if calm { self.calm_periods.saturating_add(1) } else { 0 };
         let rests = self.calm_periods >= CALM_PERIODS || (self.holding && calm);
         if rests && !self.holding {

@@ -21,7 +21,9 @@ mod angle;
 mod config;
 pub mod controller;
 pub mod encoder;
+pub mod gravity;
 pub mod guard;
+pub mod lock;
 pub mod observer;
 pub mod pulley;
 pub mod reference;
@@ -36,6 +38,7 @@ pub use self::set_point::{JointError, JointField, JointSetPoint, LONGEST_S};
 use self::angle::AngleLine;
 use self::controller::{JointController, Measured};
 use self::guard::{Guard, Motions};
+use self::lock::LockWatch;
 use crate::control::{SetPointError, SetPointField};
 use crate::parameter::ConfigError;
 use crate::safety::supervisor::FirstFailure;
@@ -188,8 +191,9 @@ pub struct Joint {
     commands: [Command; 2],
     /// The controller has started from what was measured.
     started: bool,
-    /// Steps that it has been locked for.
+    /// Steps that it has been locked for, and its gas since then.
     locked_steps: u32,
+    lock: Option<LockWatch>,
     /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
     limits_pa: [f32; 2],
     /// Faults that hold now, and those that are latched.
@@ -233,6 +237,7 @@ impl Joint {
             commands: [Command::VENT; 2],
             started: false,
             locked_steps: 0,
+            lock: None,
             limits_pa: [0.0; 2],
             present: JointFaults::NONE,
             latched: JointFaults::NONE,
@@ -443,8 +448,8 @@ impl Joint {
         let samples = sample.muscles();
         let latched_before = self.latched() != Faults::NONE;
         let (angle_rad, wide_rad) = self.line.read(sample.angle);
-        let ([length_a_m, length_b_m], levers) = self.config.mechanism.at(angle_rad);
-        let [wide_a_m, wide_b_m] = self.controller.pull_by(levers, wide_rad);
+        let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
+        let [wide_a_m, wide_b_m] = self.controller.ways_m(wide_rad);
         let [sample_a, sample_b] = &samples;
         let [a, b] = &mut self.muscles;
         let judged = [
@@ -457,7 +462,8 @@ impl Joint {
         b.openings(sample_b, judged_b);
         let pressure_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
         let gauge_pa = self.gauge_pa(pressure_pa);
-        self.watch(angle_rad, gauge_pa, &judged);
+        self.controller.press(gauge_pa);
+        self.watch(angle_rad, &judged);
         if !latched_before && self.latched() != Faults::NONE {
             self.first = Some(self.failure(pressure_pa, &judged));
         }
@@ -471,7 +477,7 @@ impl Joint {
                 self.disarm();
             }
         }
-        self.count_lock(&judged);
+        self.count_lock(pressure_pa, &judged);
         if judged.iter().all(Judged::is_checked) {
             self.drive(angle_rad, &judged);
         }
@@ -500,15 +506,25 @@ impl Joint {
     }
 
     /// Ends a lock whose time is over, or in which a muscle leaks: both vent in this step.
-    fn count_lock(&mut self, judged: &[Judged; 2]) {
+    fn count_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
         if self.set_point != JointSetPoint::Lock {
             self.locked_steps = 0;
+            self.lock = None;
             return;
         }
-        let [a, _] = &self.config.muscles;
+        let [config_a, _] = &self.config.muscles;
+        let step_s = config_a.step_s;
         self.locked_steps = self.locked_steps.saturating_add(1);
-        let leaks = judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
-        if leaks || self.locked_steps > timeout_steps(self.config.mechanism.lock_s, a.step_s) {
+        let [a, b] = &self.muscles;
+        let [judged_a, judged_b] = judged;
+        let watch = self.lock.get_or_insert_with(|| {
+            let feedback = [a.measured(judged_a), b.measured(judged_b)];
+            let wall_k = feedback.map(|one| one.estimate.wall_k);
+            LockWatch::new(step_s, feedback.map(|one| one.muscle()), wall_k)
+        });
+        let leaks = watch.step(pressure_pa)
+            || judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
+        if leaks || self.locked_steps > timeout_steps(self.config.mechanism.lock_s, step_s) {
             self.disarm();
         }
     }
@@ -525,13 +541,13 @@ impl Joint {
     }
 
     /// Observer and faults of the joint.
-    fn watch(&mut self, angle_rad: f32, gauge_pa: [f32; 2], judged: &[Judged; 2]) {
+    fn watch(&mut self, angle_rad: f32, judged: &[Judged; 2]) {
         // The angle's sensor is not known before it is configured.
         let lost = self.is_configured()
             && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
         if self.started && !lost && !self.latched.intersects(JointFaults::ANGLE_SENSOR) {
-            let torque_n_m = self.controller.observe(&self.config.mechanism, angle_rad, gauge_pa);
+            let torque_n_m = self.controller.observe(&self.config.mechanism, angle_rad);
             present = present.with(self.guard.step(&Motions {
                 angle_rad,
                 speed_rad_s: self.controller.speed_rad_s(),
@@ -578,9 +594,11 @@ impl Joint {
             };
             self.commands = self.controller.period(mechanism, &set_point, angle_rad, &measured);
         }
-        // A step ahead: the one that begins a period is the longest.
+        // A step ahead, and a step after: the one that begins a period is the longest.
         if ends {
-            self.controller.measure(mechanism, &measured);
+            self.controller.measure(mechanism, angle_rad, &measured);
+        } else if !begins {
+            self.controller.weigh(mechanism, angle_rad);
         }
         self.set_steps = self.set_steps.saturating_add(1);
     }
@@ -604,7 +622,7 @@ impl Joint {
             angle_rad,
             speed_rad_s: self.controller.speed_rad_s(),
             reference_rad: self.controller.reference_rad(),
-            torque_n_m: self.controller.torque_n_m(gauge_pa),
+            torque_n_m: self.controller.torque_n_m(),
             stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
             disturbance_n_m: self.controller.disturbance_n_m(),
             limited: self.controller.limited(),

@@ -38,15 +38,20 @@ impl Lever {
 }
 
 impl Shape {
-    /// Angle on `radius_m` that winds up as much as this one \[rad\], and the lever there; `pulls_m`: `radius_m`, negative
-    /// of a muscle that shortens as the angle grows.
+    /// Angle on `radius_m` that winds up as much as this one \[rad\].
     #[inline(never)]
-    pub fn at(&self, angle_rad: f32, pulls_m: f32) -> (f32, Lever) {
+    pub fn wound_rad(&self, angle_rad: f32) -> f32 {
         let Self([share, one, two, three]) = *self;
-        let mean = Self([share, 0.5 * one, (1.0 / 3.0) * two, 0.25 * three]).share(angle_rad);
+        let mean = Self([share, 0.5 * one, (1.0 / 3.0) * two, 0.25 * three]);
+        angle_rad * mean.share(angle_rad)
+    }
+
+    /// The lever at an angle; `pulls_m`: `radius_m`, negative of a muscle that shortens as the angle grows.
+    #[inline(never)]
+    pub fn lever(&self, angle_rad: f32, pulls_m: f32) -> Lever {
+        let Self([_, one, two, three]) = *self;
         let slope = Self([one, 2.0 * two, 3.0 * three, 0.0]).share(angle_rad);
-        let lever = Lever { share: self.share(angle_rad), turn_per_m: slope / pulls_m };
-        (angle_rad * mean, lever)
+        Lever { share: self.share(angle_rad), turn_per_m: slope / pulls_m }
     }
 
     #[inline(never)] // In three places: as small as can be.
@@ -72,7 +77,8 @@ mod tests {
             let steps = 2000_u16;
             let at = |i: u16| f64::from(end_rad) * (f64::from(i) + 0.5) / f64::from(steps);
             let sum: f64 = (0..steps).map(|i| share(at(i) as f32)).sum();
-            let (wound, lever) = shape.at(end_rad, -0.02);
+            let wound = shape.wound_rad(end_rad);
+            let lever = shape.lever(end_rad, -0.02);
             let expected = f64::from(end_rad) * sum / f64::from(steps);
             assert!((f64::from(wound) - expected).abs() < 1e-6, "{wound} at {end_rad}");
             assert!((f64::from(lever.share) - share(end_rad)).abs() < 1e-6, "{lever:?}");
@@ -84,11 +90,11 @@ mod tests {
 
     #[test]
     fn a_constant_radius_is_plain() {
-        let lever = |shape| Shape(shape).at(0.7, 0.02).1;
+        let lever = |shape| Shape(shape).lever(0.7, 0.02);
         assert!(Lever::PLAIN.is_plain() && Lever::PLAIN.scaled(0.3) == 0.3);
         assert!(!lever([1.1, 0.0, 0.0, 0.0]).is_plain());
         assert!(!lever([1.0, 0.0, 0.0, 0.1]).is_plain());
-        let (wound_rad, _) = Shape([1.0, 0.0, 0.0, 0.0]).at(0.7, 0.02);
+        let wound_rad = Shape([1.0, 0.0, 0.0, 0.0]).wound_rad(0.7);
         assert_eq!(wound_rad.to_bits(), 0.7_f32.to_bits());
     }
 }

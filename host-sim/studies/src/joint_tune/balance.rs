@@ -158,9 +158,9 @@ impl<'a> Muscles<'a> {
     fn pulley(&self, angle_rad: f64) -> ([f64; 2], [f64; 2]) {
         let at = |shape: &Shape| {
             let angle = angle_rad as f32;
-            let (wound_rad, lever) = shape.at(angle, self.config.mechanism.radius_m);
-            let mean = if angle == 0.0 { lever.share } else { wound_rad / angle };
-            (angle_rad * f64::from(mean), f64::from(lever.share))
+            let share = shape.lever(angle, self.config.mechanism.radius_m).share;
+            let mean = if angle == 0.0 { share } else { shape.wound_rad(angle) / angle };
+            (angle_rad * f64::from(mean), f64::from(share))
         };
         let [(wound_a, of_a), (wound_b, of_b)] = self.shapes.each_ref().map(at);
         ([wound_a, wound_b], [of_a, of_b])

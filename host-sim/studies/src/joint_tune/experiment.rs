@@ -212,10 +212,8 @@ pub(super) fn least_radius_m(mechanism: &Mechanism) -> f64 {
     const INTERVALS: u8 = 32;
     let Mechanism { minimum_rad, maximum_rad, radius_m, .. } = *mechanism;
     let along = (0..=INTERVALS).map(|i| f32::from(i) / f32::from(INTERVALS));
-    let levers = along.flat_map(|share| {
-        let (_, levers) = mechanism.at(minimum_rad + share * (maximum_rad - minimum_rad));
-        levers
-    });
+    let levers =
+        along.flat_map(|share| mechanism.levers(minimum_rad + share * (maximum_rad - minimum_rad)));
     f64::from(radius_m) * levers.map(|lever| f64::from(lever.share)).fold(f64::INFINITY, f64::min)
 }
 
@@ -335,7 +333,8 @@ fn taut_pa(config: &JointConfig, ends_rad: [f64; 2]) -> f64 {
 
 /// Stiffness at an angle \[rad\] with that gauge pressure in both muscles \[Pa\].
 fn stiffness(config: &JointConfig, angle_rad: f64, gauge_pa: f64) -> f64 {
-    let (lengths_m, levers) = config.mechanism.at(angle_rad as f32);
+    let lengths_m = config.mechanism.lengths_m(angle_rad as f32);
+    let levers = config.mechanism.levers(angle_rad as f32);
     let line = |i: usize| {
         let chamber = AnyChamber::new(&config.muscles[i].chamber);
         let length_m = chamber.limit_length_m(lengths_m[i]);

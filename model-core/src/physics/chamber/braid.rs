@@ -22,7 +22,7 @@
 //! more than K1 x, so that the roots of the two quadratics with these in its place lie at or above the one
 //! looked for. From there Newton's steps come down to it, never past it: `STEPS` of them cannot fail.
 
-use super::Chamber;
+use super::{Chamber, Springs};
 use crate::math::{exp, limit, sqrt};
 use crate::parameter::{ConfigError, within};
 use core::f32::consts::PI;
@@ -346,6 +346,14 @@ impl Chamber for Geometry {
     fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
         let braid_m = self.braid_m(length_m);
         6.0 * braid_m * gauge_pressure_pa * self.per_4_pi_n2 + self.bladder(braid_m).1
+    }
+
+    /// The bladder once.
+    fn springs(&self, length_m: f32) -> Springs {
+        let braid_m = self.braid_m(length_m);
+        let (held_n, stiffness_n_m) = self.bladder(braid_m);
+        let stiffness_m = 6.0 * braid_m * self.per_4_pi_n2;
+        Springs { force_n: -held_n, stiffness_n_m, stiffness_m }
     }
 
     fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {

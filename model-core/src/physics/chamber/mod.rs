@@ -39,6 +39,32 @@ const SENSOR_OFF: f32 = 0.05;
 /// Smallest dV/dL that turns pressure into force \[m2\].
 const LEAST_SLOPE_M2: f32 = 1.0e-9;
 
+/// Gauge pressure over which the slope of a stiffness is taken; it is linear \[Pa\].
+const SLOPE_OVER_PA: f32 = 1.0e5;
+
+/// Force and stiffness at a length over the gauge pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Springs {
+    /// Force without pressure \[N\].
+    pub force_n: f32,
+    /// Stiffness without pressure \[N/m\].
+    pub stiffness_n_m: f32,
+    /// Stiffness per gauge pressure \[m\].
+    pub stiffness_m: f32,
+}
+
+impl Springs {
+    fn of(chamber: &(impl Chamber + ?Sized), length_m: f32) -> Self {
+        let stiffness_n_m = chamber.stiffness_n_m(0.0, length_m);
+        let stiffer_n_m = chamber.stiffness_n_m(SLOPE_OVER_PA, length_m) - stiffness_n_m;
+        Self {
+            force_n: chamber.force_n(0.0, length_m),
+            stiffness_n_m,
+            stiffness_m: stiffer_n_m * (1.0 / SLOPE_OVER_PA),
+        }
+    }
+}
+
 /// A gas volume with two ends.
 pub trait Chamber {
     /// Whether pressure and load move it; if not, something else sets its length.
@@ -74,6 +100,11 @@ pub trait Chamber {
 
     /// dF/dL \[N/m\] of [`Chamber::force_n`] at constant pressure.
     fn stiffness_n_m(&self, gauge_pressure_pa: f32, length_m: f32) -> f32;
+
+    /// [`Chamber::force_n`] and [`Chamber::stiffness_n_m`] at a length \[m\], at every pressure.
+    fn springs(&self, length_m: f32) -> Springs {
+        Springs::of(self, length_m)
+    }
 
     /// Length \[m\] at which it holds a force \[N\] at a gauge pressure \[Pa\], limited to what it can
     /// have.
@@ -212,6 +243,14 @@ impl Chamber for AnyChamber {
         ask!(self, chamber => chamber.stiffness_n_m(gauge_pressure_pa, length_m))
     }
 
+    fn springs(&self, length_m: f32) -> Springs {
+        match self {
+            Self::Muscle(muscle) => muscle.springs(length_m),
+            // One call for each of its values: as small as can be.
+            other => Springs::of(other, length_m),
+        }
+    }
+
     fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
         ask!(self, chamber => chamber.length_for_force_m(gauge_pressure_pa, force_n))
     }
@@ -245,6 +284,30 @@ mod tests {
             (shortest_m - 0.3 * 0.051, false),
         ] {
             assert_eq!(muscle.can_have_length_m(length_m), possible, "{length_m} m");
+        }
+    }
+
+    #[test]
+    fn springs_are_force_and_stiffness_at_every_pressure() {
+        let mut saturating = Config::default().chamber;
+        if let ChamberConfig::Muscle(muscle) = &mut saturating {
+            muscle.bladder_saturation_n = 20.0;
+        }
+        let cylinder = ChamberConfig::Cylinder(Cylinder::default());
+        for configured in [Config::default().chamber, saturating, cylinder] {
+            let chamber = AnyChamber::new(&configured);
+            let span_m = chamber.longest_m() - chamber.shortest_m();
+            for length_m in [0.1, 0.5, 0.9].map(|share| chamber.shortest_m() + share * span_m) {
+                let Springs { force_n, stiffness_n_m, stiffness_m } = chamber.springs(length_m);
+                for gauge_pa in [0.0, 3.0e5] {
+                    let pull_n = force_n - gauge_pa * chamber.volume_slope_m2(length_m);
+                    let off_n = pull_n - chamber.force_n(gauge_pa, length_m);
+                    assert!(off_n.abs() < 1e-3, "{off_n} N, {configured:?}");
+                    let spring_n_m = stiffness_n_m + gauge_pa * stiffness_m;
+                    let off_n_m = spring_n_m - chamber.stiffness_n_m(gauge_pa, length_m);
+                    assert!(off_n_m.abs() < 1e-2, "{off_n_m} N/m, {configured:?}");
+                }
+            }
         }
     }
 }
