@@ -108,7 +108,7 @@ export class Board {
     this.max31865 = MAX31865_PINS.map((pins) => new Max31865(chip, pins));
     Max31865.connect(chip, this.max31865);
     this.mpr = new Mpr(chip);
-    this.as5600 = new As5600();
+    this.as5600 = new As5600(chip);
     connectI2c(chip, [this.mpr, this.as5600]);
     this.setParts(this.partFault);
     this.rtt = -1;
@@ -219,7 +219,7 @@ export class Board {
     this.partFault = fault;
     const [pressure, ...gases] = this.codes;
     this.mpr.set(pressure >> 1, fault === 3, fault === 4);
-    this.as5600.set(gases.pop(), fault === 5);
+    this.as5600.set(gases.pop(), fault === 5, fault === 7);
     this.max31865.forEach((part, i) => {
       // A fault is one of muscle a's.
       const wrong = i === 0 ? fault : 0;

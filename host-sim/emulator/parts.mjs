@@ -8,6 +8,7 @@ export const MAX31865_PINS = [
   { select: 13, ready: 9 },
   { select: 7, ready: 8 },
 ];
+const I2C_PINS = { data: 4, clock: 5 };
 const BYTE_NANOS = 8000; // SPI at 1 MHz
 const I2C_BYTE_NANOS = 22500; // nine bits at 400 kHz
 const I2C_EDGE_NANOS = 2500;
@@ -136,7 +137,12 @@ export function connectI2c(chip, parts) {
     finish = what;
     done.schedule(nanos);
   };
-  i2c.onStart = () => after(I2C_EDGE_NANOS, () => i2c.completeStart());
+  i2c.onStart = () => {
+    // No start while SDA is low: the bus is busy.
+    if (!parts.some((part) => part.holds > 0)) {
+      after(I2C_EDGE_NANOS, () => i2c.completeStart());
+    }
+  };
   i2c.onConnect = (address) => {
     called = parts.find((part) => part.address === address && !part.unplugged);
     called?.begin();
@@ -206,9 +212,22 @@ const AS5600_RAW_ANGLE = 0x0c;
 
 /** ams AS5600 (DS000365): the first byte written is the address of a register. */
 export class As5600 {
-  constructor() {
+  constructor(chip) {
     this.address = 0x36;
     this.unplugged = false;
+    this.interrupted = false;
+    // Clocks for which it holds SDA: the rest of a byte.
+    this.holds = 0;
+    this.data = chip.gpio[I2C_PINS.data];
+    this.data.setInputValue(true);
+    let low = false;
+    chip.gpio[I2C_PINS.clock].addListener((state) => {
+      if (low && state !== GPIOPinState.Low && this.holds > 0) {
+        this.holds--;
+        this.data.setInputValue(this.holds === 0);
+      }
+      low = state === GPIOPinState.Low;
+    });
     this.registers = new Uint8Array(0x20);
     this.pointer = 0;
   }
@@ -235,10 +254,15 @@ export class As5600 {
   }
 
   /** Sets the angle, in parts of 4096 of a turn; any other number is that of no magnet. */
-  set(reading, unplugged) {
+  set(reading, unplugged, interrupted) {
     if (unplugged && !this.unplugged) {
       this.registers.fill(0);
     }
+    if (interrupted && !this.interrupted) {
+      this.holds = 8;
+      this.data.setInputValue(false);
+    }
+    this.interrupted = interrupted;
     this.unplugged = unplugged;
     this.registers[AS5600_STATUS] = reading < 4096 ? 0x20 : 0x10;
     this.registers[AS5600_RAW_ANGLE] = (reading >> 8) & 0x0f;

@@ -13,7 +13,7 @@
 //! | GP15, GP25 | fault output, LED |
 //! | USB | the same link as on UART0 |
 
-use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice};
+use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice, free_i2c};
 use super::rp_flash::StoreFlash;
 use super::{Adc, Board, CARRIER_HZ, Channel, Modulation, Parts, Reset, Valves, WATCHDOG};
 use crate::kind::{Commands, MUSCLES, PWM_DELAY, each};
@@ -121,6 +121,7 @@ impl<M: Member> Board for Rp<M> {
             #[cfg(feature = "joint")]
             (SpiDevice::new(Output::new(p.PIN_7, Level::High)), Input::new(p.PIN_8, Pull::Up)),
         ];
+        free_i2c(p.PIN_5.reborrow(), p.PIN_4.reborrow());
         let mut i2c_config = i2c::Config::default();
         i2c_config.frequency = I2C_HZ;
         let i2c = I2cBus::new(I2c::new_blocking(p.I2C0, p.PIN_5, p.PIN_4, i2c_config));

@@ -2,10 +2,12 @@
 //! FIFO, sleeps for the time on the wire, and reads the answer. embassy's drivers with interrupts
 //! and DMA would take 5 KiB of the image; here a bus that hangs blocks no task.
 
-use embassy_rp::gpio::Output;
+use embassy_rp::Peri;
+use embassy_rp::clocks::clk_sys_freq;
+use embassy_rp::gpio::{Level, Output, OutputOpenDrain};
 use embassy_rp::i2c::{self, I2c};
 use embassy_rp::pac;
-use embassy_rp::peripherals::I2C0;
+use embassy_rp::peripherals::{I2C0, PIN_4, PIN_5};
 #[cfg(feature = "joint")]
 use embassy_sync::{blocking_mutex::raw::CriticalSectionRawMutex, mutex::Mutex};
 use embassy_time::Timer;
@@ -82,6 +84,31 @@ pub const I2C_HZ: u32 = 400_000;
 /// Time of a byte, and of the address with a margin \[us\].
 const I2C_BYTE_US: u64 = 24;
 const I2C_ROOM_US: u64 = 60;
+
+/// Half of a clock that frees the bus: 100 kHz, slow for every chip.
+const FREES_HZ: u32 = 200_000;
+
+/// Frees a bus whose chip holds SDA low: a restart of the board has interrupted it while it sent a byte, and it waits
+/// for the rest of the clocks. To be called before the peripheral has the pins.
+#[cold] // Once at a start: as small as can be.
+pub fn free_i2c(scl: Peri<'_, PIN_5>, sda: Peri<'_, PIN_4>) {
+    let wait = || cortex_m::asm::delay(clk_sys_freq() / FREES_HZ);
+    let mut scl = OutputOpenDrain::new(scl, Level::High);
+    let mut sda = OutputOpenDrain::new(sda, Level::High);
+    scl.set_pullup(true);
+    sda.set_pullup(true);
+    wait();
+    // Eight bits and the acknowledge, which nothing gives.
+    for _ in 0..9 {
+        if sda.is_high() {
+            return;
+        }
+        scl.set_low();
+        wait();
+        scl.set_high();
+        wait();
+    }
+}
 
 /// I2C0, at [`I2C_HZ`].
 pub struct I2cBus {

@@ -77,6 +77,9 @@ pub enum PartFault {
     AngleUnplugged,
     /// DRDY of the MAX31865 stays low.
     GasReadyStuck,
+    /// A message of the AS5600 was interrupted, now or before the board started: it holds SDA low until it has sent its
+    /// byte.
+    AngleInterrupted,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

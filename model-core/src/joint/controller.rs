@@ -476,21 +476,11 @@ impl JointController {
         gauge_pa: [f32; 2],
         most_pa: [f32; 2],
     ) -> bool {
-        let JointTuning { dead_zone_rad, dead_zone_stiffness, .. } = self.tuning;
-        let stiffness = self.stiffness_n_m_rad(gauge_pa);
-        let mut stiffest = wanted.stiffness_n_m_rad;
-        if self.limited {
-            // A stiffness that no pressure gives is not waited for. The last period's torque may have been a motion's.
-            let asked = [self.torque_n_m, wanted.stiffness_n_m_rad];
-            let given = allocate(self.radius_m, &self.lines, asked, most_pa);
-            stiffest = self.stiffness_n_m_rad(given.gauge_pa);
-        }
-        let off = absolute(stiffness - stiffest);
         let width = if self.holding { HYSTERESIS } else { 1.0 };
-        let arrived = self.reference.rests_at(wanted, dead_zone_rad);
-        let calm = arrived
-            && absolute(error_rad) <= width * dead_zone_rad
-            && off <= width * dead_zone_stiffness * wanted.stiffness_n_m_rad;
+        let zone_rad = self.tuning.dead_zone_rad;
+        let calm = self.reference.rests_at(wanted, zone_rad)
+            && absolute(error_rad) <= width * zone_rad
+            && self.is_as_stiff(wanted.stiffness_n_m_rad, width, gauge_pa, most_pa);
         self.calm_periods = if calm { self.calm_periods.saturating_add(1) } else { 0 };
         let rests = self.calm_periods >= CALM_PERIODS || (self.holding && calm);
         if rests && !self.holding {
@@ -498,6 +488,25 @@ impl JointController {
         }
         self.holding = rests;
         rests
+    }
+
+    /// Whether the stiffness is within its dead zone, of that width, about the one that is wanted \[N m/rad\].
+    fn is_as_stiff(
+        &self,
+        wanted_n_m_rad: f32,
+        width: f32,
+        gauge_pa: [f32; 2],
+        most_pa: [f32; 2],
+    ) -> bool {
+        let mut stiffest = wanted_n_m_rad;
+        if self.limited {
+            // A stiffness that no pressure gives is not waited for. The last period's torque may have been a motion's.
+            let asked = [self.torque_n_m, wanted_n_m_rad];
+            let given = allocate(self.radius_m, &self.lines, asked, most_pa);
+            stiffest = self.stiffness_n_m_rad(given.gauge_pa);
+        }
+        let off = absolute(self.stiffness_n_m_rad(gauge_pa) - stiffest);
+        off <= width * self.tuning.dead_zone_stiffness * wanted_n_m_rad
     }
 
     /// Whether a valve could not pass what was asked of it in the last period.

@@ -26,6 +26,7 @@ pub struct LockWatch {
 
 impl LockWatch {
     /// A lock begins with this gas, and walls at these temperatures \[K\].
+    #[cold] // Once in a lock: as small as can be.
     pub fn new(step_s: f32, gas: [Reservoir; 2], wall_k: [f32; 2]) -> Self {
         let least_pa2 = gas.iter().zip(wall_k).fold(1.0 - TRIP, |product, (gas, wall_k)| {
             product * gas.pressure_pa * limit(wall_k / gas.temperature_k, 0.5, 1.0)
@@ -39,6 +40,7 @@ impl LockWatch {
     }
 
     /// A step with these absolute pressures \[Pa\]; whether gas is missing.
+    #[cold]
     pub fn step(&mut self, [of_a, of_b]: [f32; 2]) -> bool {
         self.least_pa2 *= self.left;
         let below = of_a * of_b < self.least_pa2;

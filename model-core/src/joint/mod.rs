@@ -507,11 +507,16 @@ impl Joint {
 
     /// Ends a lock whose time is over, or in which a muscle leaks: both vent in this step.
     fn count_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
-        if self.set_point != JointSetPoint::Lock {
+        if self.set_point == JointSetPoint::Lock {
+            self.watch_lock(pressure_pa, judged);
+        } else {
             self.locked_steps = 0;
             self.lock = None;
-            return;
         }
+    }
+
+    #[cold]
+    fn watch_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
         let [config_a, _] = &self.config.muscles;
         let step_s = config_a.step_s;
         self.locked_steps = self.locked_steps.saturating_add(1);
