@@ -320,7 +320,7 @@ fn gauge_pa(config: &JointConfig, highest_pa: f64) -> f64 {
 /// Gauge pressure above which both muscles pull at both ends \[Pa\].
 fn taut_pa(config: &JointConfig, ends_rad: [f64; 2]) -> f64 {
     let at = |angle_rad: f64| {
-        let (lengths_m, _) = config.mechanism.at(angle_rad as f32);
+        let lengths_m = config.mechanism.lengths_m(angle_rad as f32);
         let slack_pa = |i: usize| {
             let chamber = AnyChamber::new(&config.muscles[i].chamber);
             let length_m = chamber.limit_length_m(lengths_m[i]);
