@@ -10,7 +10,7 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
-/// Flash of the image \[bytes\]; 156.0 KiB are reached, 140 aimed at.
+/// Flash of the image \[bytes\]; 156.2 KiB are reached, 140 aimed at.
 const FLASH: RangeInclusive<u64> = 149 * 1024..=157 * 1024;
 /// Static memory of the image, its code and constants left out \[bytes\]; 27.8 KiB are reached, up to one more
 /// where a table is aligned.
