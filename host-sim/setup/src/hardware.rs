@@ -83,7 +83,13 @@ mod tests {
                 ],
             ),
             ("[load]\nforce_n = 300\n", &["load.force_n = 300.0, 100.0 there"]),
-            ("[plant]\nkind = \"cylinder\"\n", &["plant.kind = \"cylinder\", \"muscle\" there"]),
+            (
+                "[plant]\nkind = \"cylinder\"\n[load]\nforce_n = -100\n",
+                &[
+                    "load.force_n = -100.0, 100.0 there",
+                    "plant.kind = \"cylinder\", \"muscle\" there",
+                ],
+            ),
             (
                 "[believed.sensor.pressure]\nrange_pa = 1e6\n",
                 &["sensor.pressure.range_pa = 1000000.0, 700000.0 there"],
