@@ -472,27 +472,23 @@ pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
     muscle.diameter_m *= factor.sqrt();
 }
 
-/// Loads other than a constant force: a hanging mass, and a fixed length.
-/// Contractions of [`overshoot_percent`], each for 3 s.
+/// Contractions of [`overshoot_percent`], held one after the other.
 const STEPS: [f64; 6] = [0.08, 0.16, 0.05, 0.2, 0.12, 0.08];
-const STEP_S: f64 = 3.0;
 
 /// Largest overshoot of steps of the contraction, of the step \[%\].
 pub fn overshoot_percent(loaded: &Loaded, board: &mut dyn Board) -> Result<f64, RunError> {
-    let holds = STEPS.iter().enumerate().flat_map(|(i, value)| {
-        let from_s = i as f64 * STEP_S;
-        [(from_s, *value), (from_s + STEP_S - 0.001, *value)]
-    });
-    let points = trace(loaded, DriveKind::Contraction, holds.collect(), board)?;
+    let holds = rest::Holds { values: &STEPS, start_s: 0.0, full_scale: 1.0 };
+    let points = trace(loaded, DriveKind::Contraction, holds.profile(), board)?;
     let beyond = |(i, pair): (usize, &[f64])| {
-        let from_s = (i + 1) as f64 * STEP_S;
+        let from_s = (i + 1) as f64 * HOLD_S;
         let step = pair[1] - pair[0];
-        let within = points.iter().filter(|p| (from_s..from_s + STEP_S).contains(&p.time_s));
+        let within = points.iter().filter(|p| (from_s..from_s + HOLD_S).contains(&p.time_s));
         within.map(|p| 100.0 * (p.value - pair[1]) / step).fold(0.0, f64::max)
     };
     Ok(STEPS.windows(2).enumerate().map(beyond).fold(0.0, f64::max))
 }
 
+/// Loads other than a constant force: a hanging mass, and a fixed length.
 fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
     let with = |change: &dyn Fn(&mut Load)| {
         let mut loaded = full.clone();
@@ -501,20 +497,20 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
         loaded
     };
     let mut jobs: Vec<Job> = Vec::new();
-    for mass_kg in [2.0, 10.0, 20.0] {
-        let loaded = with(&|load| {
+    let hanging = |mass_kg: f64| {
+        with(&|load| {
             load.kind = LoadKind::Mass;
             load.mass_kg = mass_kg;
-        });
+        })
+    };
+    for mass_kg in [2.0, 10.0, 20.0] {
+        let loaded = hanging(mass_kg);
         jobs.push(Box::new(move || {
             hold_line(format!("hold, {mass_kg} kg hanging"), &loaded, 0, 1.0)
         }));
     }
     for mass_kg in [5.0, 10.0, 20.0, 30.0] {
-        let loaded = with(&|load| {
-            load.kind = LoadKind::Mass;
-            load.mass_kg = mass_kg;
-        });
+        let loaded = hanging(mass_kg);
         jobs.push(Box::new(move || {
             let overshoot = overshoot_percent(&loaded, &mut CoreBoard::default())?;
             Ok(CaseFigures {

@@ -46,9 +46,9 @@ const EARLY: f32 = 0.0017;
 /// Swing of the load on its gas spring that friction has to end, as a share of the rest length: assumed, what a step or
 /// a blow leaves.
 const SWING: f32 = 0.01;
-/// Frequency of the reference after a step at most, as a share of that of the load on its gas spring: a load that is to stop sooner is
-/// thrown, as its muscle cannot push. Simulated with 2 to 30 kg and a third to three times the valves: steps overshoot by
-/// up to 13 % where 90 rad/s left 54, and 0.55 is slower and no better.
+/// Frequency of the reference after a step at most, as a share of that of the load on its gas spring: a load that is to
+/// stop sooner is thrown, as its muscle cannot push. Simulated with 2 to 30 kg and a third to three times the valves:
+/// steps overshoot by up to 13 % where 90 rad/s left 54, and 0.55 is slower and no better.
 const FASTEST: f32 = 0.7;
 /// For how long after a step, in its phase \[rad\]: (1 + 8) exp(-8) of the step is left then. A set point that moves is
 /// followed faster, because the reference stays behind it by its acceleration over the frequency squared.

@@ -191,8 +191,9 @@ pub struct Joint {
     commands: [Command; 2],
     /// The controller has started from what was measured.
     started: bool,
-    /// Steps that it has been locked for, and its gas since then.
+    /// Steps that it has been locked for.
     locked_steps: u32,
+    /// Its gas while it is locked.
     lock: Option<LockWatch>,
     /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
     limits_pa: [f32; 2],
