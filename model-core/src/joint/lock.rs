@@ -22,6 +22,7 @@ pub struct LockWatch {
     left: f32,
     patience_steps: u16,
     below_steps: u16,
+    steps: u32,
 }
 
 impl LockWatch {
@@ -36,16 +37,23 @@ impl LockWatch {
             left: 1.0 - FORGOTTEN_PER_S * step_s,
             patience_steps: StepCounts::new(step_s).patience_steps,
             below_steps: 0,
+            steps: 0,
         }
     }
 
     /// A step with these absolute pressures \[Pa\]; whether gas is missing.
     #[cold]
     pub fn step(&mut self, [of_a, of_b]: [f32; 2]) -> bool {
+        self.steps = self.steps.saturating_add(1);
         self.least_pa2 *= self.left;
         let below = of_a * of_b < self.least_pa2;
         self.below_steps = if below { self.below_steps.saturating_add(1) } else { 0 };
         self.below_steps > self.patience_steps
+    }
+
+    /// Steps that it has been locked for.
+    pub fn steps(&self) -> u32 {
+        self.steps
     }
 }
 

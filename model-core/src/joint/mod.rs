@@ -191,8 +191,6 @@ pub struct Joint {
     commands: [Command; 2],
     /// The controller has started from what was measured.
     started: bool,
-    /// Steps that it has been locked for.
-    locked_steps: u32,
     /// Its gas while it is locked.
     lock: Option<LockWatch>,
     /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
@@ -237,7 +235,6 @@ impl Joint {
             set_steps: 0,
             commands: [Command::VENT; 2],
             started: false,
-            locked_steps: 0,
             lock: None,
             limits_pa: [0.0; 2],
             present: JointFaults::NONE,
@@ -511,7 +508,6 @@ impl Joint {
         if self.set_point == JointSetPoint::Lock {
             self.watch_lock(pressure_pa, judged);
         } else {
-            self.locked_steps = 0;
             self.lock = None;
         }
     }
@@ -520,7 +516,6 @@ impl Joint {
     fn watch_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
         let [config_a, _] = &self.config.muscles;
         let step_s = config_a.step_s;
-        self.locked_steps = self.locked_steps.saturating_add(1);
         let [a, b] = &self.muscles;
         let [judged_a, judged_b] = judged;
         let watch = self.lock.get_or_insert_with(|| {
@@ -530,7 +525,7 @@ impl Joint {
         });
         let leaks = watch.step(pressure_pa)
             || judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
-        if leaks || self.locked_steps > timeout_steps(self.config.mechanism.lock_s, step_s) {
+        if leaks || watch.steps() > timeout_steps(self.config.mechanism.lock_s, step_s) {
             self.disarm();
         }
     }
