@@ -89,7 +89,7 @@ pub fn board(error: board::BoardError) -> PyErr {
                 match range {
                     SetPointError::Range {
                         field: SetPointField::Armed, value, minimum, ..
-                    } if value < minimum => "; the lower end is the pressure now, at least ambient",
+                    } if value < minimum => board::LEAST_IS_NOW,
                     _ => "",
                 };
             BoardError::new_err(format!("{range}{now}"))

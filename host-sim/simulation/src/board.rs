@@ -209,6 +209,9 @@ fn outside(field: SetPointField, value: f32, [least, most]: [f32; 2]) -> String 
     format!("{name} of {} {unit}: must be from {lowest} to {highest} {unit}", value * factor)
 }
 
+/// Follows the range of a highest pressure that is below it.
+pub const LEAST_IS_NOW: &str = "; the lower end is the pressure now, at least ambient";
+
 /// A highest pressure that the board does not arm for: with more in the muscle it would vent at once.
 fn not_armed_for(value: f32, [least_pa, most_pa]: [f32; 2]) -> String {
     let range_pa = [least_pa, most_pa];
@@ -219,11 +222,7 @@ fn not_armed_for(value: f32, [least_pa, most_pa]: [f32; 2]) -> String {
         );
     }
     let range = outside(SetPointField::Armed, value, range_pa);
-    if value < least_pa {
-        format!("{range}; the lower end is the pressure now, at least ambient")
-    } else {
-        range
-    }
+    if value < least_pa { format!("{range}{LEAST_IS_NOW}") } else { range }
 }
 
 fn refused(refusal: &Refusal) -> String {
