@@ -11,13 +11,10 @@ use std::thread;
 use thermyo_boards::image::{Variant, firmware};
 use thermyo_protocol::{HostCommand, Request, encode};
 
-use crate::board_support::{Bench, repository, skip_emulator};
+use crate::board_support::{Bench, repository};
 
 #[test]
 fn a_board_is_configured_armed_driven_and_queried() {
-    if skip_emulator() {
-        return;
-    }
     let bench = Bench::new();
     assert!(bench.ok("thermyo board emulated info").contains("the core's defaults"));
     let set = "thermyo board emulated set pressure 130000 --hold 1.5";
@@ -160,9 +157,6 @@ fn json(text: String) -> serde_json::Value {
 /// A busy emulated board closes connections: the line is opened again, until patience ends.
 #[test]
 fn a_connection_that_is_closed_is_opened_again() {
-    if skip_emulator() {
-        return;
-    }
     let bench = Bench::new();
     bench.ok("thermyo board emulated plug");
     let card = fs::read_dir(bench.path("")).unwrap().map(|file| file.unwrap().path());
@@ -202,9 +196,6 @@ fn a_connection_that_is_closed_is_opened_again() {
 
 #[test]
 fn a_saved_configuration_survives_a_power_cut() {
-    if skip_emulator() {
-        return;
-    }
     let bench = Bench::new();
     let info = |bench: &Bench| bench.ok("thermyo board emulated info");
     assert!(
@@ -225,9 +216,6 @@ fn a_saved_configuration_survives_a_power_cut() {
 
 #[test]
 fn commands_to_a_board_print_json_on_request() {
-    if skip_emulator() {
-        return;
-    }
     let bench = Bench::new();
     for (line, key, expected) in [
         ("plug", "/plugged", json!(true)),
@@ -257,9 +245,6 @@ fn commands_to_a_board_print_json_on_request() {
 /// A scenario with a joint brings the joint's image, two muscles and their arm.
 #[test]
 fn a_joint_is_plugged_in_by_its_scenario() {
-    if skip_emulator() {
-        return;
-    }
     firmware(Variant::Joint).unwrap();
     let bench = Bench::new();
     let scenario = "scenarios/joint_board.toml";
@@ -396,9 +381,6 @@ fn documented(document: &str) -> Vec<String> {
 
 #[test]
 fn every_line_of_the_document_runs() {
-    if skip_emulator() {
-        return;
-    }
     let bench = Bench::new();
     let lines = documented("docs/how-to/start-a-board.md");
     assert!(lines.len() >= 8, "{lines:?}");

@@ -11,7 +11,7 @@ use std::thread;
 use std::time::Duration;
 use thermyo_boards::image::{Variant, firmware};
 
-use crate::board_support::{Bench, skip_emulator, until};
+use crate::board_support::{Bench, until};
 
 fn signal(child: &Child, signal: &str) {
     let pid = child.id().to_string();
@@ -49,9 +49,6 @@ fn typed(bench: &Bench, line: &str, text: &str) -> Output {
 
 #[test]
 fn a_sensor_is_calibrated_by_what_is_typed() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let calibrate = "thermyo board emulated calibrate pressure --hold 250000";
     // A calibration must not arm the board.
@@ -103,9 +100,6 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
 /// The computer is busy for a while, within the link's timeout.
 #[test]
 fn a_host_that_is_held_up_does_not_flood_its_board() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let rows = (0..=80).map(|i| {
         let time_s = f64::from(i) * 0.1;
@@ -139,9 +133,6 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
 /// The pressure of one muscle, with both held; an arm that hangs still gives no two angles.
 #[test]
 fn a_joints_sensors_are_calibrated_by_what_is_typed() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured_joint();
     let same = typed(&bench, "thermyo board emulated calibrate angle", "0deg\n1deg\n");
     assert_eq!(same.status.code(), Some(2), "{}", message(&same));
@@ -161,9 +152,6 @@ fn a_joints_sensors_are_calibrated_by_what_is_typed() {
 
 #[test]
 fn a_calibration_that_is_interrupted_vents() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let mut command = bench.command("thermyo board emulated calibrate gas");
     let mut child = command
@@ -184,9 +172,6 @@ fn a_calibration_that_is_interrupted_vents() {
 
 #[test]
 fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let mut command = bench.command(
         "thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet",
@@ -207,9 +192,6 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
 
 #[test]
 fn stops_are_measured_only_when_armed_and_an_interrupt_vents() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let measure = "thermyo measure stop emulated --stops 3 --wait 6 --out out/stops --quiet";
     let refused = bench.run(measure);
@@ -230,9 +212,6 @@ fn stops_are_measured_only_when_armed_and_an_interrupt_vents() {
 
 #[test]
 fn a_joint_whose_set_point_is_interrupted_vents() {
-    if skip_emulator() {
-        return;
-    }
     firmware(Variant::Joint).unwrap();
     let bench = Bench::new();
     let scenario = "scenarios/joint_board.toml";
@@ -265,9 +244,6 @@ fn holding(bench: &Bench) -> Child {
 /// A program that was killed cannot vent, and those after it only ask.
 #[test]
 fn a_program_that_asks_keeps_no_set_point_alive() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let mut child = holding(&bench);
     signal(&child, "-KILL");
@@ -286,9 +262,6 @@ fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes
 
 #[test]
 fn a_drive_that_is_cut_reports_it() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let profile = bench.path("held.csv");
     fs::write(&profile, "time_s,pressure_pa\n0,130000\n60,130000\n").unwrap();
@@ -311,9 +284,6 @@ fn a_drive_that_is_cut_reports_it() {
 
 #[test]
 fn a_set_point_that_expires_is_reported() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let child = holding(&bench);
     signal(&child, "-INT");
@@ -360,9 +330,6 @@ impl AtTerminal {
 
 #[test]
 fn the_monitors_keys_arm_drive_and_vent() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let mut monitor = AtTerminal::new(bench.command("thermyo monitor emulated --out out/monitor"));
     let unfinished = bench.path("out/monitor/unfinished-1/trace.csv");
@@ -416,9 +383,6 @@ fn the_monitors_keys_arm_drive_and_vent() {
 /// Without a time it says how it ends, and a terminal has one line of it.
 #[test]
 fn a_set_point_without_a_time_says_how_it_ends() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let set = bench.command("thermyo board emulated set pressure 130000 --arm");
     let mut held = AtTerminal::new(set);
@@ -448,9 +412,6 @@ fn a_set_point_without_a_time_says_how_it_ends() {
 
 #[test]
 fn a_monitor_without_a_screen_records() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let unfinished = bench.path("out/monitor/unfinished-1/trace.csv");
     let start = |line: &str| {
@@ -484,9 +445,6 @@ fn a_monitor_without_a_screen_records() {
 /// Columns of the joint, the raw samples among them, and its scenario: the record is replayed.
 #[test]
 fn a_monitor_records_a_joint() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured_joint();
     let unfinished = bench.path("out/monitor/unfinished-1/joint_trace.csv");
     let mut command = bench.command("thermyo monitor emulated --log mcap --out out/monitor");
@@ -530,9 +488,6 @@ fn recorded(trace: &str) -> Vec<Vec<String>> {
 /// A limit on the size of files simulates a full disk.
 #[test]
 fn a_disk_that_fills_during_a_drive_vents_and_is_reported() {
-    if skip_emulator() {
-        return;
-    }
     let bench = configured();
     let whole =
         fs::read_to_string(crate::board_support::repository().join("scenarios/contraction.toml"));
@@ -568,9 +523,6 @@ fn a_disk_that_fills_during_a_drive_vents_and_is_reported() {
 
 #[test]
 fn a_profile_for_another_chamber_is_refused() {
-    if skip_emulator() {
-        return;
-    }
     let bench = Bench::new();
     fs::write(bench.path("vessel.toml"), "[plant]\nkind = \"vessel\"\n").unwrap();
     let vessel = bench.path("vessel.toml").display().to_string();

@@ -1,6 +1,8 @@
 //! Tests of the `thermyo` command, and of several crates together.
 
+#[cfg(emulator)]
 mod board_command;
+#[cfg(emulator)]
 mod board_guided;
 mod board_support;
 mod browser_support;
@@ -21,8 +23,11 @@ mod report_render;
 #[path = "../simulation/tests/run_support/mod.rs"]
 mod run_support;
 mod scenario_files;
+#[cfg(emulator)]
 mod serve;
+#[cfg(emulator)]
 mod serve_joint;
+#[cfg(emulator)]
 mod serve_records;
 mod static_map;
 mod sweep;

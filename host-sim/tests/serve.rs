@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
-use crate::board_support::{Bench, skip_emulator};
+use crate::board_support::Bench;
 
 /// An emulated board needs a core for itself.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
@@ -206,9 +206,6 @@ impl Page {
 
 #[test]
 fn only_its_own_page_comes_in() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("emulated");
     let host = served.host().to_owned();
     let (status, text) = served.get(&served.path(""), &host);
@@ -263,9 +260,6 @@ fn assert_a_flood_is_logged_once(second: &mut Page) {
 
 #[test]
 fn a_page_steers_and_another_watches() {
-    if skip_emulator() {
-        return;
-    }
     let mut served = Served::new("emulated");
     let mut first = served.page();
     first.until("a state", HANGS_S, |page| page.state.is_object());
@@ -324,9 +318,6 @@ fn a_page_steers_and_another_watches() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_hangup_vents_and_writes_the_report() {
-    if skip_emulator() {
-        return;
-    }
     let mut served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.drive(1.3e5);
@@ -345,9 +336,6 @@ fn a_hangup_vents_and_writes_the_report() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_hangup_that_is_ignored_stays_so() {
-    if skip_emulator() {
-        return;
-    }
     let mut served = Served::after("trap '' HUP", "scenarios/contraction.toml");
     let mut page = served.page();
     page.drive(1.3e5);
@@ -359,9 +347,6 @@ fn a_hangup_that_is_ignored_stays_so() {
 #[cfg(unix)]
 #[test]
 fn half_open_connections_take_neither_the_page_nor_a_recording() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::after("ulimit -n 128", "scenarios/contraction.toml");
     let host = served.host().to_owned();
     let mut page = served.page();
@@ -441,9 +426,6 @@ fn a_vent_among_a_thousand_orders_a_second() {
 
 #[test]
 fn a_lost_link_is_shown_and_comes_back() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.drive(1.3e5);
@@ -463,9 +445,6 @@ fn a_lost_link_is_shown_and_comes_back() {
 
 #[test]
 fn a_slow_page_loses_frames_and_the_record_none() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.drive(1.3e5);
@@ -511,9 +490,6 @@ fn a_slow_page_loses_frames_and_the_record_none() {
 
 #[test]
 fn a_sensor_is_calibrated_step_by_step() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.until("a state", HANGS_S, |page| page.state.is_object());
@@ -563,9 +539,6 @@ fn a_sensor_is_calibrated_step_by_step() {
 
 #[test]
 fn stops_are_measured_from_the_page_until_somebody_vents() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
@@ -586,9 +559,6 @@ fn stops_are_measured_from_the_page_until_somebody_vents() {
 
 #[test]
 fn a_muscle_is_tuned_from_the_page() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
@@ -674,9 +644,6 @@ fn bad_input_gives_one_line() {
 
 #[test]
 fn the_page_in_a_browser() {
-    if skip_emulator() {
-        return;
-    }
     let Some(chromium) = crate::browser_support::chromium() else { return };
     let served = Served::new("emulated");
     let place = served.bench.path("");

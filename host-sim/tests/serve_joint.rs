@@ -1,6 +1,6 @@
 //! `thermyo serve` of a joint, as pages use it, on the emulated board; and in headless Chromium.
 
-use crate::board_support::{repository, skip_emulator};
+use crate::board_support::repository;
 use crate::serve::{HANGS_S, Page, Served};
 use serde_json::{Value, json};
 use std::fs;
@@ -42,9 +42,6 @@ impl Page {
 
 #[test]
 fn a_joint_is_steered_and_recorded_from_the_page() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::plugged(SCENARIO, "", "emulated");
     let mut page = served.page();
     page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
@@ -140,9 +137,6 @@ fn assert_the_record_is_a_joints(served: &Served, page: &Page) {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_joint_locks_from_the_page_and_a_hangup_vents_it() {
-    if skip_emulator() {
-        return;
-    }
     let text = fs::read_to_string(repository().join(SCENARIO)).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let locking = folder.path().join("locking.toml");
@@ -168,9 +162,6 @@ fn a_joint_locks_from_the_page_and_a_hangup_vents_it() {
 
 #[test]
 fn the_page_of_a_joint_in_a_browser() {
-    if skip_emulator() {
-        return;
-    }
     let Some(chromium) = crate::browser_support::chromium() else { return };
     let served = Served::plugged(SCENARIO, "", "emulated");
     // Chromium reads no file by a path with "..".

@@ -1,6 +1,6 @@
 //! Identification and comparison of records on the page of `thermyo serve`.
 
-use crate::board_support::{repository, skip_emulator};
+use crate::board_support::repository;
 use crate::serve::{HANGS_S, Page, Served};
 use crate::static_map::{grid, map};
 use serde_json::{Value, json};
@@ -71,9 +71,6 @@ fn thicker() -> String {
 
 #[test]
 fn identified_values_are_applied_and_taken_back() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.configured();
@@ -137,9 +134,6 @@ fn motion(duration_s: u32) -> String {
 
 #[test]
 fn the_board_is_steered_while_a_fit_goes_on_until_it_is_cancelled() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.configured();
@@ -162,9 +156,6 @@ fn the_board_is_steered_while_a_fit_goes_on_until_it_is_cancelled() {
 
 #[test]
 fn two_records_are_compared_as_the_command_does() {
-    if skip_emulator() {
-        return;
-    }
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.configured();

@@ -95,12 +95,3 @@ impl Finished {
 pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
-
-/// Whether to skip the tests on the emulated board; prints a note if so.
-pub fn skip_emulator() -> bool {
-    let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
-    if skip {
-        eprintln!("skipped: THERMYO_SKIP_EMULATOR=1");
-    }
-    skip
-}

@@ -1,7 +1,6 @@
 //! The image that is flashed drives the muscle as the core in this process does: the same cases of
 //! pressure and contraction control. Mass flow and duty are in `emulated_parity`.
 
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_evaluate::control::{full, pressure_step, pressure_step_between, rest};
 use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
@@ -17,9 +16,6 @@ fn assert_on_time(board: &mut EmulatedBoard) {
 
 #[test]
 fn contraction_at_rest() {
-    if skip_emulator() {
-        return;
-    }
     let loaded = full(&thermyo_evaluate::nominal().unwrap());
     let mut board = EmulatedBoard::new().unwrap();
     let held = rest::hold(&loaded, 0, &mut board).unwrap();
@@ -32,9 +28,6 @@ fn contraction_at_rest() {
 
 #[test]
 fn pressure_as_fast_as_the_valve() {
-    if skip_emulator() {
-        return;
-    }
     let loaded = full(&thermyo_evaluate::nominal().unwrap());
     let mut board = EmulatedBoard::new().unwrap();
     let step = pressure_step(&loaded, &mut board).unwrap();
@@ -47,9 +40,6 @@ fn pressure_as_fast_as_the_valve() {
 /// The pins carry 25 kHz, whose mean is the command.
 #[test]
 fn proportional_valves_hold_a_pressure() {
-    if skip_emulator() {
-        return;
-    }
     let loaded = proportional(full(&thermyo_evaluate::nominal().unwrap()), 1.0);
     let mut board = EmulatedBoard::new().unwrap();
     let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut board).unwrap();

@@ -1,6 +1,6 @@
 //! The image that is flashed, in closed loop with the plant, against the core in this process.
 
-use system_tests::{Finished, run_text, skip_emulator, thermyo};
+use system_tests::{Finished, run_text, thermyo};
 
 fn scenario(model: &str) -> String {
     format!("[run]\nduration_s = 20.0\nlog_every = 1\n[plant]\nmodel = \"{model}\"\n")
@@ -16,10 +16,8 @@ fn distance(a: &Finished, b: &Finished) -> (f64, f64) {
 }
 
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn the_papers_cycle_is_the_same_on_the_emulated_board() {
-    if skip_emulator() {
-        return;
-    }
     let here = run_text(&scenario("full"), &[]);
     let there = run_text(&scenario("full"), &["--board", "emulated"]);
     assert_eq!(there.summary["board"], "emulated");

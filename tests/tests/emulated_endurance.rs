@@ -11,7 +11,6 @@ use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::ops::Range;
 use std::thread;
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Injection, Place};
 use thermyo_protocol::{HostCommand, LastReset, Name, Phase, Request, encode};
 
@@ -443,23 +442,16 @@ fn assert_no_step_is_missed(seconds: u32, mean_ns: u32) {
 
 #[test]
 fn hangs_anywhere_vent() {
-    if !skip_emulator() {
-        assert_hangs_vent(24);
-    }
+    assert_hangs_vent(24);
 }
 
 #[test]
 fn emergency_stops_at_any_instant_vent() {
-    if !skip_emulator() {
-        assert_stops_vent(40);
-    }
+    assert_stops_vent(40);
 }
 
 #[test]
 fn floods_change_nothing() {
-    if skip_emulator() {
-        return;
-    }
     assert_floods_change_nothing(10, 100, true);
     assert_floods_change_nothing(1, 100, false);
     assert_floods_change_nothing(102, 210, false);
@@ -467,33 +459,24 @@ fn floods_change_nothing() {
 
 #[test]
 fn contraction_control_is_on_time() {
-    if !skip_emulator() {
-        assert_no_step_is_missed(5, STEP_MEAN_NS);
-    }
+    assert_no_step_is_missed(5, STEP_MEAN_NS);
 }
 
 #[test]
 #[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn a_thousand_hangs_vent() {
-    if !skip_emulator() {
-        assert_hangs_vent(1000);
-    }
+    assert_hangs_vent(1000);
 }
 
 #[test]
 #[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn a_thousand_emergency_stops_vent() {
-    if !skip_emulator() {
-        assert_stops_vent(1020);
-    }
+    assert_stops_vent(1020);
 }
 
 #[test]
 #[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn long_floods_change_nothing() {
-    if skip_emulator() {
-        return;
-    }
     for period in [1, 10, LONGEST_PERIOD] {
         assert_floods_change_nothing(period, 1000, true);
     }
@@ -502,7 +485,5 @@ fn long_floods_change_nothing() {
 #[test]
 #[ignore = "minutes, even in release: cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture"]
 fn ten_minutes_of_contraction_control_miss_no_step() {
-    if !skip_emulator() {
-        assert_no_step_is_missed(600, LONG_STEP_MEAN_NS);
-    }
+    assert_no_step_is_missed(600, LONG_STEP_MEAN_NS);
 }

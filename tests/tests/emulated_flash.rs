@@ -7,7 +7,7 @@ use model_core::{AdcCode, Sample};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 use std::{fs, thread};
-use system_tests::{skip_emulator, thermyo};
+use system_tests::thermyo;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::pty::PtyBoard;
 
@@ -36,10 +36,8 @@ fn flash(request: &Request, mount: &Path) -> Result<Vec<String>, FlashError> {
 }
 
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn a_running_board_is_flashed_and_runs_the_new_image() {
-    if skip_emulator() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let (port, mount) = (folder.path().join("port"), folder.path().join("drive"));
     let plug_in = |board: EmulatedBoard| {
@@ -85,10 +83,8 @@ fn a_running_board_is_flashed_and_runs_the_new_image() {
 }
 
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn a_dry_run_leaves_the_board_alone() {
-    if skip_emulator() {
-        return;
-    }
     let pty = PtyBoard::new(EmulatedBoard::new().unwrap(), HEALTHY).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let dry = Request { dry_run: true, ..request(pty.port()) };

@@ -5,7 +5,6 @@ use std::io::{BufWriter, Read, Write};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use system_tests::float_pairs::{KINDS, Random, edge_pairs, same};
-use system_tests::skip_emulator;
 use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 
 /// Number pairs per operation and kind.
@@ -115,9 +114,6 @@ impl Image {
 
 #[test]
 fn results_are_those_of_the_fpu() {
-    if skip_emulator() {
-        return;
-    }
     let image = Image::new();
     let edges: Vec<_> = edge_pairs().collect();
     let mut random = Random(0x2545_f491_4f6c_dd1d);
@@ -133,9 +129,6 @@ fn results_are_those_of_the_fpu() {
 /// Cycles with the function's return, without the call.
 #[test]
 fn the_usual_numbers_take_few_cycles() {
-    if skip_emulator() {
-        return;
-    }
     let image = Image::new();
     // From 2^-15 to 2, of either sign.
     let usual = |x: u32| x & 0x87ff_ffff | 0x3800_0000;
@@ -149,9 +142,6 @@ fn the_usual_numbers_take_few_cycles() {
 
 #[test]
 fn an_interrupt_that_divides_does_no_harm() {
-    if skip_emulator() {
-        return;
-    }
     let image = Image::new();
     let pairs = [(0x3f80_0000, 0x4040_0000), (0x4123_4567, 0xbf98_7654)];
     let other = (0x42c8_0000, 0x3fff_ffff);

@@ -3,7 +3,6 @@
 
 use model_core::{Config, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
 use thermyo_protocol::{Answer, HostCommand, Name};
 
@@ -61,9 +60,6 @@ fn fill(rig: &mut Rig, port: Port) {
 /// Each request that is refused, sent again and again over the other line.
 #[test]
 fn a_refused_request_of_another_host_keeps_no_set_point_alive() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     let nan = SetPoint::Pressure { pressure_pa: f32::NAN };
     let refused = [
@@ -171,25 +167,18 @@ fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
 
 #[test]
 fn a_stop_overtakes_earlier_orders_of_another_host() {
-    if !skip_emulator() {
-        assert_a_stop_overtakes((0..=600).step_by(60));
-    }
+    assert_a_stop_overtakes((0..=600).step_by(60));
 }
 
 #[test]
 #[ignore = "a minute: cargo test --release -p system-tests emulated_hosts -- --ignored --nocapture"]
 fn a_stop_overtakes_at_every_moment() {
-    if !skip_emulator() {
-        assert_a_stop_overtakes((0..=1500).step_by(5));
-    }
+    assert_a_stop_overtakes((0..=1500).step_by(5));
 }
 
 /// The stop is in the middle of what its own host sends.
 #[test]
 fn orders_after_a_stop_on_its_line_hold() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     for port in [Port::Uart, Port::Usb] {
         fill(&mut rig, port);
@@ -211,9 +200,6 @@ fn orders_after_a_stop_on_its_line_hold() {
 /// A program at the USB port that reads nothing: its answers are lost, and no other host waits for it.
 #[test]
 fn a_host_that_does_not_read_keeps_no_other_from_stopping() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     fill(&mut rig, Port::Uart);
     rig.board.use_port(Port::Usb);
@@ -242,9 +228,6 @@ fn a_host_that_does_not_read_keeps_no_other_from_stopping() {
 /// Commands of a script follow each other faster than the board's rate of requests.
 #[test]
 fn a_host_that_waits_for_each_answer_loses_no_request() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     let config = *rig.muscle.config();
     rig.exchange_with(silent);

@@ -4,7 +4,6 @@ use model_core::{Sample, SetPoint};
 use object::{Object, ObjectSection, ObjectSymbol};
 use std::ops::{Range, RangeInclusive};
 use system_tests::rig::Rig;
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
@@ -32,9 +31,6 @@ const ALL_RAM: u64 = 264 * 1024;
 
 #[test]
 fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
-    if skip_emulator() {
-        return;
-    }
     fits(Variant::Standard, FLASH, RAM);
     let taken = fits(Variant::Joint, JOINT_FLASH, JOINT_RAM);
     println!("{} bytes for the stack of a joint's image", ALL_RAM - taken);
@@ -77,9 +73,6 @@ fn fits(variant: Variant, in_flash: RangeInclusive<u64>, in_ram: RangeInclusive<
 /// whatever the board is at, unless it saves. The start itself shows what a read costs.
 #[test]
 fn the_image_runs_from_ram() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
     let started = rig.board.started();
     println!("start: {} reads of flash, {} misses", started.flash_reads, started.flash_misses);
@@ -117,9 +110,6 @@ fn the_image_runs_from_ram() {
 
 #[test]
 fn a_file_that_is_no_image_is_named() {
-    if skip_emulator() {
-        return;
-    }
     prepare_emulator().unwrap();
     let folder = std::env::temp_dir().join(format!("thermyo-image-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();

@@ -5,7 +5,6 @@ use model_core::joint::{JointFaults, JointMode, JointSetPoint, Motion};
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
 use system_tests::joint_guest::{EmulatedJoint, decoded, encoded};
-use system_tests::skip_emulator;
 use thermyo_joint::{Inputs, Rig, parse};
 
 const SCENARIO: &str = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n\
@@ -56,9 +55,6 @@ const VARYING: [RangeInclusive<u32>; 3] = [36_000..=40_500, 71_000..=80_000, 57_
 /// chip would drive it the same way.
 #[test]
 fn the_joints_core_is_equal_to_the_bit_and_in_time_on_the_rp2040() {
-    if skip_emulator() {
-        return;
-    }
     let [mean, first, worst] = is_equal(SCENARIO);
     assert!(MEAN.contains(&u64::from(mean)), "{mean} cycles");
     assert!(FIRST.contains(&first) && WORST.contains(&worst), "{first}, {worst} cycles");
@@ -66,9 +62,6 @@ fn the_joints_core_is_equal_to_the_bit_and_in_time_on_the_rp2040() {
 
 #[test]
 fn a_pulley_that_varies_is_equal_to_the_bit_on_the_rp2040() {
-    if skip_emulator() {
-        return;
-    }
     let cycles = is_equal(&format!("{SCENARIO}{VARIES}"));
     let in_time = VARYING.iter().zip(&cycles).all(|(range, cycles)| range.contains(cycles));
     assert!(in_time, "{cycles:?} cycles");

@@ -5,7 +5,7 @@ use model_core::joint::{
 };
 use model_core::{AdcCode, Config, Faults};
 use std::ops::RangeInclusive;
-use system_tests::{skip_emulator, thermyo};
+use system_tests::thermyo;
 use thermyo_boards::emulated::{EmulatedBoard, Exchange, Injection, PartFault, Port};
 use thermyo_boards::image::{Variant, firmware};
 #[cfg(unix)]
@@ -170,9 +170,6 @@ const JITTER_WORST_US: RangeInclusive<u32> = 1..=2;
 
 #[test]
 fn an_angle_is_reached_and_no_step_missed() {
-    if skip_emulator() {
-        return;
-    }
     let mut bench = Bench::armed();
     bench.done(angle(0.349));
     bench.run(1000);
@@ -224,9 +221,6 @@ fn an_angle_is_reached_and_no_step_missed() {
 /// A joint that may lock: all valves shut and the brake engaged, until the time is over.
 #[test]
 fn a_lost_angle_locks_until_the_time_is_over() {
-    if skip_emulator() {
-        return;
-    }
     let mut bench = Bench::new();
     bench.loaded.believed.lock_s = 0.2;
     bench.configure();
@@ -248,9 +242,6 @@ fn a_lost_angle_locks_until_the_time_is_over() {
 /// lost, and lock where the wires are and the joint may.
 #[test]
 fn an_encoder_gives_the_angle_until_it_is_lost() {
-    if skip_emulator() {
-        return;
-    }
     let scenario =
         format!("{SCENARIO}sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n");
     let mut bench = Bench::of(&scenario).at_rest();
@@ -308,9 +299,6 @@ fn an_encoder_gives_the_angle_until_it_is_lost() {
 /// A restart in the middle of a message: the AS5600 holds SDA until the board clocks the rest of the byte out of it.
 #[test]
 fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
-    if skip_emulator() {
-        return;
-    }
     let scenario =
         format!("{SCENARIO}sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n");
     let mut bench = Bench::of(&scenario);
@@ -332,9 +320,6 @@ fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
 /// Two hosts that configure at the same time do not make a joint of halves.
 #[test]
 fn a_joint_is_configured_by_one_host() {
-    if skip_emulator() {
-        return;
-    }
     let mut bench = Bench::new();
     bench.board.connect_usb().unwrap();
     let config = bench.loaded.config();
@@ -352,9 +337,6 @@ fn a_joint_is_configured_by_one_host() {
 /// Pulses of both muscles begin together, and last as long as they should.
 #[test]
 fn both_slices_share_their_phase() {
-    if skip_emulator() {
-        return;
-    }
     let mut bench = Bench::new();
     bench.configure();
     bench.done(HostCommand::Arm { most_pa: None });
@@ -383,9 +365,6 @@ fn both_slices_share_their_phase() {
 
 #[test]
 fn what_an_image_does_not_drive_is_refused_by_the_name_of_the_other() {
-    if skip_emulator() {
-        return;
-    }
     let mut bench = Bench::new();
     let Answer::Version(version) = bench.ask(HostCommand::Version) else { unreachable!() };
     assert_eq!(version.image, Image::Joint);
@@ -413,9 +392,6 @@ fn what_an_image_does_not_drive_is_refused_by_the_name_of_the_other() {
 /// A crash vents, and what was latched and saved is there afterwards.
 #[test]
 fn a_joint_is_saved_and_outlives_a_crash_vented() {
-    if skip_emulator() {
-        return;
-    }
     let mut bench = Bench::new();
     bench.configure();
     bench.done(HostCommand::Save);
@@ -451,9 +427,6 @@ fn a_joint_is_saved_and_outlives_a_crash_vented() {
 #[cfg(unix)]
 #[test]
 fn the_command_configures_and_moves_a_joint() {
-    if skip_emulator() {
-        return;
-    }
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("joint.toml");
     std::fs::write(&file, SCENARIO).unwrap();

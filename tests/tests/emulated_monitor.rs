@@ -5,7 +5,6 @@ use host_sim::commands::monitor::{EVERY, Muscle, Session, Status, view};
 use model_core::{AdcCode, Sample};
 use std::fs::File;
 use std::time::{Duration, Instant};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::pty::PtyBoard;
 use thermyo_files::units::UnitSystem;
@@ -24,9 +23,6 @@ fn poll_until(session: &mut Session<Muscle>, done: impl Fn(&Session<Muscle>) -> 
 
 #[test]
 fn the_monitor_shows_records_and_survives_unplugging() {
-    if skip_emulator() {
-        return;
-    }
     let folder = std::env::temp_dir().join(format!("thermyo-monitor-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let trace = folder.join("trace.csv");

@@ -4,7 +4,6 @@ use model_core::{Config, Sample};
 use std::ops::RangeInclusive;
 use system_tests::log::lines;
 use system_tests::parity::{self, STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::image::{Variant, firmware};
 use thermyo_protocol::{Answer, Chip, HostCommand, Image, PROTOCOL, Refusal};
@@ -22,9 +21,6 @@ const JITTER_US: u32 = 5;
 
 #[test]
 fn ten_thousand_steps_to_the_bit_and_on_time() {
-    if skip_emulator() {
-        return;
-    }
     let mut board = EmulatedBoard::new().unwrap();
     let mut duties_and_pins = Vec::new();
     let started = std::time::Instant::now();
@@ -59,9 +55,6 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
 
 #[test]
 fn the_board_identifies_itself_and_refuses_unsupported_requests() {
-    if skip_emulator() {
-        return;
-    }
     let image = firmware(Variant::Standard).unwrap();
     let mut board = EmulatedBoard::with_image(&image).unwrap();
     let version = board.version().unwrap();

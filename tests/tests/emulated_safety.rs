@@ -3,7 +3,6 @@
 use model_core::config::LinkConfig;
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Injection, Place};
 use thermyo_protocol::{Answer, HostCommand, LastReset, Phase, Refusal};
 use thermyo_simulation::board::BoardError;
@@ -82,9 +81,6 @@ fn last_telemetry(rig: &mut Rig, change: Change) -> Telemetry {
 
 #[test]
 fn valves_are_safe_before_the_first_sample_and_without_a_set_point() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = lumped();
     for _ in 0..50 {
         assert!(vented(&rig.exchange()));
@@ -94,9 +90,6 @@ fn valves_are_safe_before_the_first_sample_and_without_a_set_point() {
 
 #[test]
 fn the_emergency_stop_vents_and_latches() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     let ms = time_to_vent(&mut rig, PRESSED);
     assert!((1..=20).contains(&ms), "{ms} ms");
@@ -114,9 +107,6 @@ fn the_emergency_stop_vents_and_latches() {
 /// Starts in quick succession neither hide a fault nor keep a valve powered.
 #[test]
 fn starts_do_not_go_round_the_supervisor() {
-    if skip_emulator() {
-        return;
-    }
     for (change, set_point, every_ms) in [(SHORTED, fill(1.0), 9), (AS_IT_IS, fill(0.5), 5)] {
         let mut rig = filling();
         let mut powered_ms = 0.0;
@@ -136,9 +126,6 @@ fn starts_do_not_go_round_the_supervisor() {
 /// Latched faults and the first failure survive a restart of the board until they are cleared.
 #[test]
 fn latched_faults_survive_a_restart() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     rig.exchange_with(PRESSED);
     rig.exchange();
@@ -164,9 +151,6 @@ fn latched_faults_survive_a_restart() {
 /// A set point that is nonsense is refused by name, and changes nothing.
 #[test]
 fn nonsense_is_refused() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     for (set_point, key) in [
         (SetPoint::Contraction { contraction: f32::NAN }, "contraction"),
@@ -192,9 +176,6 @@ fn nonsense_is_refused() {
 /// Silence of the host vents a driven muscle within the configured time.
 #[test]
 fn a_lost_link_vents() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = lumped();
     let pressure = SetPoint::Pressure { pressure_pa: 4.0e5 };
     rig.start(pressure);
@@ -222,9 +203,6 @@ fn a_lost_link_vents() {
 /// At the longest PWM period too.
 #[test]
 fn the_emergency_stop_does_not_wait_for_the_period() {
-    if skip_emulator() {
-        return;
-    }
     for after_ms in [1, 30, 60, 100] {
         let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n[valve]\npwm_hz = 9.804\n");
         assert_eq!(rig.muscle.config().pwm_period_steps, 102);
@@ -239,9 +217,6 @@ fn the_emergency_stop_does_not_wait_for_the_period() {
 
 #[test]
 fn a_frozen_pressure_vents() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     let frozen = rig.muscle.sample();
     let ms = time_to_vent(&mut rig, |_| frozen);
@@ -256,9 +231,6 @@ fn a_frozen_pressure_vents() {
 
 #[test]
 fn a_hang_of_the_control_task_ends_in_the_watchdog() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     rig.board.inject(HANG);
     let ms = time_to_vent(&mut rig, AS_IT_IS);
@@ -282,9 +254,6 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
 
 #[test]
 fn a_fault_of_the_processor_vents_at_once_and_is_remembered() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     rig.board.inject(Injection::Fault);
     let ms = time_to_vent(&mut rig, AS_IT_IS);
@@ -312,9 +281,6 @@ fn shown(rig: &mut Rig, change: Change) -> (f64, usize, bool) {
 /// and after a restart; the fault output is for faults only.
 #[test]
 fn a_board_without_configuration_reports_it() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = lumped();
     let waits = |rig: &mut Rig| {
         rig.board.take_telemetry();
@@ -351,9 +317,6 @@ fn a_board_without_configuration_reports_it() {
 /// together with them vents.
 #[test]
 fn missed_steps_are_counted_and_vent_when_they_come_together() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     // 5.3 ms from a tenth before a step, or a millisecond more.
     let overrun = |rig: &mut Rig, milliseconds: u32| {
@@ -388,9 +351,6 @@ fn missed_steps_are_counted_and_vent_when_they_come_together() {
 
 #[test]
 fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling();
     rig.board.inject(Injection::AdcStalled(true));
     let ms = time_to_vent(&mut rig, AS_IT_IS);
@@ -408,9 +368,6 @@ fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
 
 #[test]
 fn a_million_random_bytes_change_nothing() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = lumped();
     // No request gets through, so the board is configured to run without a host.
     let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };

@@ -3,7 +3,7 @@
 use model_core::sample::Sample;
 use model_core::{Command, Faults, RawCode, SetPoint, Telemetry};
 use system_tests::rig::Rig;
-use system_tests::{run_text, skip_emulator};
+use system_tests::run_text;
 use thermyo_boards::emulated::{Injection, PartFault};
 
 const MAX31865: &str = "[sensor.gas]\nkind = \"max31865\"\nnoise_k = 0.01\n";
@@ -20,9 +20,6 @@ fn error_k(sensor: &str, board: &[&str]) -> f64 {
 
 #[test]
 fn the_estimate_is_as_good_from_a_max31865() {
-    if skip_emulator() {
-        return;
-    }
     let analog = error_k("", &["--board", "emulated"]);
     let digital = error_k(MAX31865, &["--board", "emulated"]);
     let here = error_k(MAX31865, &[]);
@@ -74,9 +71,6 @@ fn gas_reads(reading: u16) -> impl Fn(&mut Rig, Sample) -> Sample {
 
 #[test]
 fn a_max31865_that_is_lost_vents() {
-    if skip_emulator() {
-        return;
-    }
     // A conversion more than in the core: it may have just begun. And the way over the bus.
     let within_ms = 40 + 20 + 3;
     for reading in [0, 0x7fff, 20_000] {
@@ -93,9 +87,6 @@ fn a_max31865_that_is_lost_vents() {
 
 #[test]
 fn an_mpr_that_is_lost_vents() {
-    if skip_emulator() {
-        return;
-    }
     let scenario = format!("{LOW}{MPR}");
     let shorted = |_: &mut Rig, sample: Sample| Sample {
         pressure: RawCode::of_part(0, sample.pressure.is_fresh()),

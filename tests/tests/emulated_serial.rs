@@ -5,7 +5,7 @@ use model_core::{AdcCode, Sample, SetPoint};
 use std::time::Duration;
 use std::{fs, thread};
 use system_tests::rig::Muscle;
-use system_tests::{skip_emulator, thermyo};
+use system_tests::thermyo;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_boards::pty::PtyBoard;
@@ -16,10 +16,8 @@ use thermyo_simulation::board::{Board, BoardError, CoreBoard};
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
-    if skip_emulator() {
-        return;
-    }
     prepare_emulator().unwrap();
     let image = firmware(Variant::Hil).unwrap();
     let pty = PtyBoard::new(EmulatedBoard::with_image(&image).unwrap(), HEALTHY).unwrap();
@@ -54,10 +52,8 @@ fn every_step_of_the_hil_firmware_is_the_hosts_to_the_bit() {
 }
 
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn telemetry_before_a_broken_line_is_kept() {
-    if skip_emulator() {
-        return;
-    }
     prepare_emulator().unwrap();
     let image = firmware(Variant::Hil).unwrap();
     let pty = PtyBoard::new(EmulatedBoard::with_image(&image).unwrap(), HEALTHY).unwrap();
@@ -89,10 +85,8 @@ fn telemetry_before_a_broken_line_is_kept() {
 }
 
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn firmware_that_samples_for_itself_is_named() {
-    if skip_emulator() {
-        return;
-    }
     let pty = PtyBoard::new(EmulatedBoard::new().unwrap(), HEALTHY).unwrap();
     let error = SerialBoard::open(pty.port()).err().unwrap();
     assert!(matches!(error, BoardError::NotHil { .. }), "{error}");

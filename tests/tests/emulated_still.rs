@@ -7,7 +7,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::env;
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
 use thermyo_protocol::{Answer, HostCommand};
 
@@ -59,9 +58,6 @@ fn inlet_ms(rig: &mut Rig) -> f64 {
 
 #[test]
 fn an_acknowledged_fault_opens_nothing() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling(3);
     rig.exchange_with(|sample| Sample { emergency_stop: true, ..silent(sample) });
     rig.exchange_with(silent);
@@ -73,9 +69,6 @@ fn an_acknowledged_fault_opens_nothing() {
 
 #[test]
 fn arming_after_a_lost_link_opens_nothing() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = filling(3);
     let open = (0..150).map(|_| rig.exchange_with(silent).inlet_coil);
     let open_ms = open.take_while(|&share| share > 0.0).count();
@@ -449,15 +442,11 @@ fn assert_only_what_may_be_driven_is(interleavings: u64) {
 
 #[test]
 fn a_hundred_interleavings_of_two_hosts_drive_only_allowed_orders() {
-    if !skip_emulator() {
-        assert_only_what_may_be_driven_is(100);
-    }
+    assert_only_what_may_be_driven_is(100);
 }
 
 #[test]
 #[ignore = "minutes: cargo test --release -p system-tests emulated_still -- --ignored --nocapture"]
 fn a_thousand_interleavings_of_two_hosts_drive_only_allowed_orders() {
-    if !skip_emulator() {
-        assert_only_what_may_be_driven_is(1000);
-    }
+    assert_only_what_may_be_driven_is(1000);
 }

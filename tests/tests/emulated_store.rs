@@ -2,7 +2,6 @@
 
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::{EmulatedBoard, Injection};
 use thermyo_protocol::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
 use thermyo_simulation::board::BoardError;
@@ -75,9 +74,6 @@ fn cut_the_power(board: &mut EmulatedBoard) {
 
 #[test]
 fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
-    if skip_emulator() {
-        return;
-    }
     let mut board = EmulatedBoard::new().unwrap();
     pass(&mut board, START_MS);
     let refused = board.ask(HostCommand::Save);
@@ -125,9 +121,6 @@ fn driving() -> Rig {
 /// A board that drives refuses to save and continues.
 #[test]
 fn a_board_that_drives_does_not_save() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = driving();
     let before = rig.exchange().flash_operations;
     for command in [HostCommand::Save, HostCommand::Forget] {
@@ -145,9 +138,6 @@ fn a_board_that_drives_does_not_save() {
 /// Control goes on while the flash is busy, to the millisecond, and the watchdog does not bite.
 #[test]
 fn control_goes_on_while_the_flash_is_busy() {
-    if skip_emulator() {
-        return;
-    }
     let mut board = EmulatedBoard::new().unwrap();
     pass(&mut board, START_MS);
     let before = board.timing().unwrap();
@@ -169,9 +159,6 @@ fn control_goes_on_while_the_flash_is_busy() {
 /// The last venting is known after a loss of power.
 #[test]
 fn the_last_failure_survives_the_power() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = driving();
     rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
     for _ in 0..SAVE_MS {
@@ -204,9 +191,6 @@ fn the_last_failure_survives_the_power() {
 /// next save is kept.
 #[test]
 fn power_that_fails_while_it_saves_leaves_the_old_or_the_new_configuration() {
-    if skip_emulator() {
-        return;
-    }
     let mut board = EmulatedBoard::new().unwrap();
     pass(&mut board, START_MS);
     save(&mut board, &config(0));

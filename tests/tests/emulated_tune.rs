@@ -1,16 +1,12 @@
 //! The image that is flashed is tuned by the same experiment as the core in this process.
 
 use std::path::Path;
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_evaluate::tune::{ALL_WRONG, configured, error_percent};
 use thermyo_studies::tune::{HIGHEST_PA, tune};
 
 #[test]
 fn a_board_is_tuned() {
-    if skip_emulator() {
-        return;
-    }
     let loaded = configured(&thermyo_evaluate::nominal().unwrap(), ALL_WRONG.1);
     let mut board = EmulatedBoard::new().unwrap();
     let tuned = tune(&loaded, Path::new("nominal"), HIGHEST_PA, &mut board).unwrap();

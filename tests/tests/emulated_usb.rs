@@ -4,7 +4,6 @@ use model_core::{Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::{Exchange, Port};
 use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use thermyo_simulation::board::BoardError;
@@ -66,9 +65,6 @@ fn random(seed: u64) -> impl FnMut(u32) -> u32 {
 
 #[test]
 fn the_board_identifies_itself() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     let expected = "1209:0001 Thermyo Thermyo valve controller E6605838835B2A31";
     assert_eq!(rig.board.take_identities(), [expected]);
@@ -78,9 +74,6 @@ fn the_board_identifies_itself() {
 /// A host's requests change its own line only.
 #[test]
 fn each_line_has_its_own_telemetry() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     let frames = |rig: &mut Rig| {
         [Port::Uart, Port::Usb].map(|port| {
@@ -113,9 +106,6 @@ fn each_line_has_its_own_telemetry() {
 
 #[test]
 fn a_step_starts_on_time_while_both_lines_are_busy() {
-    if skip_emulator() {
-        return;
-    }
     let mut rig = plugged();
     rig.start(SetPoint::Contraction { contraction: 0.1 });
     rig.board.use_port(Port::Uart);
@@ -155,9 +145,6 @@ fn a_step_starts_on_time_while_both_lines_are_busy() {
 /// A bus full of random bytes: requests are dropped, and neither steps nor telemetry are lost.
 #[test]
 fn a_flood_over_usb_changes_nothing() {
-    if skip_emulator() {
-        return;
-    }
     for command in [HostCommand::Version, HostCommand::Timing, HostCommand::ReadConfig] {
         let mut rig = plugged();
         rig.start(FILL);
@@ -225,9 +212,7 @@ fn assert_it_can_be_plugged_in(cycles: u32) {
 
 #[test]
 fn a_hundred_times_plugged_in_and_out() {
-    if !skip_emulator() {
-        assert_it_can_be_plugged_in(100);
-    }
+    assert_it_can_be_plugged_in(100);
 }
 
 /// Ways in which a host leaves.
@@ -296,24 +281,17 @@ fn assert_a_lost_host_vents(cases: u32) {
 
 #[test]
 fn a_host_that_is_lost_vents() {
-    if !skip_emulator() {
-        assert_a_lost_host_vents(12);
-    }
+    assert_a_lost_host_vents(12);
 }
 
 #[test]
 #[ignore = "minutes: cargo test --release -p system-tests emulated_usb -- --ignored --nocapture"]
 fn a_hundred_hosts_that_are_lost_vent() {
-    if !skip_emulator() {
-        assert_a_lost_host_vents(100);
-    }
+    assert_a_lost_host_vents(100);
 }
 
 #[test]
 fn the_board_leaves_for_its_boot_loader_only_while_it_vents() {
-    if skip_emulator() {
-        return;
-    }
     for port in [Port::Usb, Port::Uart] {
         let mut rig = plugged();
         rig.board.use_port(port);

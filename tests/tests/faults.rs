@@ -2,7 +2,6 @@
 //! `thermyo evaluate faults`, on the host and on the emulated board.
 
 use model_core::Faults;
-use system_tests::skip_emulator;
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_compute::parallel;
 use thermyo_evaluate::faults::cases;
@@ -131,10 +130,8 @@ fn healthy_runs_raise_no_fault() {
 
 /// Every fault that the pins of the board show, one run each: as soon as in this process.
 #[test]
+#[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn the_emulated_board_finds_the_same_faults_as_the_core() {
-    if skip_emulator() {
-        return;
-    }
     for fault in cases::all() {
         // A drift takes too long, and the host's silence and missed steps are no pins' affair.
         let short = fault.observed_s <= 3.0 || fault.name.ends_with("frozen");

@@ -4,7 +4,7 @@
 //! same operations in the same order. That the chip's FPU rounds as the host's does is IEEE 754.
 
 use system_tests::m33::EmulatedM33;
-use system_tests::{parity, skip_emulator};
+use system_tests::parity;
 
 /// Cycles of a step, compiled as the images are: 3 344 in the mean and 5 698 at worst of the 150 000 that 150 MHz
 /// have in a millisecond.
@@ -12,10 +12,6 @@ const MEAN: std::ops::Range<u64> = 3000..3500;
 const WORST: std::ops::Range<u32> = 5200..6100;
 
 fn ten_thousand_steps(target: &str) {
-    // It needs the chip's target, as the other emulator's tests do.
-    if skip_emulator() {
-        return;
-    }
     let started = std::time::Instant::now();
     let mut board = EmulatedM33::new(target);
     let built = started.elapsed();

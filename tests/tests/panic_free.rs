@@ -1,14 +1,9 @@
 //! model-core linked alone has no panic path.
 
-use system_tests::skip_emulator;
 use thermyo_boards::checkout::{Build, target_folder, workspace};
 
 #[test]
 fn the_core_and_its_wire_link_without_a_panic() {
-    // It needs the chip's target, as the emulator's tests do.
-    if skip_emulator() {
-        return;
-    }
     let build = Build {
         name: "the core alone",
         folder: workspace(),

@@ -13,18 +13,6 @@ pub fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-pub fn skip_emulator() -> bool {
-    let skip = std::env::var_os("THERMYO_SKIP_EMULATOR").is_some_and(|value| value == "1");
-    if skip {
-        eprintln!("skipped: THERMYO_SKIP_EMULATOR=1");
-    } else {
-        // Here, where its progress is no part of the output that a test compares.
-        image::firmware(Variant::Standard).unwrap();
-        image::prepare_emulator().unwrap();
-    }
-    skip
-}
-
 /// Waits for a condition, with a limit.
 pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let began = Instant::now();
@@ -39,6 +27,9 @@ pub struct Bench(TempDir);
 
 impl Bench {
     pub fn new() -> Self {
+        // Here, where its progress is no part of the output that a test compares.
+        image::firmware(Variant::Standard).unwrap();
+        image::prepare_emulator().unwrap();
         Self(tempfile::tempdir().unwrap())
     }
 
