@@ -1,7 +1,6 @@
 //! `thermyo board emulated` as users run it, one process after the other, and every command in
 //! `docs/how-to/start-a-board.md`.
 
-use model_core::SetPoint;
 use serde_json::json;
 use std::fs;
 use std::net::{TcpListener, TcpStream};
@@ -9,7 +8,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
 use thermyo_boards::image::{Variant, firmware};
-use thermyo_protocol::{HostCommand, Request, encode};
 
 use crate::board_support::{Bench, repository};
 
@@ -89,8 +87,7 @@ fn assert_the_limits_are_stated(bench: &Bench) {
                     as the board is armed";
     assert!(above.contains(expected), "{above}");
     let kilograms = bench.run("thermyo board emulated set pressure 5kg");
-    let kilograms = String::from_utf8_lossy(&kilograms.stderr).into_owned();
-    assert!(kilograms.contains("or one with its unit: Pa, kPa, MPa, bar, "), "{kilograms}");
+    kilograms.says("or one with its unit: Pa, kPa, MPa, bar, ");
 }
 
 /// The emulated board has a muscle at its pins, whatever it is configured with.
@@ -99,9 +96,7 @@ fn assert_another_muscle_is_warned_of(bench: &Bench) {
         let file = bench.path("muscle.toml");
         fs::write(&file, text).unwrap();
         let line = format!("thermyo board emulated config write {}", file.display());
-        let output = bench.run(&line);
-        assert!(output.status.success(), "{output:?}");
-        String::from_utf8(output.stderr).unwrap()
+        bench.run(&line).ok().err
     };
     assert_eq!(warned("[friction]\nforce_n = 3\n"), "");
     let other = warned("[muscle]\nrest_length_m = 0.2\n");
@@ -112,7 +107,7 @@ fn assert_another_muscle_is_warned_of(bench: &Bench) {
 /// The board returns its configuration, to the bit.
 fn assert_configurations_are_returned(bench: &Bench) {
     let checksum = |bench: &Bench| {
-        json(bench.ok("thermyo board emulated info --json"))["status"]["config_checksum"].clone()
+        bench.json("thermyo board emulated info")["status"]["config_checksum"].clone()
     };
     let before = checksum(bench);
     let file = bench.path("read.toml").display().to_string();
@@ -138,20 +133,16 @@ fn assert_a_drive_is_recorded(bench: &Bench) {
     let steps = bench.path("steps.csv").display().to_string();
     // It begins when the muscle has vented.
     bench.ok("thermyo board emulated set pressure 2bar --arm --hold 1");
-    let run = format!("thermyo board emulated drive {steps} --arm --quiet --json --out out/drive");
-    let summary = json(bench.ok(&run));
+    let run = format!("thermyo board emulated drive {steps} --arm --quiet --out out/drive");
+    let summary = bench.json(&run);
     assert_eq!(summary["lost_steps"], 0, "{summary}");
     assert!(summary["timing"]["step_mean_us"].as_f64().unwrap() > 10.0, "{summary}");
     let trace = fs::read_to_string(bench.path("out/drive/trace.csv")).unwrap();
     let first_pa: f64 = trace.lines().nth(1).unwrap().split(',').nth(1).unwrap().parse().unwrap();
     assert!(first_pa < 1.06e5, "{first_pa}");
-    let replayed = json(bench.ok("thermyo replay out/drive/trace.csv --json --out out/again"));
+    let replayed = bench.json("thermyo replay out/drive/trace.csv --out out/again");
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
     assert!(bench.path("out/drive/report.html").is_file());
-}
-
-fn json(text: String) -> serde_json::Value {
-    serde_json::from_str(&text).unwrap()
 }
 
 /// A busy emulated board closes connections: the line is opened again, until patience ends.
@@ -259,7 +250,7 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert!(bench.refused(set).contains("not armed"));
     let armed = bench.ok("thermyo board emulated arm --max-pressure 5bar");
     assert!(armed.contains("500.0 kPa, absolute, in either muscle; above 5"), "{armed}");
-    let held = json(bench.ok(&format!("{set} --hold 1.5 --json")));
+    let held = bench.json(&format!("{set} --hold 1.5"));
     let angle_rad = held["angle_rad"].as_f64().unwrap();
     assert!((angle_rad - 0.349).abs() < 0.02, "{held}");
     let stiffness = held["stiffness_n_m_rad"].as_f64().unwrap();
@@ -298,8 +289,8 @@ fn a_joint_is_plugged_in_by_its_scenario() {
 fn assert_a_configuration_comes_back(bench: &Bench) {
     let read = bench.path("read.toml").display().to_string();
     let checksum = |line: &str| {
-        let printed = bench.ok(&format!("thermyo board emulated config {line} {read} --json"));
-        json(printed)["config_checksum"].clone()
+        let printed = bench.json(&format!("thermyo board emulated config {line} {read}"));
+        printed["config_checksum"].clone()
     };
     let was = checksum("read");
     assert!(was.is_number(), "{was}");
@@ -311,7 +302,7 @@ fn assert_a_configuration_comes_back(bench: &Bench) {
 
 fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     let set = "thermyo board emulated set";
-    let held = json(bench.ok(&format!("{set} pressures 2bar 2.5bar --hold 1.5 --json")));
+    let held = bench.json(&format!("{set} pressures 2bar 2.5bar --hold 1.5"));
     for (side, wanted_pa) in [2.0e5, 2.5e5].into_iter().enumerate() {
         let pressure_pa = held["pressure_pa"][side].as_f64().unwrap();
         assert!((pressure_pa - wanted_pa).abs() < 4000.0, "{held}");
@@ -321,7 +312,7 @@ fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     let high = bench.refused(&format!("{set} pressures 2bar 9bar"));
     assert!(high.contains("pressure_pa = 900000: must be from 0 to "), "{high}");
     // Inlet of muscle a open, outlet of muscle b.
-    let filled = json(bench.ok(&format!("{set} duties 30% 0 0 1 --hold 0.3 --json")));
+    let filled = bench.json(&format!("{set} duties 30% 0 0 1 --hold 0.3"));
     let [a, b] = [0, 1].map(|side: usize| filled["pressure_pa"][side].as_f64().unwrap());
     assert!(a > b + 5.0e4, "{filled}");
     let duty = bench.refused(&format!("{set} duties 0 0 1.1 0"));
@@ -346,12 +337,12 @@ fn assert_a_joint_is_driven(bench: &Bench) {
     assert!(bench.refused(&format!("{drive} --kind duty")).contains("are for one muscle"));
     let muscle = "thermyo board emulated drive scenarios/contraction.toml --arm";
     assert!(bench.refused(muscle).contains("has no [joint]"));
-    let driven = json(bench.ok(&format!("{drive} --arm --json")));
+    let driven = bench.json(&format!("{drive} --arm"));
     assert_eq!((&driven["duration_s"], &driven["lost_steps"]), (&0.8.into(), &0.into()));
     // Beside other work set points come late: 0.024 rad with six programs for each processor.
     assert!(driven["rms_error_rad"].as_f64().unwrap() < 0.05, "{driven}");
     assert!(bench.path("out/drive/report.html").exists());
-    let replayed = json(bench.ok("thermyo replay out/drive --json --out out/again"));
+    let replayed = bench.json("thermyo replay out/drive --out out/again");
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&801.into(), &0.into()));
 }
 
@@ -387,13 +378,4 @@ fn every_line_of_the_document_runs() {
     for line in lines {
         bench.ok(&line);
     }
-}
-
-#[test]
-fn the_frame_of_the_document_is_the_links() {
-    let command = HostCommand::Set(SetPoint::Pressure { pressure_pa: 2.5e5 });
-    let frame = encode(&Request { sequence: 7, command }).unwrap();
-    let bytes: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
-    let text = fs::read_to_string(repository().join("docs/reference/protocol.md")).unwrap();
-    assert!(text.contains(&bytes.join(" ")), "{bytes:?}");
 }

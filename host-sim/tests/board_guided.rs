@@ -6,21 +6,17 @@ use serialport::{SerialPort, TTYPort};
 use std::fs;
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::Duration;
 use thermyo_boards::image::{Variant, firmware};
 
-use crate::board_support::{Bench, until};
+use crate::board_support::{Bench, repository, until};
+use crate::command_support::{Said, interrupted};
 
 fn signal(child: &Child, signal: &str) {
     let pid = child.id().to_string();
-    let sent = std::process::Command::new("kill").args([signal, &pid]).status().unwrap();
-    assert!(sent.success());
-}
-
-fn message(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
 }
 
 fn configured() -> Bench {
@@ -39,12 +35,15 @@ fn configured_joint() -> Bench {
 }
 
 /// Output of a calibration with these lines typed.
-fn typed(bench: &Bench, line: &str, text: &str) -> Output {
-    let mut command = bench.command(line);
-    command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let mut child = command.spawn().unwrap();
+fn typed(bench: &Bench, line: &str, text: &str) -> Said {
+    let mut child = bench.command(line).stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
-    child.wait_with_output().unwrap()
+    Said::of(line, child.wait_with_output().unwrap())
+}
+
+/// The end of a command that runs.
+fn end(child: Child) -> Said {
+    Said::of("the command", child.wait_with_output().unwrap())
 }
 
 #[test]
@@ -52,35 +51,25 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     let bench = configured();
     let calibrate = "thermyo board emulated calibrate pressure --hold 250000";
     // A calibration must not arm the board.
-    let refused = typed(&bench, calibrate, "101325\n252500\n");
-    assert_eq!(refused.status.code(), Some(2), "{}", message(&refused));
-    assert!(message(&refused).contains("not armed"), "{}", message(&refused));
+    typed(&bench, calibrate, "101325\n252500\n").ends(2).says("not armed");
     bench.ok("thermyo board emulated arm");
-    let word = typed(&bench, calibrate, "one bar\n");
-    assert_eq!(word.status.code(), Some(2), "{}", message(&word));
-    assert!(
-        message(&word).contains("one bar\": the reference must be a number in Pa, or one with")
-    );
+    let word = typed(&bench, calibrate, "one bar\n").ends(2);
+    word.says("one bar\": the reference must be a number in Pa, or one with");
     // The unit is wrong: it is refused at the first point.
     let unit = typed(&bench, calibrate, "101.3\n");
-    assert!(message(&unit).contains("the reference reads 0.10 kPa and the sensor 101."));
+    unit.says("the reference reads 0.10 kPa and the sensor 101.");
     // A reference far from the sensor's reading.
     bench.ok("thermyo board emulated arm");
-    let wrong = typed(&bench, calibrate, "101325\n400000\n");
-    assert_eq!((wrong.status.code(), message(&wrong).lines().count()), (Some(2), 1));
+    typed(&bench, calibrate, "101325\n400000\n").ends(2).in_one_line();
     let before = bench.vented();
 
     // After the second point, which was held, it vents.
     until("it has vented", || {
-        let info = bench.ok("thermyo board emulated info --json");
-        let info: serde_json::Value = serde_json::from_str(&info).unwrap();
-        info["pressure_pa"].as_f64().unwrap() < 103_000.0
+        bench.json("thermyo board emulated info")["pressure_pa"].as_f64().unwrap() < 103_000.0
     });
     bench.ok("thermyo board emulated arm");
     // Typos do not end it.
-    let done = typed(&bench, calibrate, "101,3\n101.325 kPa\n2.5\n2.525 bar\n");
-    let text = String::from_utf8_lossy(&done.stdout).into_owned();
-    assert!(done.status.success(), "{text}{}", message(&done));
+    let text = typed(&bench, calibrate, "101,3\n101.325 kPa\n2.5\n2.525 bar\n").ok().out;
     assert!(text.contains("it holds 250.0 kPa") && text.contains("put right by"), "{text}");
     // It reads 1 % more from now on, until the power goes, as the message states.
     assert!(text.contains("not saved"), "{text}");
@@ -107,11 +96,10 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
     });
     let profile = bench.path("sine.csv");
     fs::write(&profile, format!("time_s,pressure_pa\n{}", rows.collect::<String>())).unwrap();
-    let mut command = bench.command(&format!(
+    let child = bench.start(&format!(
         "thermyo board emulated drive {} --arm --quiet --json --out out/drive",
         profile.display()
     ));
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
     let trace = bench.path("out/drive/unfinished-1/trace.csv");
     until("it drives", || recorded(&fs::read_to_string(&trace).unwrap_or_default()).len() > 500);
     for _ in 0..3 {
@@ -123,9 +111,7 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
         let before = rows();
         until("it goes on", || rows() > before + 300);
     }
-    let output = child.wait_with_output().unwrap();
-    assert!(output.status.success(), "{}", message(&output));
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let summary = end(child).ok().json();
     assert_eq!(summary["core"]["faults"], 0, "{summary}");
     assert!(summary["control"]["rms_error"].as_f64().unwrap() < 2.5e3, "{summary}");
 }
@@ -135,13 +121,10 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
 fn a_joints_sensors_are_calibrated_by_what_is_typed() {
     let bench = configured_joint();
     let same = typed(&bench, "thermyo board emulated calibrate angle", "0deg\n1deg\n");
-    assert_eq!(same.status.code(), Some(2), "{}", message(&same));
-    assert!(message(&same).contains("the two points are "), "{}", message(&same));
+    same.ends(2).says("the two points are ");
     bench.ok("thermyo board emulated arm");
     let calibrate = "thermyo board emulated calibrate pressure --muscle b --hold 2bar";
-    let done = typed(&bench, calibrate, "101.325 kPa\n2.02 bar\n");
-    let text = String::from_utf8_lossy(&done.stdout).into_owned();
-    assert!(done.status.success(), "{text}{}", message(&done));
+    let text = typed(&bench, calibrate, "101.325 kPa\n2.02 bar\n").ok().out;
     assert!(text.contains("it holds 200.0 kPa") && text.contains("put right by"), "{text}");
     let file = bench.path("calibrated.toml").display().to_string();
     bench.ok(&format!("thermyo board emulated config read {file}"));
@@ -154,37 +137,32 @@ fn a_joints_sensors_are_calibrated_by_what_is_typed() {
 fn a_calibration_that_is_interrupted_vents() {
     let bench = configured();
     let mut command = bench.command("thermyo board emulated calibrate gas");
-    let mut child = command
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
+    let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
     // It asks.
     child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
     signal(&child, "-INT");
     // Its input stays open: a user who presses Ctrl-C has not closed the terminal.
     until("it ends", || child.try_wait().unwrap().is_some());
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    end(child).ends(130);
     bench.vented();
+}
+
+/// Sends Ctrl-C once a command has the board: another program that asks is refused then.
+fn interrupted_with_the_board(bench: &Bench, child: Child) {
+    until("it has the board", || {
+        let asked = bench.run("thermyo board emulated info");
+        asked.code != Some(0) && asked.err.contains("another program")
+    });
+    interrupted(child).ends(130);
 }
 
 #[test]
 fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     let bench = configured();
-    let mut command = bench.command(
+    let child = bench.start(
         "thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet",
     );
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    // Another program that asks is refused once the tune has the board.
-    until("it has the board", || {
-        let asked = bench.run("thermyo board emulated info");
-        !asked.status.success() && message(&asked).contains("another program")
-    });
-    signal(&child, "-INT");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    interrupted_with_the_board(&bench, child);
     assert!(!bench.path("out/tune").exists(), "half a result is left");
     let info = bench.vented();
     assert!(info.contains("configuration: tune, "), "{info}");
@@ -194,49 +172,28 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
 fn stops_are_measured_only_when_armed_and_an_interrupt_vents() {
     let bench = configured();
     let measure = "thermyo measure stop emulated --stops 3 --wait 6 --out out/stops --quiet";
-    let refused = bench.run(measure);
-    assert_eq!(refused.status.code(), Some(2), "{}", message(&refused));
-    assert!(message(&refused).contains("not armed"), "{}", message(&refused));
+    bench.run(measure).ends(2).says("not armed");
     assert!(!bench.path("out/stops").exists());
-    let mut command = bench.command(&format!("{measure} --arm --max-pressure 250000"));
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    until("it has the board", || {
-        let asked = bench.run("thermyo board emulated info");
-        !asked.status.success() && message(&asked).contains("another program")
-    });
-    signal(&child, "-INT");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
+    let child = bench.start(&format!("{measure} --arm --max-pressure 250000"));
+    interrupted_with_the_board(&bench, child);
     bench.vented();
 }
 
 #[test]
 fn a_joint_whose_set_point_is_interrupted_vents() {
-    firmware(Variant::Joint).unwrap();
-    let bench = Bench::new();
-    let scenario = "scenarios/joint_board.toml";
-    bench.ok(&format!("thermyo board emulated plug {scenario}"));
-    bench.ok(&format!("thermyo board emulated config write {scenario}"));
-    let mut command =
-        bench.command("thermyo board emulated set torque 0.5 --stiffness 8 --arm --hold 60");
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let bench = configured_joint();
+    let set = "thermyo board emulated set torque 0.5 --stiffness 8 --arm --hold 60";
+    let mut child = bench.start(set);
     child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
-    signal(&child, "-INT");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
-    let stopped = message(&output);
-    assert!(
-        stopped.starts_with("thermyo: stopped at ") && stopped.contains(" s of 60 s"),
-        "{stopped}"
-    );
-    assert!(String::from_utf8_lossy(&output.stdout).ends_with("; it vents\n"));
+    let stopped = interrupted(child).ends(130).says(" s of 60 s");
+    assert!(stopped.err.starts_with("thermyo: stopped at "), "{}", stopped.err);
+    assert!(stopped.out.ends_with("; it vents\n"), "{}", stopped.out);
     bench.vented();
 }
 
 /// A set point that is held for a minute, once its first line is printed.
 fn holding(bench: &Bench) -> Child {
-    let mut command = bench.command("thermyo board emulated set pressure 130000 --arm --hold 60");
-    let mut child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut child = bench.start("thermyo board emulated set pressure 130000 --arm --hold 60");
     child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
     child
 }
@@ -252,12 +209,11 @@ fn a_program_that_asks_keeps_no_set_point_alive() {
     assert!(info.contains("link lost"), "{info}");
 }
 
-/// Sends Ctrl-C once this file has more than so many bytes; returns the output.
-fn interrupted(mut command: std::process::Command, file: &std::path::Path, bytes: u64) -> Output {
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
-    until("it records", || fs::metadata(file).is_ok_and(|found| found.len() > bytes));
-    signal(&child, "-INT");
-    child.wait_with_output().unwrap()
+/// Starts a command and waits until this file has more than so many bytes.
+fn recording(bench: &Bench, line: &str, file: &str, bytes: u64) -> Child {
+    let (child, file) = (bench.start(line), bench.path(file));
+    until("it records", || fs::metadata(&file).is_ok_and(|found| found.len() > bytes));
+    child
 }
 
 #[test]
@@ -266,13 +222,10 @@ fn a_drive_that_is_cut_reports_it() {
     let profile = bench.path("held.csv");
     fs::write(&profile, "time_s,pressure_pa\n0,130000\n60,130000\n").unwrap();
     let drive = format!("thermyo board emulated drive {} --arm --out out/drive", profile.display());
-    let trace = bench.path("out/drive/unfinished-1/trace.csv");
-    let cut = interrupted(bench.command(&drive), &trace, 20_000);
-    assert_eq!(cut.status.code(), Some(130), "{}", message(&cut));
-    let text = String::from_utf8_lossy(&cut.stdout).into_owned();
+    let child = recording(&bench, &drive, "out/drive/unfinished-1/trace.csv", 20_000);
+    let Said { out: text, err, .. } = interrupted(child).ends(130).says("thermyo: stopped at ");
     assert!(text.contains(" s of 60 s driven, "), "{text}");
-    assert!(message(&cut).contains("thermyo: stopped at "), "{}", message(&cut));
-    assert_eq!(format!("{text}{}", message(&cut)).matches("stopped").count(), 1, "{text}");
+    assert_eq!(format!("{text}{err}").matches("stopped").count(), 1, "{text}");
     let summary = fs::read(bench.path("out/drive/summary.json")).unwrap();
     let summary: serde_json::Value = serde_json::from_slice(&summary).unwrap();
     assert_eq!(summary["stopped_of_s"], 60.0, "{summary}");
@@ -285,14 +238,9 @@ fn a_drive_that_is_cut_reports_it() {
 #[test]
 fn a_set_point_that_expires_is_reported() {
     let bench = configured();
-    let child = holding(&bench);
-    signal(&child, "-INT");
-    let cut = child.wait_with_output().unwrap();
-    assert_eq!(cut.status.code(), Some(130), "{}", message(&cut));
-    assert!(message(&cut).contains(" s of 60 s\n"), "{}", message(&cut));
-    let text = String::from_utf8_lossy(&cut.stdout).into_owned();
+    let Said { out: text, err, .. } = interrupted(holding(&bench)).ends(130).says(" s of 60 s\n");
     assert!(text.contains("it vents") && !text.contains("stopped"), "{text}");
-    assert_eq!(message(&cut).matches("stopped").count(), 1, "{}", message(&cut));
+    assert_eq!(err.matches("stopped").count(), 1, "{err}");
     bench.vented();
 }
 
@@ -305,12 +253,12 @@ struct AtTerminal {
 }
 
 impl AtTerminal {
-    fn new(mut command: std::process::Command) -> Self {
+    fn new(mut command: Command) -> Self {
         let (mut keys, held) = TTYPort::pair().unwrap();
         keys.set_timeout(Duration::from_millis(1)).unwrap();
         let name = held.name().unwrap();
         let terminal = fs::File::options().read(true).write(true).open(name).unwrap();
-        command.stdin(terminal.try_clone().unwrap()).stdout(terminal).stderr(Stdio::piped());
+        command.stdin(terminal.try_clone().unwrap()).stdout(terminal);
         Self { child: command.spawn().unwrap(), keys, _held: held }
     }
 
@@ -397,10 +345,8 @@ fn a_set_point_without_a_time_says_how_it_ends() {
         shown += &held.look();
         held.child.try_wait().unwrap().is_some()
     });
-    let output = held.child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
-    assert!(message(&output).contains("Ctrl-C ends it, and vents\n"), "{}", message(&output));
-    assert!(!message(&output).contains("60"), "{}", message(&output));
+    let ended = end(held.child).ends(130).says("Ctrl-C ends it, and vents\n");
+    assert!(!ended.err.contains("60"), "{}", ended.err);
     // The readings, in one line again and again, and the sentence at the end.
     let lines: Vec<&str> = shown.trim().split('\n').collect();
     assert!(
@@ -413,20 +359,11 @@ fn a_set_point_without_a_time_says_how_it_ends() {
 #[test]
 fn a_monitor_without_a_screen_records() {
     let bench = configured();
-    let unfinished = bench.path("out/monitor/unfinished-1/trace.csv");
-    let start = |line: &str| {
-        let mut command = bench.command(line);
-        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let child = command.spawn().unwrap();
-        until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 20_000));
-        child
-    };
+    let start = |line| recording(&bench, line, "out/monitor/unfinished-1/trace.csv", 20_000);
     // As `timeout` sends it.
     let child = start("thermyo monitor emulated --every 10 --quiet --out out/monitor");
     signal(&child, "-TERM");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
-    assert!(output.stdout.is_empty(), "{}", String::from_utf8_lossy(&output.stdout));
+    assert_eq!(end(child).ends(130).out, "");
     assert!(fs::metadata(bench.path("out/monitor/trace.csv")).unwrap().len() > 20_000);
     // A row of every tenth step is no record of every sample, and the message has the option.
     let gaps = bench.refused("thermyo replay out/monitor --out out/again");
@@ -434,10 +371,7 @@ fn a_monitor_without_a_screen_records() {
 
     let child = start("thermyo monitor emulated --json --out out/monitor");
     bench.ok("thermyo board emulated unplug");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", message(&output));
-    assert!(message(&output).contains("the line to the board is gone"), "{}", message(&output));
-    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let json = end(child).ends(2).says("the line to the board is gone").json();
     assert!(json["rows"].as_u64().unwrap() > 20, "{json}");
     assert_the_record_replays(&bench);
 }
@@ -446,16 +380,12 @@ fn a_monitor_without_a_screen_records() {
 #[test]
 fn a_monitor_records_a_joint() {
     let bench = configured_joint();
-    let unfinished = bench.path("out/monitor/unfinished-1/joint_trace.csv");
-    let mut command = bench.command("thermyo monitor emulated --log mcap --out out/monitor");
-    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-    let child = command.spawn().unwrap();
+    let monitor = "thermyo monitor emulated --log mcap --out out/monitor";
     // For longer than the second after which it prints a line: a row takes 555 bytes.
-    until("it records", || fs::metadata(&unfinished).is_ok_and(|found| found.len() > 1_000_000));
+    let trace = "out/monitor/unfinished-1/joint_trace.csv";
+    let child = recording(&bench, monitor, trace, 1_000_000);
     signal(&child, "-TERM");
-    let output = child.wait_with_output().unwrap();
-    assert_eq!(output.status.code(), Some(130), "{}", message(&output));
-    let shown = String::from_utf8_lossy(&output.stdout).into_owned();
+    let shown = end(child).ends(130).out;
     assert!(shown.contains(" N m/rad, ") && shown.contains("set point none: it vents"), "{shown}");
     assert!(shown.contains("rows recorded: ") && shown.contains("joint_trace.csv"), "{shown}");
     assert!(bench.path("out/monitor/trace.mcap").exists());
@@ -473,8 +403,7 @@ fn assert_the_record_replays(bench: &Bench) {
     let replayed = bench.ok("thermyo replay out/monitor --out out/again");
     let note = replayed.lines().find(|line| line.contains("replayed from")).expect(&replayed);
     assert!(note.contains(&format!(" of {rows} rows")), "{replayed}");
-    let json = bench.ok("thermyo replay out/monitor/trace.csv --json --out out/again");
-    let json: serde_json::Value = serde_json::from_str(&json).unwrap();
+    let json = bench.json("thermyo replay out/monitor/trace.csv --out out/again");
     let part = ["rows_before", "steps", "rows_after"].map(|key| json[key].as_u64().unwrap());
     assert_eq!(part.iter().sum::<u64>(), rows as u64, "{json}");
     assert!(part[1] > 20, "{json}");
@@ -489,16 +418,14 @@ fn recorded(trace: &str) -> Vec<Vec<String>> {
 #[test]
 fn a_disk_that_fills_during_a_drive_vents_and_is_reported() {
     let bench = configured();
-    let whole =
-        fs::read_to_string(crate::board_support::repository().join("scenarios/contraction.toml"));
+    let whole = fs::read_to_string(repository().join("scenarios/contraction.toml"));
     let short = whole.unwrap().replace("duration_s = 5.0", "duration_s = 0.1");
     fs::write(bench.path("short.toml"), short).unwrap();
     // Full during the drive, and when the report is written.
     for (profile, kib, unwritable) in
         [("scenarios/contraction.toml", "100", "trace.csv"), ("short.toml", "50", "report.html")]
     {
-        let mut command = std::process::Command::new("bash");
-        command
+        let output = Command::new("bash")
             .arg("-c")
             .arg(
                 "trap '' XFSZ; ulimit -f $3; exec \"$0\" board emulated drive \"$1\" --arm --quiet --out \"$2\"",
@@ -508,10 +435,10 @@ fn a_disk_that_fills_during_a_drive_vents_and_is_reported() {
             .arg(bench.path("out/drive"))
             .arg(kib)
             .env("TMPDIR", bench.path(""))
-            .current_dir(crate::board_support::repository());
-        let output = command.output().unwrap();
-        assert_eq!(output.status.code(), Some(2), "{}", message(&output));
-        let said = message(&output);
+            .current_dir(repository())
+            .output()
+            .unwrap();
+        let said = Said::of("drive on a full disk", output).ends(2).err;
         let [kept, error] = said.trim().lines().collect::<Vec<_>>()[..] else { panic!("{said}") };
         assert!(error.contains(unwritable), "{error}");
         let (_, record) = kept.split_once("thermyo: the record so far is in ").expect(&said);
@@ -534,12 +461,4 @@ fn a_profile_for_another_chamber_is_refused() {
     let refused = bench.refused("thermyo board emulated set contraction 0.1 --arm");
     assert!(refused.contains("this chamber does not move"), "{refused}");
     bench.vented();
-}
-
-#[test]
-fn ports_are_listed_as_json_too() {
-    let bench = Bench::new();
-    let list: serde_json::Value = serde_json::from_str(&bench.ok("thermyo ports --json")).unwrap();
-    assert!(list.is_array(), "{list}");
-    assert!(!bench.ok("thermyo ports").is_empty());
 }

@@ -1,30 +1,21 @@
 //! Wrong uses of the `thermyo` binary: one clear line, the right exit code, no files left.
 
+use serde_json::json;
 use std::fs;
+use std::net::TcpListener;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Child, Command};
+use std::time::Duration;
 
-fn thermyo(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_thermyo")).args(arguments).output().unwrap()
-}
-
-fn stderr_of(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
-
-fn scenario(folder: &Path, text: &str) -> String {
-    let path = folder.join("scenario.toml");
-    fs::write(&path, text).unwrap();
-    path.display().to_string()
-}
+use crate::command_support::{Folder, Said, command, interrupted, thermyo};
 
 #[test]
 fn bad_input_is_one_line_and_exit_code_2() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out");
-    let missing = folder.path().join("missing.toml").display().to_string();
-    let unknown = scenario(folder.path(), "[heat]\niner_w_m2_k = 3.0\n");
-    let misspelt = folder.path().join("scenaro.toml").display().to_string();
+    let folder = Folder::new();
+    let out = folder.name("out");
+    let missing = folder.name("missing.toml");
+    let unknown = folder.scenario("[heat]\niner_w_m2_k = 3.0\n");
+    let misspelt = folder.name("scenaro.toml");
     let nominal = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/nominal.toml").to_owned();
     for (arguments, expected) in [
         (vec!["run", &missing], "missing.toml: no such file"),
@@ -106,15 +97,11 @@ fn bad_input_is_one_line_and_exit_code_2() {
         (vec!["evaluate", "estimater"], "a similar subcommand exists: 'estimator'"),
     ] {
         let mut all = arguments.clone();
-        let place = out.display().to_string();
         if ["run", "tune"].contains(&arguments[0]) {
-            all.extend(["--out", &place]);
+            all.extend(["--out", &out]);
         }
-        let output = thermyo(&all);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr_of(&output));
-        assert!(stderr_of(&output).contains(expected), "{arguments:?}: {}", stderr_of(&output));
-        assert!(output.stdout.is_empty());
-        assert!(!out.exists(), "{arguments:?} left something");
+        thermyo(&all).refused(expected);
+        assert!(!folder.has("out"), "{arguments:?} left something");
     }
 }
 
@@ -122,8 +109,8 @@ fn bad_input_is_one_line_and_exit_code_2() {
 #[cfg(unix)]
 #[test]
 fn only_regular_files_are_read() {
-    let folder = tempfile::tempdir().unwrap();
-    let pipe = folder.path().join("pipe.csv");
+    let folder = Folder::new();
+    let pipe = folder.path("pipe.csv");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let writer = pipe.clone();
     // Ends with the process if the pipe has no reader.
@@ -135,9 +122,9 @@ fn only_regular_files_are_read() {
     let pipe = pipe.display().to_string();
     let text =
         "[run]\nduration_s = 0.1\n[drive]\nkind = \"pressure\"\nprofile_csv = \"pipe.csv\"\n";
-    let profile = scenario(folder.path(), text);
+    let profile = folder.scenario(text);
     let nominal = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/nominal.toml");
-    let out = folder.path().join("out").display().to_string();
+    let out = folder.name("out");
     for (arguments, file) in [
         (vec!["check", "/dev/null"], "/dev/null"),
         (vec!["check", &pipe], &pipe),
@@ -147,112 +134,87 @@ fn only_regular_files_are_read() {
         (vec!["replay", &pipe, "--quiet", "--out", &out], &pipe),
         (vec!["compare", &pipe, &pipe, "--quiet", "--out", &out], &pipe),
     ] {
-        let output = thermyo(&arguments);
+        let err = thermyo(&arguments).ends(2).err;
         let expected = format!("{file}: is a pipe or a device; a regular file is needed\n");
-        assert!(stderr_of(&output).ends_with(&expected), "{arguments:?}: {}", stderr_of(&output));
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
+        assert!(err.ends_with(&expected), "{arguments:?}: {err}");
     }
 }
 
 /// The true gas temperature of a run stands for a reference sensor.
 #[test]
 fn a_recording_is_judged_by_its_reference() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "[run]\nduration_s = 30\n");
-    let place = folder.path().join("record").display().to_string();
-    let run = thermyo(&["run", &file, "--quiet", "--out", &place]);
-    assert_eq!(run.status.code(), Some(0), "{}", stderr_of(&run));
+    let folder = Folder::new();
+    folder.run("[run]\nduration_s = 30\n", "record").ok();
+    let place = folder.name("record");
     let judge = |more: &[&str]| {
         let all = ["evaluate", "estimator", "--quiet", "--recording", &place];
         thermyo(&[&all[..], more].concat())
     };
-    let without = judge(&[]);
-    assert_eq!(without.status.code(), Some(2));
-    assert!(
-        stderr_of(&without).contains("trace.csv: column reference_gas_k is missing"),
-        "{}",
-        stderr_of(&without)
-    );
-    assert_eq!(stderr_of(&without).trim_end().lines().count(), 1, "{}", stderr_of(&without));
+    judge(&[]).refused("trace.csv: column reference_gas_k is missing").in_one_line();
 
-    let trace = folder.path().join("record/trace.csv");
-    let text = fs::read_to_string(&trace).unwrap();
+    let text = folder.read("record/trace.csv");
     let as_recorded = |name: &str| {
         let header = text.lines().next().unwrap();
         let renamed = header.replace("gas_temperature_k", "reference_gas_k");
         let judged = text.replacen(header, &renamed.replace("estimate_k", name), 1);
-        fs::write(&trace, judged).unwrap();
+        folder.file("record/trace.csv", &judged);
     };
     as_recorded("estimate_k");
-    let judged = judge(&["--json"]);
-    let lines: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
+    let lines = judge(&["--json"]).ok().json();
     let figure = |name: &str| {
         let all = lines[0]["figures"].as_array().unwrap();
         all.iter().find(|figure| figure["name"] == name).unwrap()["value"].as_f64().unwrap()
     };
-    let summary = fs::read_to_string(folder.path().join("record/summary.json")).unwrap();
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
     println!("{lines:#}");
     assert!((0.02..0.4).contains(&figure("error_k")), "{}", figure("error_k"));
     assert!((10.0..16.0).contains(&figure("bare_k")), "{}", figure("bare_k"));
-    let whole_k = summary["rmse_k"]["sensor_gas"].as_f64().unwrap();
+    let whole_k = folder.json("record/summary.json")["rmse_k"]["sensor_gas"].as_f64().unwrap();
     assert!((figure("bare_k") / whole_k - 1.0).abs() < 0.2, "of the whole run: {whole_k}");
     let within = figure("within_2sd");
     assert!((0.85..=1.0).contains(&within), "{within}");
-    assert_eq!(judged.status.code(), Some(0), "{}", stderr_of(&judged));
     let table = judge(&["--reference-lag", "0.1"]);
-    assert!(String::from_utf8_lossy(&table.stdout).contains("reference_lag_s 0.100"));
+    assert!(table.out.contains("reference_lag_s 0.100"));
     as_recorded("estimated_k");
-    let nameless = judge(&[]);
-    assert_eq!(nameless.status.code(), Some(2));
-    assert!(stderr_of(&nameless).contains("estimate_k"), "{}", stderr_of(&nameless));
+    judge(&[]).refused("estimate_k");
 }
 
 #[test]
 fn a_port_that_is_not_there_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "");
-    let output = thermyo(&["run", &file, "--board", "serial:/dev/no-such-port"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr_of(&output).contains("/dev/no-such-port"), "{}", stderr_of(&output));
+    let folder = Folder::new();
+    let file = folder.scenario("");
+    thermyo(&["run", &file, "--board", "serial:/dev/no-such-port"]).refused("/dev/no-such-port");
 }
 
 #[cfg(unix)]
 #[test]
 fn a_path_without_a_serial_port_is_reported() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "");
+    let folder = Folder::new();
+    let file = folder.scenario("");
     let output = thermyo(&["run", &file, "--board", "serial:/dev/null"]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(stderr_of(&output).contains("/dev/null: is no serial port"), "{}", stderr_of(&output));
+    output.refused("/dev/null: is no serial port");
 }
 
 #[test]
 fn implausible_values_give_a_warning_and_run() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text =
         "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 7e4\n";
-    let file = scenario(folder.path(), text);
-    let out = folder.path().join("out").display().to_string();
+    let file = folder.scenario(text);
+    let out = folder.name("out");
     for arguments in [&["run", &file, "--quiet", "--out", &out][..], &["check", &file, "--quiet"]] {
-        let output = thermyo(arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
         let warning =
             "scenario.toml:6: supply.pressure_pa = 70000.0: not above ambient.pressure_pa";
-        assert!(stderr_of(&output).contains(warning), "{}", stderr_of(&output));
-        assert_eq!(stderr_of(&output).lines().count(), 1);
+        thermyo(arguments).ok().says(warning).in_one_line();
     }
 }
 
 #[test]
 fn measurements_are_compared_in_units_or_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n");
-    let out = folder.path().join("out").display().to_string();
+    let folder = Folder::new();
+    let file = folder.scenario("[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n");
+    let out = folder.name("out");
     let run = |text: &str| {
-        let measured = folder.path().join("m.csv");
-        fs::write(&measured, text).unwrap();
-        let measured = measured.display().to_string();
+        let measured = folder.file("m.csv", text);
         thermyo(&["run", &file, "--measured", &measured, "--quiet", "--out", &out])
     };
     for (text, message) in [
@@ -266,15 +228,11 @@ fn measurements_are_compared_in_units_or_refused() {
         ("time_s\tpressure_pa\n0\t1e5\n", "m.csv:1: cells are separated by tabs"),
         ("t,pressure_pa\n0,1e5\n", "m.csv: column time_s is missing; the file has t, pressure_pa"),
     ] {
-        let output = run(text);
-        assert_eq!(output.status.code(), Some(2), "{text}");
-        assert!(stderr_of(&output).contains(message), "{text}: {}", stderr_of(&output));
-        assert!(!Path::new(&out).exists());
+        run(text).refused(message);
+        assert!(!folder.has("out"));
     }
-    let output = run("time_s,pressure_pa,step\n0,130000,7\n0.05,130000,7\n9,130000,7\n");
-    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-    assert!(stderr_of(&output).contains("1 of 3 rows lie after the end of the run at 0.1 s"));
-    let printed = String::from_utf8(output.stdout).unwrap();
+    let output = run("time_s,pressure_pa,step\n0,130000,7\n0.05,130000,7\n9,130000,7\n").ok();
+    let printed = output.says("1 of 3 rows lie after the end of the run at 0.1 s").out;
     assert!(printed.contains("measured pressure_pa: RMS difference "), "{printed}");
     assert!(printed.contains(" kPa, largest "), "{printed}");
     assert!(!printed.contains("measured step"), "{printed}");
@@ -282,35 +240,25 @@ fn measurements_are_compared_in_units_or_refused() {
 
 #[test]
 fn a_set_point_is_reported_with_its_unit() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text =
         "[run]\nduration_s = 0.5\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"contraction\"\n";
-    let file = scenario(folder.path(), text);
-    let out = folder.path().join("out");
-    let place = out.display().to_string();
-    let output = thermyo(&["run", &file, "--quiet", "--out", &place]);
-    let printed = String::from_utf8(output.stdout).unwrap();
+    let printed = folder.run(text, "out").ok().out;
     assert!(printed.contains(" % of rest length, overshoot "), "{printed}");
-    let summary: serde_json::Value =
-        serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
-    assert_eq!(summary["control"]["quantity"], "contraction");
-    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert_eq!(folder.json("out/summary.json")["control"]["quantity"], "contraction");
+    let page = folder.read("out/report.html");
     assert!(page.contains("set point") && page.contains("Tracking error [% of rest length]"));
     assert!(!page.contains("last stroke"));
 }
 
 #[test]
 fn figures_are_in_practical_units_and_in_si_on_request() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 0.5\n[plant]\nmodel = \"lumped\"\n\
                 [drive]\nkind = \"pressure\"\npressure_pa = \"1.6 bar\"\n";
-    let file = scenario(folder.path(), text);
-    let out = folder.path().join("out").display().to_string();
-    let printed = |arguments: &[&str]| {
-        let output = thermyo(&[arguments, &["--out", &out]].concat());
-        assert!(output.status.success(), "{}", stderr_of(&output));
-        String::from_utf8(output.stdout).unwrap()
-    };
+    let file = folder.scenario(text);
+    let out = folder.name("out");
+    let printed = |arguments: &[&str]| thermyo(&[arguments, &["--out", &out]].concat()).ok().out;
     let numbers = |text: &str, begin: &str, end: &str| -> Vec<f64> {
         let (_, rest) = text.split_once(begin).unwrap_or_else(|| panic!("{begin}: {text}"));
         let (range, _) = rest.split_once(end).unwrap_or_else(|| panic!("{end}: {text}"));
@@ -335,21 +283,16 @@ fn figures_are_in_practical_units_and_in_si_on_request() {
 /// A joint's columns have names of their own; a joint and a muscle have none in common.
 #[test]
 fn runs_of_joints_are_compared() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let run = |name: &str, text: &str| {
         let text = format!("[run]\nduration_s = 0.3\n[plant]\nmodel = \"lumped\"\n{text}");
-        let (file, out) = (scenario(folder.path(), &text), folder.path().join(name));
-        let out = out.display().to_string();
-        let output = thermyo(&["run", &file, "--quiet", "--out", &out]);
-        assert!(output.status.success(), "{}", stderr_of(&output));
-        out
+        folder.run(&text, name).ok();
+        folder.name(name)
     };
     let joint = |angle_rad: f64| format!("[joint]\n[drive]\nangle_rad = {angle_rad}\n");
     let (first, second) = (run("first", &joint(0.0)), run("second", &joint(0.1)));
-    let out = folder.path().join("compared").display().to_string();
-    let output = thermyo(&["compare", &first, &second, "--out", &out]);
-    let printed = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
+    let out = folder.name("compared");
+    let printed = thermyo(&["compare", &first, &second, "--out", &out]).ok().out;
     assert!(printed.contains("angle_rad              RMS 5.73 deg, mean 5.73 deg"), "{printed}");
     assert!(printed.contains("torque_n_m             RMS ") && printed.contains(" N m, "));
     let tracking = format!("{second}\nset point: RMS error ");
@@ -357,33 +300,28 @@ fn runs_of_joints_are_compared() {
         printed.contains(&tracking) && printed.contains("; stiffness, RMS error "),
         "{printed}"
     );
-    let page = fs::read_to_string(format!("{out}/report.html")).unwrap();
+    let page = folder.read("compared/report.html");
     assert!(page.contains("tension of muscle b") && page.contains("Stiffness"));
 
     let muscle = run("muscle", "");
-    let output = thermyo(&["compare", &muscle, &first]);
-    assert_eq!(output.status.code(), Some(2));
     let refused = format!("{first} is of a joint and {muscle} of one muscle: compare runs of");
-    assert!(stderr_of(&output).contains(&refused), "{}", stderr_of(&output));
+    thermyo(&["compare", &muscle, &first]).refused(&refused);
 }
 
 /// Runs that cannot be compared as a whole are, with a warning.
 #[test]
 fn runs_of_another_kind_are_compared_with_a_warning() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let run = |name: &str, text: &str| {
-        let (file, out) = (scenario(folder.path(), text), folder.path().join(name));
-        let out = out.display().to_string();
-        let output = thermyo(&["run", &file, "--quiet", "--out", &out]);
-        assert!(output.status.success(), "{}", stderr_of(&output));
-        out
+        folder.run(text, name).ok();
+        folder.name(name)
     };
     let muscle = run("muscle", "[run]\nduration_s = 0.2\n[plant]\nmodel = \"lumped\"\n");
     let short = run("short", "[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n");
     let text = "[run]\nduration_s = 0.2\n[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 6e5\n\
                 [drive]\nkind = \"discharge\"\n";
     let vessel = run("vessel", text);
-    let out = folder.path().join("compared").display().to_string();
+    let out = folder.name("compared");
     for (other, warning) in [
         (
             &vessel,
@@ -396,25 +334,18 @@ fn runs_of_another_kind_are_compared_with_a_warning() {
             format!("{short} lasts 0.1 s and {muscle} 0.2 s: only the common time is compared"),
         ),
     ] {
-        let output = thermyo(&["compare", &muscle, other, "--quiet", "--out", &out]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-        let said = stderr_of(&output);
-        assert!(said.contains(&format!("thermyo: warning: {warning}")), "{said}");
+        let output = thermyo(&["compare", &muscle, other, "--quiet", "--out", &out]).ok();
+        output.says(&format!("thermyo: warning: {warning}"));
     }
 }
 
 #[test]
 fn quiet_leaves_notes_out() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let run = |quiet: &[&str]| {
-        let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
-            .args(["run", "scenarios/contraction.toml", "--out", "out"])
-            .args(quiet)
-            .current_dir(&folder)
-            .output()
-            .unwrap();
-        assert!(output.status.success(), "{}", stderr_of(&output));
-        stderr_of(&output)
+        let mut run = command(&["run", "scenarios/contraction.toml", "--out", "out"]);
+        let output = run.args(quiet).current_dir(folder.path("")).output().unwrap();
+        Said::of("run", output).ok().err
     };
     // The scenario is the program's own, and the second run moves the result of the first.
     assert!(run(&[]).contains("is not here"));
@@ -424,21 +355,13 @@ fn quiet_leaves_notes_out() {
 
 #[test]
 fn a_report_begins_with_what_matters() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let page = |text: &str, measured: Option<&str>| {
-        let file = scenario(folder.path(), text);
-        let out = folder.path().join("out").display().to_string();
-        let data = folder.path().join("m.csv");
+        let (file, out) = (folder.scenario(text), folder.name("out"));
+        let measured = measured.map(|measured| folder.file("m.csv", measured));
         let mut arguments = vec!["run", &file, "--quiet", "--out", &out];
-        let data_text = data.display().to_string();
-        if let Some(measured) = measured {
-            fs::write(&data, measured).unwrap();
-            arguments.extend(["--measured", &data_text]);
-        }
-        let output = thermyo(&arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-        let page = fs::read_to_string(Path::new(&out).join("report.html")).unwrap();
-        (String::from_utf8(output.stdout).unwrap(), page)
+        arguments.extend(measured.iter().flat_map(|file| ["--measured", file]));
+        (thermyo(&arguments).ok().out, folder.read("out/report.html"))
     };
     // The core is configured with 0.1 s for a sensor of 10 s.
     let (printed, wrong_lag) = page(
@@ -471,30 +394,25 @@ fn a_report_begins_with_what_matters() {
 
 #[test]
 fn check_and_replay_take_json_and_quiet() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 0.1\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
-    let file = scenario(folder.path(), text);
-    let out = folder.path().join("out").display().to_string();
-    assert!(thermyo(&["run", &file, "--quiet", "--out", &out]).status.success());
-    let trace = Path::new(&out).join("trace.csv").display().to_string();
-    let again = folder.path().join("again").display().to_string();
+    folder.run(text, "out").ok();
+    let [file, out, trace, again] =
+        ["scenario.toml", "out", "out/trace.csv", "again"].map(|name| folder.name(name));
     for (arguments, key) in [
         (&["check", &file, "--json", "--quiet"][..], "plant"),
         (&["replay", &trace, "--json", "--quiet", "--out", &again], "mismatches"),
         (&["compare", &out, &trace, "--json", "--out", &again], ""),
     ] {
-        let output = thermyo(arguments);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let json = thermyo(arguments).ok().json();
         assert!(key.is_empty() || json.get(key).is_some(), "{json}");
     }
-    assert!(Path::new(&again).join("earlier-1/report.html").exists());
-    assert!(thermyo(&["check", &file, "--quiet"]).stdout.is_empty());
+    assert!(folder.has("again/earlier-1/report.html"));
+    assert!(thermyo(&["check", &file, "--quiet"]).out.is_empty());
     // The file, or its folder.
-    let run = Path::new(&trace).parent().unwrap().display().to_string();
-    for recorded in [&trace, &run] {
+    for recorded in [&trace, &out] {
         let output = thermyo(&["replay", recorded, "--out", &again]);
-        assert!(output.stdout.starts_with(b"101 of 101 recorded steps replayed, 0 differ\n"));
+        assert!(output.out.starts_with("101 of 101 recorded steps replayed, 0 differ\n"));
     }
 }
 
@@ -510,7 +428,7 @@ fn with_cell(table: &str, line: usize, column: &str, cell: &str) -> String {
 
 #[test]
 fn a_replayed_record_has_codes_and_flags_that_can_be() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let run = "[run]\nduration_s = 0.1\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
     for (joint, name, wrong) in [
         (
@@ -533,21 +451,14 @@ fn a_replayed_record_has_codes_and_flags_that_can_be() {
             ][..],
         ),
     ] {
-        let file = scenario(folder.path(), &format!("{run}{joint}"));
-        let out = folder.path().join(name);
-        let place = out.display().to_string();
-        assert!(thermyo(&["run", &file, "--quiet", "--out", &place]).status.success());
-        let trace = out.join(name);
-        let text = fs::read_to_string(&trace).unwrap();
-        let again = folder.path().join("again");
+        folder.run(&format!("{run}{joint}"), name).ok();
+        let trace = format!("{name}/{name}");
+        let text = folder.read(&trace);
         for (column, cell, allowed) in wrong {
-            fs::write(&trace, with_cell(&text, 52, column, cell)).unwrap();
-            let output = thermyo(&["replay", &place, "--out", &again.display().to_string()]);
-            let said = stderr_of(&output);
-            assert_eq!(output.status.code(), Some(2), "{column} = {cell}: {said}");
-            let named = format!("{name}:52: column {column} = ");
-            assert!(said.contains(&named) && said.contains(allowed), "{said}");
-            assert!(!again.exists());
+            folder.file(&trace, &with_cell(&text, 52, column, cell));
+            let output = thermyo(&["replay", &folder.name(name), "--out", &folder.name("again")]);
+            output.refused(&format!("{name}:52: column {column} = ")).says(allowed);
+            assert!(!folder.has("again"));
         }
     }
 }
@@ -555,39 +466,26 @@ fn a_replayed_record_has_codes_and_flags_that_can_be() {
 /// The values are in the written scenario; bad input and lost data leave nothing.
 #[test]
 fn a_joint_is_tuned() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 2.5e5\n[joint]\ngravity_n_m = 4\n\
                 inertia_kg_m2 = 0.03\n[believed.joint]\ngravity_n_m = 0\ninertia_kg_m2 = 0.015\n";
-    let file = scenario(folder.path(), text);
-    let out = folder.path().join("out");
-    let place = out.display().to_string();
-    let output = thermyo(&["tune", &file, "--out", &place, "--json", "--quiet"]);
-    let said = stderr_of(&output);
-    assert_eq!((output.status.code(), said.as_str()), (Some(0), ""));
-    let summary: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!(summary["open"], serde_json::json!([]));
-    let tuned = thermyo_joint::load(&out.join("tuned.toml")).unwrap().unwrap();
+    let file = folder.scenario(text);
+    let output = thermyo(&["tune", &file, "--out", &folder.name("out"), "--json", "--quiet"]).ok();
+    assert_eq!((output.json()["open"].clone(), output.err.as_str()), (json!([]), ""));
+    let tuned = thermyo_joint::load(&folder.path("out/tuned.toml")).unwrap().unwrap();
     let found = tuned.believed.gravity_n_m;
     assert!((3.8..4.2).contains(&found) && found != 4.0, "{found} N m");
     let found = tuned.believed.inertia_kg_m2;
     assert!((0.028..0.032).contains(&found) && found != 0.03, "{found} kg m2");
     assert_eq!((tuned.joint.gravity_n_m, tuned.joint.inertia_kg_m2), (4.0, 0.03));
-    let page = fs::read_to_string(out.join("report.html")).unwrap();
-    assert!(page.contains("Balance of torques"));
+    assert!(folder.read("out/report.html").contains("Balance of torques"));
 
+    let none = folder.name("nothing");
     let lost = format!("{text}[joint.a.faults]\nlength = \"open\"\nfrom_s = 5\n");
-    let lost = scenario(folder.path(), &lost);
-    let nothing = folder.path().join("nothing");
-    let none = nothing.display().to_string();
-    let radius = folder.path().join("radius.toml");
-    fs::write(&radius, "[joint]\nradius_m = 0.2\n").unwrap();
-    let radius = radius.display().to_string();
-    let spool = folder.path().join("spool.toml");
-    fs::write(&spool, "[valve]\nkind = \"proportional\"\n[joint]\n").unwrap();
-    let spool = spool.display().to_string();
-    let one = folder.path().join("one.toml");
-    fs::write(&one, "[valve]\nkind = \"proportional\"\n").unwrap();
-    let one = one.display().to_string();
+    let lost = folder.scenario(&lost);
+    let radius = folder.file("radius.toml", "[joint]\nradius_m = 0.2\n");
+    let spool = folder.file("spool.toml", "[valve]\nkind = \"proportional\"\n[joint]\n");
+    let one = folder.file("one.toml", "[valve]\nkind = \"proportional\"\n");
     let pulses = "nothing was tuned: valve.kind = \"proportional\": the experiment measures pulses";
     for (arguments, code, expected) in [
         (vec![spool.as_str()], 2, pulses),
@@ -606,57 +504,51 @@ fn a_joint_is_tuned() {
         (vec![&radius], 2, "radius.toml:2: joint.mid_length_a_m"),
     ] {
         let arguments = [&["tune"][..], &arguments, &["--out", &none, "--quiet"]].concat();
-        let output = thermyo(&arguments);
-        let said = stderr_of(&output);
-        assert_eq!(output.status.code(), Some(code), "{said}");
-        assert!(said.contains(expected) && said.lines().count() == 1, "{said}");
-        assert!(output.stdout.is_empty() && !nothing.exists(), "{arguments:?}");
+        let output = thermyo(&arguments).ends(code).says(expected).in_one_line();
+        assert!(output.out.is_empty() && !folder.has("nothing"), "{arguments:?}");
     }
 }
 
 /// Good and bad input of a joint: the scenario of its results is the one that ran.
 #[test]
 fn a_joint_runs_and_leaves_what_it_ran() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 0.3\n[plant]\nmodel = \"lumped\"\n[joint]\ngravity_n_m = 2\n\
                 [joint.b.muscle]\nbladder_stiffness_n_m = 700\n[believed.joint]\ngravity_n_m = 3\n\
                 [joint.a.heat]\ninlet_diameter_m = 0.003\n[joint.a.believed.heat]\nscale = 1.3\n\
                 [drive]\nload_csv = \"load.csv\"\n";
-    fs::write(folder.path().join("load.csv"), "time_s,torque_n_m\n0,0\n0.3,0.5\n").unwrap();
-    let file = scenario(folder.path(), text);
+    folder.file("load.csv", "time_s,torque_n_m\n0,0\n0.3,0.5\n");
+    let file = folder.scenario(text);
     let run = |file: &str, name: &str| {
-        let out = folder.path().join(name);
-        let output = thermyo(&["run", file, "--json", "--quiet", "--out", out.to_str().unwrap()]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(json["faults"], serde_json::json!([[], [], []]));
-        assert!(out.join("report.html").exists() && out.join("summary.json").exists());
-        fs::read_to_string(out.join("joint_trace.csv")).unwrap()
+        let output = thermyo(&["run", file, "--json", "--quiet", "--out", &folder.name(name)]);
+        assert_eq!(output.ok().json()["faults"], json!([[], [], []]));
+        assert!(
+            ["report.html", "summary.json"]
+                .iter()
+                .all(|file| folder.has(&format!("{name}/{file}")))
+        );
+        folder.read(&format!("{name}/joint_trace.csv"))
     };
     let first = run(&file, "first");
     let header = first.lines().next().unwrap();
     assert!(header.starts_with("time_s,angle_rad,angle_reference_rad,stiffness_n_m_rad,"));
     assert_eq!(first.lines().count(), 32);
-    let again = folder.path().join("first/scenario.toml").display().to_string();
+    let again = folder.name("first/scenario.toml");
     assert_eq!(first, run(&again, "again"));
-    let bad = scenario(folder.path(), "[joint]\nradius_m = 0.2\n");
+    let bad = folder.scenario("[joint]\nradius_m = 0.2\n");
     for arguments in
         [vec!["run", &bad], vec!["check", &bad], vec!["run", &bad, "--board", "emulated"]]
     {
-        let output = thermyo(&arguments);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}");
-        let said = stderr_of(&output);
-        assert!(said.contains("joint.mid_length_a_m") && said.lines().count() == 1, "{said}");
+        thermyo(&arguments).refused("joint.mid_length_a_m").in_one_line();
     }
 }
 
 /// Commands for one muscle name those that take a joint, not all tables that a muscle has.
 #[test]
 fn a_joint_is_refused_in_one_line_with_the_way_out() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "[run]\nduration_s = 1\n[joint]\nradius_m = 0.02\n");
-    let data = folder.path().join("data.csv").display().to_string();
-    fs::write(&data, "time_s,pressure_pa\n0,1e5\n").unwrap();
+    let folder = Folder::new();
+    let file = folder.scenario("[run]\nduration_s = 1\n[joint]\nradius_m = 0.02\n");
+    let data = folder.file("data.csv", "time_s,pressure_pa\n0,1e5\n");
     for (arguments, expected) in [
         (
             &["measure", "stop", &file][..],
@@ -665,90 +557,73 @@ fn a_joint_is_refused_in_one_line_with_the_way_out() {
         ),
         (&["identify", &data, "--config", &file], "data.csv: column angle_rad is missing"),
     ] {
-        let output = thermyo(arguments);
-        let said = stderr_of(&output);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-        assert!(said.contains(expected) && said.lines().count() == 1, "{said}");
+        thermyo(arguments).refused(expected).in_one_line();
     }
 }
 
 /// A joint's samples are in its trace: the core gives the same bits again, also where it vented or locked.
 #[test]
 fn a_joints_run_is_replayed_to_the_bit() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 0.8\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n\
                 initial_pressure_pa = 290000\n[joint]\nlock_s = 0.2\n[joint.a.faults]\n\
                 length = \"open\"\nfrom_s = 0.5\n[drive]\nshape = \"sine\"\namplitude_rad = 0.3\n";
-    let file = scenario(folder.path(), text);
-    let path = |name: &str| folder.path().join(name).display().to_string();
+    let file = folder.scenario(text);
+    let path = |name: &str| folder.name(name);
     let (run, again) = (path("run"), path("again"));
-    let output = thermyo(&["run", &file, "--quiet", "--log", "mcap", "--out", &run]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-    assert!(String::from_utf8_lossy(&output.stdout).contains("both muscles vented at 0.7"));
+    let output = thermyo(&["run", &file, "--quiet", "--log", "mcap", "--out", &run]).ok();
+    assert!(output.out.contains("both muscles vented at 0.7"));
     assert!(fs::metadata(path("run/trace.mcap")).unwrap().len() > 100_000);
-    let output = thermyo(&["replay", &run, "--out", &again]);
-    assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-    assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
+    let output = thermyo(&["replay", &run, "--out", &again]).ok();
+    assert!(output.out.starts_with("801 of 801 recorded steps replayed, 0 differ\n"));
     let encoder = text.replace("[joint]\n", "[joint]\nsensor_kind = \"as5600\"\n");
-    let (encoded, of_encoder) = (scenario(folder.path(), &encoder), path("encoder"));
-    assert_eq!(thermyo(&["run", &encoded, "--quiet", "--out", &of_encoder]).status.code(), Some(0));
+    let (encoded, of_encoder) = (folder.scenario(&encoder), path("encoder"));
+    thermyo(&["run", &encoded, "--quiet", "--out", &of_encoder]).ok();
     let output = thermyo(&["replay", &of_encoder, "--out", &again]);
-    assert!(output.stdout.starts_with(b"801 of 801 recorded steps replayed, 0 differ\n"));
+    assert!(output.out.starts_with("801 of 801 recorded steps replayed, 0 differ\n"));
     let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
-    assert_eq!(emulated.status.code(), Some(2));
-    assert!(stderr_of(&emulated).contains("leave out --board"), "{}", stderr_of(&emulated));
+    emulated.refused("leave out --board");
 
     // Too short and too uniform for values; the arguments of one muscle are not taken.
     let trace = path("run/joint_trace.csv");
     let found = thermyo(&["identify", &trace, "--config", &file, "--out", &path("identified")]);
-    assert_eq!(found.status.code(), Some(1), "{}", stderr_of(&found));
-    assert!(stderr_of(&found).contains("nothing was found: the balance of torques"));
-    assert!(!Path::new(&path("identified/summary.json")).exists());
+    found.ends(1).says("nothing was found: the balance of torques");
+    assert!(!folder.has("identified/summary.json"));
     let planned = thermyo(&["identify", "--plan", "motion", "--config", &file]);
-    assert_eq!(planned.status.code(), Some(2));
-    assert!(stderr_of(&planned).contains("are for one muscle"), "{}", stderr_of(&planned));
+    planned.refused("are for one muscle");
 
-    let text = fs::read_to_string(&trace).unwrap();
-    fs::write(&trace, with_cell(&text, 302, "a_duty_in", "0.123")).unwrap();
-    let output = thermyo(&["replay", &trace, "--quiet", "--out", &again]);
-    assert_eq!(output.status.code(), Some(1));
-    let said = stderr_of(&output);
-    assert!(
-        said.contains("1 of 801 steps differ, the first is step 300: a_duty_in = 0.123"),
-        "{said}"
-    );
+    let text = folder.read("run/joint_trace.csv");
+    folder.file("run/joint_trace.csv", &with_cell(&text, 302, "a_duty_in", "0.123"));
+    let output = thermyo(&["replay", &trace, "--quiet", "--out", &again]).ends(1);
+    output.says("1 of 801 steps differ, the first is step 300: a_duty_in = 0.123");
 }
 
-/// Ctrl-C, as a terminal sends it.
+/// Ctrl-C, as a terminal sends it, once there is something to interrupt; returns the command's end.
+fn ctrl_c(arguments: &[&str], out: &Path, begun: impl Fn() -> bool) -> Said {
+    let mut command = command(arguments);
+    let child: Child = command.args(["--quiet", "--out"]).arg(out).spawn().unwrap();
+    while !begun() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    interrupted(child).ends(130)
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "[run]\nduration_s = 1e5\n[plant]\nmodel = \"lumped\"\n");
+    let folder = Folder::new();
+    let file = folder.scenario("[run]\nduration_s = 1e5\n[plant]\nmodel = \"lumped\"\n");
     let vary = "sensor.gas.position=0.0:1.0:60";
     for (arguments, name) in
         [(&["run", &file][..], "trace.csv"), (&["sweep", &file, "--vary", vary], "sweep.csv")]
     {
         if name == "sweep.csv" {
-            scenario(folder.path(), "[run]\nduration_s = 10.0\n");
+            folder.scenario("[run]\nduration_s = 10.0\n");
         }
-        let out = folder.path().join(name);
-        let child = Command::new(env!("CARGO_BIN_EXE_thermyo"))
-            .args(arguments)
-            .args(["--quiet", "--out"])
-            .arg(&out)
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .unwrap();
+        let out = folder.path(name);
         let file = out.join("unfinished-1").join(name);
-        while fs::read_to_string(&file).map_or(0, |text| text.lines().count()) < 2 {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        let pid = child.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-        let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(130), "{}", stderr_of(&output));
-        assert!(stderr_of(&output).contains("so far are in "), "{}", stderr_of(&output));
+        let begun = || fs::read_to_string(&file).is_ok_and(|text| text.lines().count() > 1);
+        ctrl_c(arguments, &out, begun).says("so far are in ");
         let text = fs::read_to_string(&file).unwrap();
         assert!(text.ends_with('\n') && text.lines().count() > 1);
     }
@@ -758,16 +633,12 @@ fn ctrl_c_keeps_the_finished_rows_and_exits_130() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 300.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 100\n\
                 parameters = [\"heat.scale\", \"friction.force_n\"]\n";
-    let file = scenario(folder.path(), text);
-    let recorded = folder.path().join("recorded").display().to_string();
-    assert!(thermyo(&["run", &file, "--quiet", "--out", &recorded]).status.success());
-    let trace = Path::new(&recorded).join("trace.csv").display().to_string();
-    let fine = folder.path().join("fine.toml");
-    fs::write(&fine, "[run]\nstep_s = 1e-4\n").unwrap();
-    let fine = fine.display().to_string();
+    folder.run(text, "recorded").ok();
+    let [file, trace] = ["scenario.toml", "recorded/trace.csv"].map(|name| folder.name(name));
+    let fine = folder.file("fine.toml", "[run]\nstep_s = 1e-4\n");
     // From when on the signal is sent: by then the handler of Ctrl-C is installed.
     for (arguments, from, expected) in [
         (&["tune", &fine][..], "", "the experiment was not finished, nothing is kept"),
@@ -775,64 +646,42 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
         (&["identify", &trace, "--config", &file], "", " of 100 searches "),
         (&["evaluate", "control"], "", "finished"),
     ] {
-        let out = folder.path().join(arguments[0]).join(from);
-        let child = Command::new(env!("CARGO_BIN_EXE_thermyo"))
-            .args(arguments)
-            .args(["--quiet", "--out"])
-            .arg(&out)
-            .stdout(std::process::Stdio::piped())
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .unwrap();
+        let out = folder.path(arguments[0]).join(from);
         // Without a file there is only the folder of the results.
         let begun = match from {
             "" => out.clone(),
             file => out.join("unfinished-1").join(file),
         };
-        while !begun.exists() {
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        let pid = child.id().to_string();
-        assert!(Command::new("kill").args(["-INT", &pid]).status().unwrap().success());
-        let output = child.wait_with_output().unwrap();
-        assert_eq!(output.status.code(), Some(130), "{arguments:?}: {}", stderr_of(&output));
-        assert!(stderr_of(&output).contains(expected), "{arguments:?}: {}", stderr_of(&output));
+        ctrl_c(arguments, &out, || begun.exists()).says(expected);
         assert!(!out.join("summary.json").exists() && !out.join("report.html").exists());
     }
 }
 
 #[test]
 fn completions_and_manual_cover_every_command() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("man").display().to_string();
-    assert!(thermyo(&["man", "--out", &out]).status.success());
+    let folder = Folder::new();
+    let out = folder.name("man");
+    thermyo(&["man", "--out", &out]).ok();
     for name in ["thermyo", "thermyo-run", "thermyo-compare"] {
-        let page = fs::read_to_string(Path::new(&out).join(format!("{name}.1"))).unwrap();
-        assert!(page.contains(".SH NAME"), "{name}");
+        assert!(folder.read(&format!("man/{name}.1")).contains(".SH NAME"), "{name}");
     }
-    let output = thermyo(&["man", "--out", &out, "--json"]);
-    let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let printed = thermyo(&["man", "--out", &out, "--json"]).json();
     assert!(printed["page"].as_str().unwrap().ends_with("thermyo.1"), "{printed}");
-    assert!(thermyo(&["man", "--out", &out, "--quiet"]).stdout.is_empty());
+    assert!(thermyo(&["man", "--out", &out, "--quiet"]).out.is_empty());
     for shell in ["bash", "zsh", "fish"] {
-        let output = thermyo(&["completions", shell]);
-        let script = String::from_utf8(output.stdout).unwrap();
+        let script = thermyo(&["completions", shell]).out;
         assert!(script.contains("compare") && script.contains("max-pressure"), "{shell}");
         assert!(!script.contains("emulated-board"), "{shell}");
-        let output = thermyo(&["completions", shell, "--json", "--quiet"]);
-        let printed: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let printed = thermyo(&["completions", shell, "--json", "--quiet"]).json();
         assert_eq!((&printed["shell"], &printed["script"]), (&shell.into(), &script.into()));
     }
 }
 
 #[test]
 fn an_output_folder_that_cannot_be_written_is_named() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "[run]\nduration_s = 0.1\n");
-    let taken = folder.path().join("taken");
-    fs::write(&taken, "a file").unwrap();
-    let place = taken.display().to_string();
-    let below = taken.join("below").display().to_string();
+    let folder = Folder::new();
+    let file = folder.scenario("[run]\nduration_s = 0.1\n");
+    let (taken, below) = (folder.file("taken", "a file"), folder.name("taken/below"));
     for arguments in [
         &["run", &file][..],
         &["tune", &file],
@@ -842,59 +691,43 @@ fn an_output_folder_that_cannot_be_written_is_named() {
         &["serve"],
     ] {
         let expected = "taken: is a file; a folder is needed";
-        for out in [&place, &below] {
-            let output = thermyo(&[arguments, &["--out", out]].concat());
-            assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", stderr_of(&output));
-            assert!(stderr_of(&output).contains(expected), "{arguments:?}: {}", stderr_of(&output));
-            assert_eq!(
-                stderr_of(&output).lines().count(),
-                1,
-                "{arguments:?}: {}",
-                stderr_of(&output)
-            );
+        for out in [&taken, &below] {
+            thermyo(&[arguments, &["--out", out]].concat()).refused(expected).in_one_line();
         }
     }
-    assert_eq!(fs::read_to_string(&taken).unwrap(), "a file");
+    assert_eq!(folder.read("taken"), "a file");
 }
 
 /// A limit on the size of files simulates a full disk.
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_nothing_behind() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "[run]\nduration_s = 20.0\n[plant]\nmodel = \"lumped\"\n");
-    let out = folder.path().join("out");
+    let folder = Folder::new();
+    let file = folder.scenario("[run]\nduration_s = 20.0\n[plant]\nmodel = \"lumped\"\n");
     let output = Command::new("bash")
         .arg("-c")
         .arg("trap '' XFSZ; ulimit -f 100; exec \"$0\" run \"$1\" --out \"$2\"")
         .arg(env!("CARGO_BIN_EXE_thermyo"))
-        .args([&file, &out.display().to_string()])
+        .args([&file, &folder.name("out")])
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", stderr_of(&output));
-    assert!(stderr_of(&output).contains("trace.csv: cannot be written"), "{}", stderr_of(&output));
-    assert!(!out.exists(), "half a result is left");
+    Said::of("run on a full disk", output).refused("trace.csv: cannot be written");
+    assert!(!folder.has("out"), "half a result is left");
 }
 
 #[test]
 fn a_unit_that_exists_is_left_before_anything_is_built() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = scenario(folder.path(), "");
-    let unit = folder.path().join("muscle.fmu");
-    fs::write(&unit, "mine").unwrap();
-    let output = thermyo(&["fmu", &file, "--out", &unit.display().to_string()]);
-    assert_eq!(output.status.code(), Some(2), "{}", stderr_of(&output));
-    assert!(
-        stderr_of(&output).contains("muscle.fmu: exists already, and is left"),
-        "{}",
-        stderr_of(&output)
-    );
-    assert_eq!(fs::read_to_string(&unit).unwrap(), "mine");
+    let folder = Folder::new();
+    let file = folder.scenario("");
+    let unit = folder.file("muscle.fmu", "mine");
+    let output = thermyo(&["fmu", &file, "--out", &unit]);
+    output.refused("muscle.fmu: exists already, and is left");
+    assert_eq!(folder.read("muscle.fmu"), "mine");
 }
 
 #[test]
 fn a_run_that_would_not_end_does_not_begin() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     for (text, message) in [
         (
             "[plant]\nmodel = \"full\"\n[tube]\nvolume_m3 = 1e-9\n[valve]\nconductance_m3_s_pa = 1e-6\n",
@@ -909,94 +742,58 @@ fn a_run_that_would_not_end_does_not_begin() {
             "valve.conductance_m3_s_pa is too large for the gas's volume: it asks",
         ),
     ] {
-        let file = scenario(folder.path(), text);
-        let out = folder.path().join("out");
-        let output = thermyo(&["run", &file, "--out", &out.display().to_string()]);
-        assert_eq!(output.status.code(), Some(2), "{}", stderr_of(&output));
-        assert!(stderr_of(&output).contains(message), "{}", stderr_of(&output));
-        assert!(
-            stderr_of(&output).contains(" s, at least 1e-7 s are taken"),
-            "{}",
-            stderr_of(&output)
-        );
-        assert!(!out.exists(), "half a result is left");
+        folder.run(text, "out").refused(message).says(" s, at least 1e-7 s are taken");
+        assert!(!folder.has("out"), "half a result is left");
     }
 }
 
 #[test]
 fn a_diverging_plant_stops_with_time_and_state() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     // A vessel whose piston compresses the gas to a thousandth: the temperature leaves every range.
-    fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
-    let file = scenario(
-        folder.path(),
-        "[run]\nduration_s = 1.0\n[plant]\nkind = \"vessel\"\n[vessel]\nvolume_csv = \"piston.csv\"\n\
-         [heat]\nmodel = \"adiabatic\"\n[drive]\nkind = \"closed\"\n",
-    );
-    let out = folder.path().join("out");
-    let output = thermyo(&["run", &file, "--out", &out.display().to_string()]);
-    assert_eq!(output.status.code(), Some(1), "{}", stderr_of(&output));
-    assert!(stderr_of(&output).contains("the plant diverged at 0.9"), "{}", stderr_of(&output));
-    assert!(stderr_of(&output).contains("temperature ="), "{}", stderr_of(&output));
-    assert!(stderr_of(&output).contains("a step before"), "{}", stderr_of(&output));
-    assert!(!out.exists(), "half a result is left");
+    folder.file("piston.csv", "time_s,volume_m3\n0,0.001\n1,0.000001\n");
+    let text = "[run]\nduration_s = 1.0\n[plant]\nkind = \"vessel\"\n[vessel]\nvolume_csv = \"piston.csv\"\n\
+                [heat]\nmodel = \"adiabatic\"\n[drive]\nkind = \"closed\"\n";
+    let output = folder.run(text, "out").ends(1);
+    output.says("the plant diverged at 0.9").says("temperature =").says("a step before");
+    assert!(!folder.has("out"), "half a result is left");
 }
 
 #[test]
 fn a_shipped_scenario_runs_where_its_file_is_not() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let check = |file: &str| {
-        Command::new(env!("CARGO_BIN_EXE_thermyo"))
-            .args(["check", file])
-            .current_dir(&folder)
-            .output()
-            .unwrap()
+        let output = command(&["check", file]).current_dir(folder.path("")).output();
+        Said::of(file, output.unwrap())
     };
-    let inside = check("scenarios/bellows.toml");
-    assert!(inside.status.success(), "{}", stderr_of(&inside));
-    assert!(
-        stderr_of(&inside).contains("scenarios/bellows.toml is not here"),
-        "{}",
-        stderr_of(&inside)
-    );
-    let unknown = check("scenarios/bellow.toml");
-    assert_eq!(unknown.status.code(), Some(2));
-    assert!(
-        stderr_of(&unknown)
-            .contains("scenarios/bellow.toml: no such file; did you mean scenarios/bellows.toml?"),
-        "{}",
-        stderr_of(&unknown)
-    );
+    check("scenarios/bellows.toml").ok().says("scenarios/bellows.toml is not here");
+    let meant = "scenarios/bellow.toml: no such file; did you mean scenarios/bellows.toml?";
+    check("scenarios/bellow.toml").refused(meant);
 
     // The user's own scenario takes precedence.
-    fs::create_dir(folder.path().join("scenarios")).unwrap();
-    fs::write(folder.path().join("scenarios/bellows.toml"), "[run]\nduration_s = 7.0\n").unwrap();
+    fs::create_dir(folder.path("scenarios")).unwrap();
+    folder.file("scenarios/bellows.toml", "[run]\nduration_s = 7.0\n");
     let own = check("scenarios/bellows.toml");
-    assert!(own.stderr.is_empty(), "{}", stderr_of(&own));
-    assert!(String::from_utf8(own.stdout).unwrap().contains("duration_s = 7.0"));
+    assert_eq!(own.err, "");
+    assert!(own.out.contains("duration_s = 7.0"));
 }
 
 #[test]
 fn a_vented_run_reports_time_and_cause() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out");
+    let folder = Folder::new();
     let ran = |faults: &str| {
         let text = format!(
             "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"pressure\"\n\
              pressure_pa = 250000.0\n{faults}"
         );
-        let file = scenario(folder.path(), &text);
-        let output = thermyo(&["run", &file, "--quiet", "--out", &out.display().to_string()]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-        let json: serde_json::Value =
-            serde_json::from_slice(&fs::read(out.join("summary.json")).unwrap()).unwrap();
-        let page = fs::read_to_string(out.join("report.html")).unwrap();
-        (String::from_utf8(output.stdout).unwrap(), json["core"].clone(), page)
+        let printed = folder.run(&text, "out").ok().out;
+        let core = folder.json("out/summary.json")["core"].clone();
+        (printed, core, folder.read("out/report.html"))
     };
     let (printed, core, page) = ran("[faults]\npressure = \"open\"\nfrom_s = 2.0\nuntil_s = 2.5\n");
     let found = "vented from 2.01 s: pressure sensor, overpressure";
     assert!(printed.contains(&format!("\nwarning: the core {found}\n")), "{printed}");
-    assert_eq!(core["fault_names"], serde_json::json!(["pressure sensor", "overpressure"]));
+    assert_eq!(core["fault_names"], json!(["pressure sensor", "overpressure"]));
     assert_eq!(core["faults"], 6);
     let vented_s = core["vented_s"].as_f64().unwrap();
     assert!((2.001..2.02).contains(&vented_s), "{vented_s}");
@@ -1014,7 +811,7 @@ fn a_vented_run_reports_time_and_cause() {
 
     let (printed, core, page) = ran("");
     assert!(!printed.contains("vented"), "{printed}");
-    assert!(core["vented_s"].is_null() && core["fault_names"] == serde_json::json!([]), "{core}");
+    assert!(core["vented_s"].is_null() && core["fault_names"] == json!([]), "{core}");
     let (before, _) = page.split_once("<figure ").unwrap();
     assert!(before.contains("The absolute pressure follows its set point with an error of "));
     assert!(!before.contains("ented"), "{before}");
@@ -1022,17 +819,36 @@ fn a_vented_run_reports_time_and_cause() {
 
 #[test]
 fn a_last_stroke_is_one_that_was_made() {
-    let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("out");
+    let folder = Folder::new();
     for (duration_s, shown) in [("0.001", false), ("0.4", false), ("0.5", true), ("0.7", true)] {
         let text = format!(
             "[run]\nduration_s = {duration_s}\n[plant]\nmodel = \"lumped\"\n[drive]\nperiod_s = 0.5\n"
         );
-        let file = scenario(folder.path(), &text);
-        let output = thermyo(&["run", &file, "--quiet", "--out", &out.display().to_string()]);
-        assert_eq!(output.status.code(), Some(0), "{}", stderr_of(&output));
-        let page = fs::read_to_string(out.join("report.html")).unwrap();
+        folder.run(&text, "out").ok();
+        let page = folder.read("out/report.html");
         assert_eq!(page.contains("The last stroke."), shown, "{duration_s}");
         assert_eq!(page.contains("<td data-column=\"Quantity\">Strokes</td>"), shown);
     }
+}
+
+#[test]
+fn ports_are_listed_as_json_too() {
+    assert!(thermyo(&["ports", "--json"]).ok().json().is_array());
+    assert!(!thermyo(&["ports"]).ok().out.is_empty());
+}
+
+#[test]
+fn a_page_that_cannot_be_served_is_refused_in_one_line() {
+    let folder = Folder::new();
+    let out = folder.name("out");
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    for (arguments, expected) in [
+        (&["scenarios/nowhere.toml"][..], "nowhere.toml"),
+        (&["/dev/nothing"], "/dev/nothing"),
+        (&["emulated", "--port", &port], "another program has it"),
+    ] {
+        thermyo(&[&["serve", "--out", &out], arguments].concat()).refused(expected).in_one_line();
+    }
+    assert!(!folder.has("out"), "nothing is left behind");
 }

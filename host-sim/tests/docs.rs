@@ -1,9 +1,11 @@
 //! Every file that a document names exists, and the tuning values are the core's.
 
+use model_core::SetPoint;
 use model_core::config::{ControllerConfig, EstimatorConfig};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use thermyo_protocol::{HostCommand, Request, encode};
 
 const FOLDERS: [&str; 6] = ["docs", "firmware", "host-sim", "model-core", "scenarios", "tests"];
 
@@ -161,4 +163,13 @@ fn the_tables_of_tuning_values_are_those_of_the_core() {
             assert_eq!(unit, declared, "{document}: {name}");
         }
     }
+}
+
+#[test]
+fn the_frame_of_the_document_is_the_links() {
+    let command = HostCommand::Set(SetPoint::Pressure { pressure_pa: 2.5e5 });
+    let frame = encode(&Request { sequence: 7, command }).unwrap();
+    let bytes: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
+    let text = fs::read_to_string(repository().join("docs/reference/protocol.md")).unwrap();
+    assert!(text.contains(&bytes.join(" ")), "{bytes:?}");
 }

@@ -1,22 +1,17 @@
 //! `thermyo init` and presets: a scenario from flags, nothing overwritten, keys above presets.
 
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
 use thermyo_files::input::InputError;
 use thermyo_scenario::DriveKind;
 use thermyo_scenario::preset::{MusclePreset, PressurePreset};
+use thermyo_setup::Loaded;
 
-/// Exit code, stdout, stderr, without a terminal.
-fn thermyo(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
-        .current_dir(folder)
-        .args(arguments)
-        .stdin(Stdio::null())
-        .output()
-        .unwrap();
-    let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-    (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
+use crate::command_support::{Folder, Said, command};
+
+/// In a folder, without a terminal.
+fn thermyo(folder: &Folder, arguments: &[&str]) -> Said {
+    let output = command(arguments).current_dir(folder.path("")).output().unwrap();
+    Said::of(&arguments.join(" "), output)
 }
 
 const FLAGS: [&str; 11] = [
@@ -35,26 +30,24 @@ const FLAGS: [&str; 11] = [
 
 #[test]
 fn flags_make_a_scenario_that_runs_and_nothing_is_overwritten() {
-    let folder = tempfile::tempdir().unwrap();
-    let (code, out, err) = thermyo(folder.path(), &FLAGS);
-    assert!(code == 0 && err.is_empty(), "{err}");
+    let folder = Folder::new();
+    let Said { out, err, .. } = thermyo(&folder, &FLAGS).ok();
+    assert_eq!(err, "");
     for part in ["muscle.toml is written", "thermyo tune", "friction.force_n"] {
         assert!(out.contains(part), "{part}: {out}");
     }
-    let file = folder.path().join("muscle.toml");
-    let written = fs::read_to_string(&file).unwrap();
-    let loaded = thermyo_setup::load(&file).unwrap();
+    let written = folder.read("muscle.toml");
+    let loaded = thermyo_setup::load(&folder.path("muscle.toml")).unwrap();
     assert_eq!((loaded.plant.muscle.slip_force_n, loaded.plant.load.mass_kg), (6.5, 5.0));
     assert!((loaded.plant.valve.conductance_m3_s_pa - 3.93e-9).abs() < 1e-15);
-    let (code, _, err) = thermyo(folder.path(), &FLAGS);
-    assert!(code == 2 && err.contains("muscle.toml: exists already"), "{err}");
-    assert_eq!(fs::read_to_string(&file).unwrap(), written);
+    thermyo(&folder, &FLAGS).refused("muscle.toml: exists already");
+    assert_eq!(folder.read("muscle.toml"), written);
 }
 
 /// The drive was a contraction of 10 % in any case, which most of these rigs do not reach.
 #[test]
 fn every_rig_of_presets_drives_what_it_reaches() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let own = ["--rest-length", "0.3", "--diameter", "0.02", "--braid-angle", "25"];
     let mut number = 0;
     for muscle in MusclePreset::WORDS {
@@ -66,10 +59,9 @@ fn every_rig_of_presets_drives_what_it_reaches() {
                 arguments.extend(["--valve", "mhe2-class", "--pressure-sensor", sensor]);
                 arguments.extend(["--load", load, "--supply", supply]);
                 arguments.extend(own.iter().filter(|_| *muscle == "none"));
-                let (code, out, err) = thermyo(folder.path(), &arguments);
-                assert!(code == 0, "{arguments:?}: {err}");
+                let out = thermyo(&folder, &arguments).ok().out;
                 let (loaded, warnings) =
-                    thermyo_setup::load_with_warnings(&folder.path().join(&name)).unwrap();
+                    thermyo_setup::load_with_warnings(&folder.path(&name)).unwrap();
                 let reached = |warning: &&InputError| warning.to_string().contains("drive.");
                 assert!(!warnings.iter().any(|warning| reached(&warning)), "{warnings:?}");
                 let lifts = loaded.plant.drive.kind == DriveKind::Contraction;
@@ -83,35 +75,38 @@ fn every_rig_of_presets_drives_what_it_reaches() {
 /// The command beside a key finds it.
 #[test]
 fn the_unknown_keys_are_those_of_the_default_heat_transfer() {
-    let folder = tempfile::tempdir().unwrap();
-    let (_, out, _) = thermyo(folder.path(), &FLAGS);
+    let folder = Folder::new();
+    let out = thermyo(&folder, &FLAGS).out;
     assert!(out.contains("heat.scale, sensor.gas.time_constant_s: stops"), "{out}");
     assert!(!out.contains("heat.inner_w_m2_k"), "{out}");
 }
 
 #[test]
 fn a_missing_or_wrong_answer_is_named_and_nothing_is_written() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     for (arguments, message) in [
         (&FLAGS[..1], "--muscle is missing: none, dmsp-10, dmsp-20; there is no terminal"),
         (&FLAGS[..9], "--supply is missing"),
         (&["init", "--muscle", "dmsp-30"][..], "--muscle must be one of none, dmsp-10, dmsp-20"),
         (&["init", "--muscle", "none"][..], "--rest-length is missing: a number from 0.005"),
     ] {
-        let (code, out, err) = thermyo(folder.path(), arguments);
-        assert!(code == 2 && out.is_empty() && err.contains(message), "{err}");
+        thermyo(&folder, arguments).refused(message);
     }
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 0);
+}
+
+fn warned(text: &str) -> (Loaded, Vec<String>) {
+    let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, "own.toml".as_ref()).unwrap();
+    (loaded, warnings.iter().map(ToString::to_string).collect())
 }
 
 #[test]
 fn a_key_stands_above_its_preset_and_one_line_says_so() {
     let text = "[muscle]\npreset = \"dmsp-10\"\nslip_force_n = 9.0\nrest_length_m = 0.3\n";
-    let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, "own.toml".as_ref()).unwrap();
+    let (loaded, lines) = warned(text);
     let muscle = &loaded.plant.muscle;
     assert_eq!((muscle.slip_force_n, muscle.rest_length_m, muscle.creep_slow_s), (9.0, 0.3, 26.0));
     assert!((muscle.diameter_m - 0.013_87).abs() < 1e-12, "{muscle:?}");
-    let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
     assert_eq!(
         lines,
         [
@@ -120,12 +115,9 @@ fn a_key_stands_above_its_preset_and_one_line_says_so() {
         ]
     );
     let text = "[valve]\npreset = \"mhe2-class\"\nkind = \"proportional\"\n";
-    let (_, warnings) = thermyo_setup::parse_with_warnings(text, "own.toml".as_ref()).unwrap();
-    let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    let (_, lines) = warned(text);
     let line = "own.toml:2: valve.preset = \"mhe2-class\": valve.kind of the file stands above it";
     assert!(lines.contains(&line.to_owned()), "{lines:?}");
-    let (_, none) =
-        thermyo_setup::parse_with_warnings("[muscle]\npreset = \"dmsp-20\"\n", "own.toml".as_ref())
-            .unwrap();
+    let (_, none) = warned("[muscle]\npreset = \"dmsp-20\"\n");
     assert!(none.is_empty(), "{none:?}");
 }

@@ -8,14 +8,9 @@ use std::net::UdpSocket;
 use std::path::Path;
 use std::time::Duration;
 
-const SCENARIO: &str = "[run]\nduration_s = 0.3\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n";
+use crate::command_support::{Folder, in_process as thermyo};
 
-fn thermyo(arguments: &[&str]) -> (u8, String) {
-    let (mut out, mut err) = (Vec::new(), Vec::new());
-    let all = [&["thermyo"], arguments].concat();
-    let code = host_sim::cli::run(all, &mut out, &mut err);
-    (code, String::from_utf8(err).unwrap())
-}
+const SCENARIO: &str = "[run]\nduration_s = 0.3\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n";
 
 /// A table's rows, cells by column, without the empty ones.
 fn rows(csv: &Path) -> Vec<BTreeMap<String, f64>> {
@@ -62,10 +57,9 @@ fn logged(mcap: &[u8]) -> Vec<BTreeMap<String, f64>> {
 
 #[test]
 fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
-    let folder = tempfile::tempdir().unwrap();
-    let scenario = folder.path().join("scenario.toml").display().to_string();
-    fs::write(&scenario, SCENARIO).unwrap();
-    let out = folder.path().join("out");
+    let folder = Folder::new();
+    let scenario = folder.scenario(SCENARIO);
+    let out = folder.path("out");
     let listener = UdpSocket::bind("127.0.0.1:0").unwrap();
     listener.set_read_timeout(Some(Duration::from_secs(10))).unwrap();
     let to = format!("udp:{}", listener.local_addr().unwrap());
@@ -82,7 +76,7 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
     let out_text = out.display().to_string();
     let arguments =
         ["run", &scenario, "--quiet", "--out", &out_text, "--log", "mcap", "--stream", &to];
-    assert_eq!(thermyo(&arguments), (0, String::new()));
+    assert_eq!(thermyo(&arguments).ok().err, "");
     let rows = rows(&out.join("trace.csv"));
     assert_eq!(rows.len(), 31);
     assert_eq!(logged(&fs::read(out.join("trace.mcap")).unwrap()), rows);
@@ -97,16 +91,15 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
 
     // The earlier record moves as a whole.
     let plain = ["run", &scenario, "--quiet", "--out", &out_text];
-    assert_eq!(thermyo(&plain).0, 0);
+    thermyo(&plain).ok();
     assert!(!out.join("trace.mcap").exists() && out.join("earlier-1/trace.mcap").exists());
 }
 
 #[test]
 fn an_invalid_address_is_reported_and_nothing_is_written() {
-    let folder = tempfile::tempdir().unwrap();
-    let scenario = folder.path().join("scenario.toml").display().to_string();
-    fs::write(&scenario, SCENARIO).unwrap();
-    let out = folder.path().join("out");
+    let folder = Folder::new();
+    let scenario = folder.scenario(SCENARIO);
+    let out = folder.path("out");
     let out_text = out.display().to_string();
     for (wish, message) in [
         (["--stream", "127.0.0.1:9870"], "must be udp:HOST:PORT"),
@@ -114,8 +107,7 @@ fn an_invalid_address_is_reported_and_nothing_is_written() {
         (["--stream", "udp:nobody.invalid:9870"], "no host is called so"),
         (["--log", "bag"], "[possible values: mcap]"),
     ] {
-        let (code, said) = thermyo(&[&["run", &scenario, "--out", &out_text], &wish[..]].concat());
-        assert!(code == 2 && said.contains(message), "{wish:?}: {code} {said}");
+        thermyo(&[&["run", &scenario, "--out", &out_text], &wish[..]].concat()).refused(message);
         assert!(!out.exists(), "{wish:?} left something");
     }
 }

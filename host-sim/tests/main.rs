@@ -7,6 +7,7 @@ mod board_guided;
 mod board_support;
 mod browser_support;
 mod command;
+mod command_support;
 mod docs;
 mod init;
 mod leak;

@@ -3,42 +3,28 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
-use tempfile::TempDir;
+
+use crate::command_support::{Folder, Said, command, thermyo};
 
 const RUN: &str = "[run]\nduration_s = 0.5\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n";
-
-fn command(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_thermyo"));
-    command.args(arguments).stdin(Stdio::null());
-    command
-}
-
-fn thermyo(arguments: &[&str]) -> Output {
-    command(arguments).output().unwrap()
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8(output.stderr.clone()).unwrap()
-}
 
 fn name(path: &Path) -> String {
     path.display().to_string()
 }
 
 /// A folder with a scenario, and the folder for its results.
-fn place(scenario: &str) -> (TempDir, String, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("given.toml");
-    fs::write(&file, scenario).unwrap();
-    let out = folder.path().join("out");
-    (folder, name(&file), out)
+fn place(scenario: &str) -> (Folder, String, PathBuf) {
+    let folder = Folder::new();
+    let file = folder.file("given.toml", scenario);
+    let out = folder.path("out");
+    (folder, file, out)
 }
 
 /// Starts a command and kills it once the file has so many bytes.
 fn killed(arguments: &[&str], file: &Path, bytes: u64) {
-    let mut child: Child = command(arguments).stderr(Stdio::null()).spawn().unwrap();
+    let mut child = command(arguments).spawn().unwrap();
     let start = Instant::now();
     while fs::metadata(file).map_or(0, |metadata| metadata.len()) < bytes {
         assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
@@ -57,11 +43,10 @@ fn a_killed_run_is_replayed_to_its_last_row() {
     let text = fs::read_to_string(&trace).unwrap();
     let rows = text.matches('\n').count() - 1;
     assert!(rows > 1000, "{rows} rows");
-    let output = thermyo(&["replay", &name(&trace), "--json", "--out", &name(&out.join("replay"))]);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    let printed = String::from_utf8(output.stdout.clone()).unwrap();
+    let replay = ["replay", &name(&trace), "--json", "--out", &name(&out.join("replay"))];
+    let Said { out: printed, err, .. } = thermyo(&replay).ok();
     assert!(printed.contains(&format!("\"steps\": {rows}")), "{rows} rows, {printed}");
-    assert_eq!(said(&output).is_empty(), text.ends_with('\n'), "{}", said(&output));
+    assert_eq!(err.is_empty(), text.ends_with('\n'), "{err}");
 }
 
 #[test]
@@ -82,34 +67,20 @@ fn a_killed_sweep_goes_on_where_it_was() {
     // Another process at work is not disturbed.
     let begun = fs::File::open(unfinished.join("begun.txt")).unwrap();
     begun.lock().unwrap();
-    let output = thermyo(&arguments);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(
-        said(&output).contains("unfinished-1: another thermyo is at work"),
-        "{}",
-        said(&output)
-    );
+    thermyo(&arguments).refused("unfinished-1: another thermyo is at work");
     drop(begun);
 
     // Another sweep in the same folder is separate.
     let other = ["sweep", &scenario, "--quiet", "--vary", "run.seed=1:2:2", "--out", &out_name];
-    let output = thermyo(&other);
-    assert_eq!((output.status.code(), said(&output)), (Some(0), String::new()));
+    assert_eq!(thermyo(&other).ok().err, "");
     assert!(table.exists());
 
-    let output = thermyo(&arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     let kept =
         format!("{} of 300 points were done and are kept; at work when it ended: point ", done - 1);
-    assert!(
-        said(&output).contains(&kept) && said(&output).contains("(run.seed = "),
-        "{}",
-        said(&output)
-    );
+    thermyo(&arguments).ok().says(&kept).says("(run.seed = ");
     assert!(!unfinished.exists(), "begun.txt or more is left");
-    let whole = folder.path().join("whole");
-    let output = thermyo(&[&seeds[..], &["--out", &name(&whole)]].concat());
-    assert!(output.status.success());
+    let whole = folder.path("whole");
+    thermyo(&[&seeds[..], &["--out", &name(&whole)]].concat()).ok();
     for file in ["sweep.csv", "summary.json", "report.html", "study.json"] {
         let [resumed, at_once] = [&out, &whole].map(|folder| fs::read(folder.join(file)).unwrap());
         assert!(resumed == at_once, "{file}");
@@ -119,7 +90,7 @@ fn a_killed_sweep_goes_on_where_it_was() {
 #[test]
 fn a_damaged_record_is_read_up_to_the_damage() {
     let (_folder, scenario, out) = place(RUN);
-    assert!(thermyo(&["run", &scenario, "--out", &name(&out)]).status.success());
+    thermyo(&["run", &scenario, "--out", &name(&out)]).ok();
     let trace = out.join("trace.csv");
     let whole = fs::read(&trace).unwrap();
     let ends: Vec<usize> = (0..whole.len()).filter(|i| whole[*i] == b'\n').collect();
@@ -150,21 +121,19 @@ fn a_damaged_record_is_read_up_to_the_damage() {
             (&replayed[..], format!("\"steps\": {rows}")),
             (&measured[..], "measured pressure_pa: RMS difference".to_owned()),
         ] {
-            let output = thermyo(arguments);
-            assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", said(&output));
+            let output = thermyo(arguments).ok();
             let expected = format!("{message}read up to there: {rows} rows{lost}");
-            let first = said(&output).lines().next().unwrap_or_default().to_owned();
+            let first = output.err.lines().next().unwrap_or_default();
             assert!(first.ends_with(&expected), "{arguments:?}: {first}");
-            assert!(String::from_utf8_lossy(&output.stdout).contains(&printed), "{arguments:?}");
+            assert!(output.out.contains(&printed), "{arguments:?}");
         }
     }
 
     // A table without rows is no record.
     fs::write(&trace, &whole[..ends[0] + 20]).unwrap();
     let output = thermyo(&["replay", &name(&trace), "--out", &name(&out.join("none"))]);
-    assert_eq!(output.status.code(), Some(2));
     assert!(!out.join("none").exists());
-    assert!(said(&output).contains("trace.csv:2: the last line has no end"), "{}", said(&output));
+    output.refused("trace.csv:2: the last line has no end");
 }
 
 #[test]
@@ -173,23 +142,18 @@ fn identify_uses_whole_rows_and_refuses_impossible_values() {
                   parameters = [\"heat.scale\"]\n";
     let (folder, config, out) = place(closed);
     let rows: String = (0..50).map(|i| format!("{i},{}\n", 5.0e5 - 1.0e3 * f64::from(i))).collect();
-    let data = folder.path().join("data.csv");
     let identify = |text: &str| {
-        fs::write(&data, text).unwrap();
-        let out = name(&out);
-        thermyo(&["identify", &name(&data), "--config", &config, "--out", &out, "--quiet"])
+        let (data, out) = (folder.file("data.csv", text), name(&out));
+        thermyo(&["identify", &data, "--config", &config, "--out", &out, "--quiet"])
     };
-    let output = identify(&format!("time_s,pressure_pa\n{rows}50,4500"));
-    assert_ne!(output.status.code(), Some(2), "{}", said(&output));
+    let Said { code, err, .. } = identify(&format!("time_s,pressure_pa\n{rows}50,4500"));
     let expected =
         "data.csv:52: the last line has no end: it may be cut; read up to there: 50 rows";
-    assert!(said(&output).lines().next().unwrap().ends_with(expected), "{}", said(&output));
+    assert!(code != Some(2) && err.lines().next().unwrap().ends_with(expected), "{err}");
 
     // A pressure of 4.5 bar, given in bar.
-    let output = identify(&format!("time_s,pressure_pa\n{rows}50,4.5\n51,4.4\n"));
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     let expected = "data.csv:52: column pressure_pa = 4.5: must be a number from 1000 to 1e8 Pa";
-    assert!(said(&output).contains(expected), "{}", said(&output));
+    identify(&format!("time_s,pressure_pa\n{rows}50,4.5\n51,4.4\n")).refused(expected);
 }
 
 /// A fit to the rows before the damage would meet any target.
@@ -250,15 +214,11 @@ fn published_data_that_are_damaged_are_refused() {
             "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv,",
         ),
     ] {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join(file);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(&path, text).unwrap();
-        let output = thermyo(&["evaluate", "truth", &name(folder.path()), "--quiet"]);
-        assert_eq!(output.status.code(), Some(2), "{message}: {}", said(&output));
-        assert!(output.stdout.is_empty(), "{message}");
-        assert!(said(&output).contains(message), "{message}: {}", said(&output));
-        assert_eq!(said(&output).lines().count(), 1, "{}", said(&output));
+        let folder = Folder::new();
+        fs::create_dir_all(folder.path(file).parent().unwrap()).unwrap();
+        folder.file(file, &text);
+        let output = thermyo(&["evaluate", "truth", &folder.name(""), "--quiet"]);
+        output.refused(message).in_one_line();
     }
 }
 
@@ -270,22 +230,14 @@ fn a_result_is_never_overwritten() {
         fs::write(&scenario, RUN.replace("0.5", &format!("0.5\nseed = {seed}"))).unwrap();
         thermyo(&["run", &scenario, "--out", &name(&out)])
     };
-    assert_eq!(said(&run("1")), "");
+    assert_eq!(run("1").err, "");
     let (first, summary) = (read("trace.csv"), read("summary.json"));
 
     // A failed run leaves the earlier result in place.
-    let output = run("\"x\"");
-    assert_eq!(output.status.code(), Some(2));
+    run("\"x\"").ends(2);
     assert_eq!(read("trace.csv"), first);
 
-    let output = run("2");
-    assert_eq!(output.status.code(), Some(0));
-    let message = said(&output);
-    assert!(
-        message.contains("the earlier result in ") && message.contains("/earlier-1"),
-        "{message}"
-    );
-    assert_eq!(message.lines().count(), 1);
+    run("2").ok().says("the earlier result in ").says("/earlier-1").in_one_line();
     assert_ne!(read("trace.csv"), first);
     assert_eq!((read("earlier-1/trace.csv"), read("earlier-1/summary.json")), (first, summary));
     assert!(read("earlier-1/scenario.toml").contains("seed = 1 "));
@@ -293,20 +245,17 @@ fn a_result_is_never_overwritten() {
     assert!(read("report.html").len() > 1000 && read("earlier-1/report.html").len() > 1000);
     // An earlier result is a record like any other.
     let trace = name(&out.join("earlier-1/trace.csv"));
-    let replayed = thermyo(&["replay", &trace, "--out", &name(&out.join("replay"))]);
-    assert_eq!(replayed.status.code(), Some(0));
+    thermyo(&["replay", &trace, "--out", &name(&out.join("replay"))]).ok();
 }
 
 #[test]
 fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
-    let folder = tempfile::tempdir().unwrap();
-    let trace = folder.path().join("trace.csv");
-    fs::write(&trace, "time_s\n1\n").unwrap();
-    let output = thermyo(&["monitor", "/dev/no-such-port", "--out", &name(folder.path())]);
-    assert_eq!(output.status.code(), Some(2));
-    assert!(said(&output).contains("/dev/no-such-port"), "{}", said(&output));
-    assert_eq!(fs::read_to_string(&trace).unwrap(), "time_s\n1\n");
-    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1, "something else is left");
+    let folder = Folder::new();
+    folder.file("trace.csv", "time_s\n1\n");
+    let output = thermyo(&["monitor", "/dev/no-such-port", "--out", &folder.name("")]);
+    output.refused("/dev/no-such-port");
+    assert_eq!(folder.read("trace.csv"), "time_s\n1\n");
+    assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 1, "something else is left");
 }
 
 /// A limit on the size of files simulates a full disk.
@@ -314,7 +263,7 @@ fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
 #[test]
 fn a_full_disk_leaves_the_earlier_result() {
     let (_folder, scenario, out) = place(RUN);
-    assert!(thermyo(&["run", &scenario, "--out", &name(&out)]).status.success());
+    thermyo(&["run", &scenario, "--out", &name(&out)]).ok();
     let first = fs::read_to_string(out.join("summary.json")).unwrap();
     fs::write(&scenario, RUN.replace("0.5", "20.0")).unwrap();
     let output = Command::new("bash")
@@ -324,9 +273,8 @@ fn a_full_disk_leaves_the_earlier_result() {
         .args([&scenario, &name(&out)])
         .output()
         .unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
-    assert!(said(&output).contains("out/trace.csv: cannot be written"), "{}", said(&output));
-    assert_eq!(said(&output).lines().count(), 1);
+    let full = Said::of("run on a full disk", output);
+    full.refused("out/trace.csv: cannot be written").in_one_line();
     assert_eq!(fs::read_to_string(out.join("summary.json")).unwrap(), first);
     assert_eq!(fs::read_dir(&out).unwrap().count(), 4, "something half is left");
 }

@@ -20,6 +20,8 @@ use thermyo_runs::run_report;
 use thermyo_runs::run_report::{Measured, RunReport, SummaryRow};
 use thermyo_scenario::PlantKind;
 
+use crate::command_support::{Folder, thermyo};
+
 const COLUMNS: [&str; 19] = [
     "time_s",
     "pressure_pa",
@@ -438,24 +440,15 @@ fn nan_meets_no_target() {
 
 #[test]
 fn a_page_with_every_column_measured_stays_below_1_mb() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = include_str!("../../scenarios/nominal.toml");
     let other = text.replace("seed = 1\n", "seed = 2\n");
     assert_ne!(text, other);
-    let [one, two] = [("one", text), ("two", &other)].map(|(name, text)| {
-        let file = folder.path().join(name).with_extension("toml");
-        std::fs::write(&file, text).unwrap();
-        (file.display().to_string(), folder.path().join(name).display().to_string())
-    });
-    let run = |arguments: &[&str]| {
-        let (mut out, mut err) = (Vec::new(), Vec::new());
-        let all = ["thermyo", "run", "--quiet"].iter().chain(arguments);
-        let code = host_sim::cli::run(all, &mut out, &mut err);
-        assert_eq!(code, 0, "{}", String::from_utf8_lossy(&err));
-    };
-    run(&[&one.0, "--out", &one.1]);
-    run(&[&two.0, "--out", &two.1, "--measured", &format!("{}/trace.csv", one.1)]);
-    let page = std::fs::read_to_string(Path::new(&two.1).join("report.html")).unwrap();
+    folder.run(text, "one").ok();
+    let (two, out) = (folder.scenario(&other), folder.name("two"));
+    let measured = folder.name("one/trace.csv");
+    thermyo(&["run", &two, "--quiet", "--out", &out, "--measured", &measured]).ok();
+    let page = folder.read("two/report.html");
     keep("measured.html", &page);
     assert!((500_000..1_000_000).contains(&page.len()), "{} bytes", page.len());
     let (_, compared) = page.split_once("Against the measurement</h2>").unwrap();

@@ -4,7 +4,7 @@
 use serde_json::{Value, json};
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -626,20 +626,6 @@ fn assert_the_tuning_is_written(served: &Served, adopted: bool) {
     let delay_s = summary["delay_s"].as_f64().unwrap();
     assert!((0.002..0.004).contains(&delay_s), "{delay_s}");
     assert_eq!(summary["adopted"], adopted);
-}
-
-#[test]
-fn bad_input_gives_one_line() {
-    let bench = Bench::new();
-    let message = bench.refused("thermyo serve scenarios/nowhere.toml");
-    assert!(message.contains("nowhere.toml"), "{message}");
-    let message = bench.refused("thermyo serve /dev/nothing");
-    assert!(message.contains("/dev/nothing"), "{message}");
-    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-    let port = taken.local_addr().unwrap().port();
-    let message = bench.refused(&format!("thermyo serve emulated --port {port}"));
-    assert!(message.contains("another program has it"), "{message}");
-    assert!(!bench.path("out").exists(), "nothing is left behind");
 }
 
 #[test]

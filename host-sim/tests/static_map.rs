@@ -4,16 +4,15 @@
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use std::fs;
 use std::path::Path;
-use std::process::Command;
-use tempfile::TempDir;
 use thermyo_files::table::Table;
 use thermyo_identify::static_map;
 use thermyo_identify::static_map::{Identified, Reading, Readings};
 use thermyo_plant::chamber::{Chamber, braid};
 use thermyo_scenario::{Muscle, at_rest};
 use thermyo_setup::Loaded;
+
+use crate::command_support::{Folder, Said, command};
 
 const CONFIG: &str = "scenarios/static_map.toml";
 
@@ -204,38 +203,24 @@ fn unusable_readings_give_one_clear_message() {
     assert!(refused(&plain, &all).starts_with(message), "{}", refused(&plain, &all));
 }
 
-/// Folder with files, in which the command runs.
-struct Bench(TempDir);
-
-impl Bench {
-    fn new(files: &[(&str, &str)]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        for (name, text) in files {
-            fs::write(folder.path().join(name), text).unwrap();
-        }
-        Self(folder)
+fn folder(files: &[(&str, &str)]) -> Folder {
+    let folder = Folder::new();
+    for (name, text) in files {
+        folder.file(name, text);
     }
-
-    /// Exit code, stdout, stderr.
-    fn identify(&self, arguments: &[&str]) -> (i32, String, String) {
-        let output = Command::new(env!("CARGO_BIN_EXE_thermyo"))
-            .current_dir(self.0.path())
-            .args(["identify", "--quiet", "--out", "out"])
-            .args(arguments)
-            .output()
-            .unwrap();
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
-        (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
-    }
-
-    fn read(&self, name: &str) -> String {
-        fs::read_to_string(self.0.path().join("out").join(name)).unwrap()
-    }
+    folder
 }
 
-/// Exit code, stdout and stderr for one map.
-fn command(map: &str) -> (i32, String, String) {
-    Bench::new(&[("map.csv", map)]).identify(&["map.csv", "--config", CONFIG])
+/// Runs `identify` in a folder.
+fn identified(folder: &Folder, arguments: &[&str]) -> Said {
+    let mut identify = command(&["identify", "--quiet", "--out", "out"]);
+    let output = identify.args(arguments).current_dir(folder.path("")).output().unwrap();
+    Said::of(&arguments.join(" "), output)
+}
+
+/// The same of one map.
+fn of_map(map: &str) -> Said {
+    identified(&folder(&[("map.csv", map)]), &["map.csv", "--config", CONFIG])
 }
 
 #[test]
@@ -245,16 +230,15 @@ fn a_map_is_read_to_its_end_or_not_at_all() {
     let loaded = parse(&whole).loaded.len();
     // The last reading is loaded: it counts even without its newline.
     let last = map(&muscle, &[(0.0, 3.0e5, 0.0)], 0.0, 0.0, 1);
-    let (code, out, err) = command(&(whole.clone() + last.lines().nth(1).unwrap()));
-    assert!(code == 0 && out.contains(&format!("{} readings", loaded + 1)), "{out}{err}");
+    let Said { out, err, .. } = of_map(&(whole.clone() + last.lines().nth(1).unwrap())).ok();
+    assert!(out.contains(&format!("{} readings", loaded + 1)), "{out}{err}");
     assert!(!err.contains("read up to"), "{err}");
 
     let damaged = whole.replacen("\n0.08,", "\n0.08,x", 4).replacen("0.08,x", "0.08,", 3);
-    let (code, _, err) = command(&damaged);
-    assert!(code == 2 && err.contains("map.csv:5: column gauge_pressure_pa"), "{err}");
-    let bench = Bench::new(&[("map.csv", &whole), ("other.csv", &damaged)]);
-    let (code, _, err) = bench.identify(&["map.csv", "--config", CONFIG, "--against", "other.csv"]);
-    assert!(code == 2 && err.contains("other.csv:5: column gauge_pressure_pa"), "{err}");
+    of_map(&damaged).refused("map.csv:5: column gauge_pressure_pa");
+    let folder = folder(&[("map.csv", &whole), ("other.csv", &damaged)]);
+    identified(&folder, &["map.csv", "--config", CONFIG, "--against", "other.csv"])
+        .refused("other.csv:5: column gauge_pressure_pa");
 }
 
 #[test]
@@ -264,43 +248,33 @@ fn a_comparison_with_nothing_or_another_muscle_is_refused() {
     let other = of(MUSCLES[1], &grid(&[0.0]));
     let own = of(MUSCLES[0], &grid(&[0.0]));
     let one = of(MUSCLES[0], &[(0.01, 5.5e5, 0.0)]);
-    let bench = Bench::new(&[
-        ("map.csv", &own),
-        ("slack.csv", &slack),
-        ("other.csv", &other),
-        ("one.csv", &one),
-    ]);
-    let against = |name: &str| bench.identify(&["map.csv", "--config", CONFIG, "--against", name]);
-    let (code, out, err) = against("slack.csv");
+    let maps = [("map.csv", &own), ("slack.csv", &slack), ("other.csv", &other), ("one.csv", &one)];
+    let folder = folder(&maps.map(|(name, map)| (name, map.as_str())));
+    let against =
+        |name: &str| identified(&folder, &["map.csv", "--config", CONFIG, "--against", name]);
     let message = "slack.csv: 0 readings with a force above 1 % of the largest: must be at least 1";
-    assert!(code == 2 && err.contains(message), "{out}{err}");
-    let (code, out, err) = against("other.csv");
-    let message = "other.csv:2: column rest_length_m = 0.15: must be 0.08";
-    assert!(code == 2 && err.contains(message), "{out}{err}");
-    let (code, out, err) = against("one.csv");
-    assert!(code == 0 && out.contains(" of the largest, 1 reading\n"), "{out}{err}");
+    against("slack.csv").refused(message);
+    against("other.csv").refused("other.csv:2: column rest_length_m = 0.15: must be 0.08");
+    let out = against("one.csv").ok().out;
+    assert!(out.contains(" of the largest, 1 reading\n"), "{out}");
 }
 
 #[test]
 fn friction_is_never_negative() {
     let muscle = muscle(MUSCLES[1]);
     let places = grid(&[1.0, -1.0]);
-    let (code, out, err) = command(&map(&muscle, &places, 0.5, -10.0, 1));
-    assert!(
-        code == 2 && err.contains("map.csv: column direction seems the wrong way round"),
-        "{err}"
-    );
-    assert_eq!(out, "");
+    of_map(&map(&muscle, &places, 0.5, -10.0, 1))
+        .refused("map.csv: column direction seems the wrong way round");
     // Noise alone: no friction, in summary and scenario.
     let negative = (1..20).find(|seed| {
         let map = map(&muscle, &places, 3.0, 0.0, *seed);
-        let bench = Bench::new(&[("map.csv", &map)]);
-        let (code, out, err) = bench.identify(&["map.csv", "--config", CONFIG]);
-        assert!(code == 0 && !out.contains(['−', '-']), "{out}{err}");
+        let folder = folder(&[("map.csv", &map)]);
+        let out = identified(&folder, &["map.csv", "--config", CONFIG]).ok().out;
+        assert!(!out.contains(['−', '-']), "{out}");
         let line = out.lines().find(|line| line.starts_with("friction.force_n")).unwrap();
         line.contains(" 0.0")
-            && bench.read("summary.json").contains("\"value\": 0.0,")
-            && bench.read("identified.toml").contains("\nforce_n = 0.0")
+            && folder.read("out/summary.json").contains("\"value\": 0.0,")
+            && folder.read("out/identified.toml").contains("\nforce_n = 0.0")
     });
     assert!(negative.is_some());
 }
@@ -310,30 +284,18 @@ fn a_wrong_unit_is_named() {
     let muscle = muscle(MUSCLES[1]);
     let text = map(&muscle, &grid(&[0.0]), 0.5, 0.0, 1);
     let with = |pressure: f64, force: f64| {
-        let mut lines = text.lines();
-        lines.next().unwrap().to_owned()
-            + "\n"
-            + &lines
-                .map(|line| {
-                    let cells: Vec<f64> =
-                        line.split(',').map(|cell| cell.parse().unwrap()).collect();
-                    format!(
-                        "{},{},{},{},0\n",
-                        cells[0],
-                        pressure * cells[1],
-                        cells[2],
-                        force * cells[3]
-                    )
-                })
-                .collect::<String>()
+        let (header, rows) = text.split_once('\n').unwrap();
+        let rows = rows.lines().map(|line| {
+            let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+            format!("{},{},{},{},0\n", cells[0], pressure * cells[1], cells[2], force * cells[3])
+        });
+        format!("{header}\n{}", rows.collect::<String>())
     };
     for (pressure, unit) in [(1.0e-3, "kPa"), (1.0e-5, "bar"), (1.0e-6, "MPa")] {
-        let (code, out, err) = command(&with(pressure, 1.0));
-        assert!(code == 2 && err.contains("column gauge_pressure_pa"), "{out}{err}");
-        assert!(err.contains(&format!("is this {unit}?")), "{err}");
+        let refused = of_map(&with(pressure, 1.0)).refused("column gauge_pressure_pa");
+        refused.says(&format!("is this {unit}?"));
     }
-    let (code, out, err) = command(&with(1.0, 1.0e-3));
-    assert_eq!(code, 1, "{out}{err}");
+    let out = of_map(&with(1.0, 1.0e-3)).ends(1).out;
     assert!(out.contains(" went to a limit of the search"), "{out}");
     assert!(!out.contains("hardly determine muscle.diameter_m"), "{out}");
 }
@@ -346,12 +308,13 @@ fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
     let row = clean.lines().find(|line| line.starts_with("0.15,300000,0.15,")).unwrap();
     let force_n: f64 = row.split(',').nth(3).unwrap().parse().unwrap();
     let twice = clean.clone() + &format!("0.15,300000,0.15,{},0\n", force_n + 40.0);
-    let bench = Bench::new(&[("map.csv", &twice)]);
-    bench.identify(&["map.csv", "--config", CONFIG]);
-    let page = bench.read("report.html");
-    let map_of = |page: &str| page.split_once("Residual map").map(|(_, map)| map.to_owned());
-    let drawn = map_of(&page).unwrap();
-    assert!(drawn.contains(">−3") && drawn.contains("the worst"), "{drawn}");
+    let drawn = |map: &str| {
+        let folder = folder(&[("map.csv", map)]);
+        identified(&folder, &["map.csv", "--config", CONFIG]);
+        folder.read("out/report.html").split_once("Residual map").unwrap().1.to_owned()
+    };
+    let drawn_twice = drawn(&twice);
+    assert!(drawn_twice.contains(">−3") && drawn_twice.contains("the worst"), "{drawn_twice}");
 
     let mut scattered = clean.lines().next().unwrap().to_owned() + "\n";
     for (i, line) in clean.lines().skip(1).enumerate() {
@@ -360,9 +323,7 @@ fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
         let cells: Vec<String> = cells.iter().map(f64::to_string).collect();
         scattered += &(cells.join(",") + "\n");
     }
-    let bench = Bench::new(&[("map.csv", &scattered)]);
-    bench.identify(&["map.csv", "--config", CONFIG]);
-    assert!(map_of(&bench.read("report.html")).is_some());
+    drawn(&scattered);
 }
 
 #[test]
@@ -370,18 +331,13 @@ fn messages_are_those_of_a_map() {
     let text = map(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
     // A load cell with a small offset at zero.
     assert!(text.contains(",0,0\n"));
-    let (code, _, err) = command(&text.replace(",0,0\n", ",-0.3,0\n"));
-    assert_eq!(code, 0, "{err}");
-    let (code, _, err) = command(&text.replace(",0,0\n", ",-30,0\n"));
-    assert!(
-        code == 2 && err.contains("column force_n = -30.0: must be a number from -2 %"),
-        "{err}"
-    );
-    let (code, _, err) = command(&text.replace("gauge_pressure_pa", "pressure_pa"));
-    assert!(code == 2 && err.contains("map.csv: column gauge_pressure_pa is missing"), "{err}");
-    let (code, _, err) =
-        command(&text.lines().take(2).map(|l| l.to_owned() + "\n").collect::<String>());
-    assert!(code == 2 && err.contains("1 reading with a force above 1 %"), "{err}");
+    of_map(&text.replace(",0,0\n", ",-0.3,0\n")).ok();
+    of_map(&text.replace(",0,0\n", ",-30,0\n"))
+        .refused("column force_n = -30.0: must be a number from -2 %");
+    of_map(&text.replace("gauge_pressure_pa", "pressure_pa"))
+        .refused("map.csv: column gauge_pressure_pa is missing");
+    of_map(&text.lines().take(2).map(|l| l.to_owned() + "\n").collect::<String>())
+        .refused("1 reading with a force above 1 %");
 }
 
 #[test]
@@ -389,9 +345,9 @@ fn a_slack_reading_gets_a_place_where_the_muscle_pulls() {
     let muscle = muscle(MUSCLES[0]);
     let places = [(0.0, 5.0e5), (0.0, 2.5e5), (0.03, 5.0e5), (0.03, 3.5e5), (0.3, 5.0e5)]
         .map(|(c, p)| (c, p, 0.0));
-    let (code, _, err) = command(&map(&muscle, &places, 0.0, 0.0, 1));
-    assert!(code == 2 && err.contains("map.csv: 4 readings with a force above 1 %"), "{err}");
-    assert!(err.contains("line 6 is slack: take it at length_m = 0.0"), "{err}");
+    of_map(&map(&muscle, &places, 0.0, 0.0, 1))
+        .refused("map.csv: 4 readings with a force above 1 %")
+        .says("line 6 is slack: take it at length_m = 0.0");
 }
 
 #[test]
@@ -417,12 +373,11 @@ fn the_plan_refuses_what_the_fit_refuses() {
             false,
         ),
     ] {
-        let bench = Bench::new(&[("c.toml", text), ("t.csv", table), ("map.csv", &map)]);
-        let (code, out, plan) = bench.identify(&["--plan", "--config", "c.toml"]);
-        assert!(code == 2 && out.is_empty() && plan.contains(refused), "{text}: {out}{plan}");
+        let folder = folder(&[("c.toml", text), ("t.csv", table), ("map.csv", &map)]);
+        let plan = identified(&folder, &["--plan", "--config", "c.toml"]).refused(refused);
         if fit_too {
-            let (code, _, fit) = bench.identify(&["map.csv", "--config", "c.toml"]);
-            assert_eq!((code, fit), (2, plan), "{text}");
+            let fit = identified(&folder, &["map.csv", "--config", "c.toml"]).ends(2);
+            assert_eq!(fit.err, plan.err, "{text}");
         }
     }
 }

@@ -1,34 +1,20 @@
 //! `thermyo sweep` by the command line: every point equals the run of a file with its values.
 
-use host_sim::cli;
 use std::fs;
 use std::path::{Path, PathBuf};
-use tempfile::TempDir;
+
+use crate::command_support::{Folder, Said, in_process as thermyo};
 
 const SCENARIO: &str = "[run]\nduration_s = 4.0\nlog_every = 1\n[plant]\nmodel = \"full\"\n\
                         [muscle]\nzones = 4\n[drive]\nperiod_s = 1.0\n";
 const GRID: [&str; 4] =
     ["--vary", "sensor.gas.time_constant_s=0.5:3.0:2", "--vary", "sensor.gas.position=0.25:1:2"];
 
-/// Exit code, standard output, standard error.
-fn thermyo(arguments: &[&str]) -> (u8, String, String) {
-    let (mut out, mut err) = (Vec::new(), Vec::new());
-    let code = cli::run(["thermyo"].iter().chain(arguments), &mut out, &mut err);
-    (code, String::from_utf8(out).unwrap(), String::from_utf8(err).unwrap())
-}
-
-fn file(folder: &Path, name: &str, text: &str) -> String {
-    let path = folder.join(name);
-    fs::write(&path, text).unwrap();
-    path.display().to_string()
-}
-
 /// Runs a sweep that has to succeed; returns its table.
 fn sweep(scenario: &str, arguments: &[&str], out: &Path) -> String {
     let out_text = out.display().to_string();
     let all = [&["sweep", scenario, "--quiet", "--out", &out_text], arguments].concat();
-    let (code, _, err) = thermyo(&all);
-    assert_eq!((code, err.as_str()), (0, ""), "{arguments:?}");
+    assert_eq!(thermyo(&all).ok().err, "", "{arguments:?}");
     fs::read_to_string(out.join("sweep.csv")).unwrap()
 }
 
@@ -62,10 +48,10 @@ fn figures(trace: &str) -> [f64; 5] {
 
 #[test]
 fn every_point_is_the_run_that_the_file_would_give() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     // The core's sensor follows the plant's, unless the file states otherwise.
-    let scenario = file(folder.path(), "scenario.toml", SCENARIO);
-    let out = folder.path().join("out");
+    let scenario = folder.scenario(SCENARIO);
+    let out = folder.path("out");
     let table = sweep(&scenario, &GRID, &out);
     let mut lines = table.lines();
     assert_eq!(
@@ -81,9 +67,9 @@ fn every_point_is_the_run_that_the_file_would_give() {
         assert_eq!(row[..5], [i as f64 + 1.0, lag, position, 1.0, 2.0]);
         let written =
             format!("{SCENARIO}[sensor.gas]\ntime_constant_s = {lag:?}\nposition = {position:?}\n");
-        let single = file(folder.path(), "single.toml", &written);
-        let place = folder.path().join("single").display().to_string();
-        assert_eq!(thermyo(&["run", &single, "--quiet", "--out", &place]).0, 0);
+        let single = folder.file("single.toml", &written);
+        let place = folder.name("single");
+        thermyo(&["run", &single, "--quiet", "--out", &place]).ok();
         let trace = fs::read_to_string(Path::new(&place).join("trace.csv")).unwrap();
         for (swept, run) in row[5..].iter().zip(figures(&trace)) {
             assert!((swept - run).abs() <= 1e-12 * run.abs(), "point {i}: {swept} and {run}");
@@ -102,11 +88,11 @@ fn every_point_is_the_run_that_the_file_would_give() {
 /// Keys of the joint, of one muscle, and of both; each row has the figures of a run of the joint.
 #[test]
 fn a_joint_is_swept() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 1\n[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n\
                 [joint]\n[drive]\nshape = \"sine\"\namplitude_rad = 0.2\n";
-    let scenario = file(folder.path(), "joint.toml", text);
-    let out = folder.path().join("out");
+    let scenario = folder.file("joint.toml", text);
+    let out = folder.path("out");
     let keys = [
         "--vary",
         "joint.inertia_kg_m2=0.01,0.03",
@@ -127,11 +113,10 @@ fn a_joint_is_swept() {
         "{}[joint.b.muscle]\nbladder_stiffness_n_m = 700\n",
         text.replace("[joint]\n", "[joint]\ninertia_kg_m2 = 0.03\n")
     );
-    let single = file(folder.path(), "single.toml", &written);
-    let place = folder.path().join("single").display().to_string();
-    assert_eq!(thermyo(&["run", &single, "--quiet", "--out", &place]).0, 0);
-    let summary = read(Path::new(&place), "summary.json");
-    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    let single = folder.file("single.toml", &written);
+    let place = folder.name("single");
+    thermyo(&["run", &single, "--quiet", "--out", &place]).ok();
+    let summary = folder.json("single/summary.json");
     for (column, key) in [
         ("control_rms_error", "rms_error_rad"),
         ("end_error_rad", "end_error_rad"),
@@ -148,32 +133,32 @@ fn a_joint_is_swept() {
     assert!(page.contains("The set point is followed to ") && page.contains(" deg RMS at best"));
 
     let shard = |part: &str| {
-        let out = folder.path().join(part.replace('/', "-"));
+        let out = folder.path(&part.replace('/', "-"));
         sweep(&scenario, &[&keys[..], &["--shard", part]].concat(), &out);
         out.display().to_string()
     };
-    let (whole, parts) = (folder.path().join("whole"), [shard("1/2"), shard("2/2")]);
+    let (whole, parts) = (folder.path("whole"), [shard("1/2"), shard("2/2")]);
     let whole_text = whole.display().to_string();
     let merge = ["sweep", "--merge", &parts[0], &parts[1], "--quiet", "--out", &whole_text];
-    assert_eq!(thermyo(&merge).0, 0);
+    thermyo(&merge).ok();
     assert_eq!(read(&whole, "sweep.csv"), table);
     for (vary, message) in [
         ("joint.radus_m=1,2", "unknown key joint.radus_m; did you mean joint.radius_m?"),
         ("joint.radius_m=0.02,0.4", "joint.mid_length_a_m"),
         ("load.force_n=1,2", "[load] is not used"),
     ] {
-        let (code, _, err) = thermyo(&["sweep", &scenario, "--vary", vary, "--quiet"]);
-        assert!(code == 2 && err.contains(message) && err.lines().count() == 1, "{code}: {err}");
+        let swept = thermyo(&["sweep", &scenario, "--vary", vary, "--quiet"]);
+        swept.refused(message).in_one_line();
     }
 }
 
 #[test]
 fn a_sweep_with_a_set_point_has_its_tracking_error() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 2\n[drive]\nkind = \"contraction\"\nshape = \"sine\"\n\
                 amplitude = \"2 %\"\n";
-    let scenario = file(folder.path(), "scenario.toml", text);
-    let out = folder.path().join("out");
+    let scenario = folder.scenario(text);
+    let out = folder.path("out");
     let table = sweep(&scenario, &["--vary", "drive.period_s=250ms,2s"], &out);
     let errors: Vec<f64> = table.lines().skip(1).map(|line| cells(line)[9]).collect();
     assert!(errors.len() == 2 && errors[0] > 1e-3 && errors[0] != errors[1], "{table}");
@@ -186,7 +171,7 @@ fn a_sweep_with_a_set_point_has_its_tracking_error() {
 
 /// A study in three shards.
 struct Shards {
-    folder: TempDir,
+    folder: Folder,
     scenario: String,
     places: [String; 3],
 }
@@ -196,13 +181,11 @@ impl Shards {
         ["--vary", "believed.heat.scale=0.5:1.3:4:log", "--vary", "run.seed=1:3:3"];
 
     fn new() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let scenario = file(
-            folder.path(),
-            "scenario.toml",
+        let folder = Folder::new();
+        let scenario = folder.scenario(
             "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[believed.heat]\nscale = 0.7\n",
         );
-        let places = ["a", "b", "c"].map(|name| folder.path().join(name).display().to_string());
+        let places = ["a", "b", "c"].map(|name| folder.name(name));
         for (shard, place) in ["1/3", "2/3", "3/3"].iter().zip(&places) {
             let own = [&Self::GRID[..], &["--shard", shard]].concat();
             assert_eq!(sweep(&scenario, &own, Path::new(place)).lines().count(), 5);
@@ -211,16 +194,16 @@ impl Shards {
     }
 
     fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
+        self.folder.path(name)
     }
 
-    /// Merges the shards into `merged`; exit code, standard output and error.
-    fn merge(&self, places: &[&str]) -> (u8, String, String) {
+    /// Merges the shards into `merged`.
+    fn merge(&self, places: &[&str]) -> Said {
         let merged = self.path("merged").display().to_string();
         thermyo(&[&["sweep", "--merge"], places, &["--out", &merged]].concat())
     }
 
-    fn merge_all(&self) -> (u8, String, String) {
+    fn merge_all(&self) -> Said {
         self.merge(&self.places.each_ref().map(String::as_str))
     }
 }
@@ -233,14 +216,11 @@ fn shards_add_up_to_the_whole_to_the_byte() {
     let merged = shards.path("merged");
     let [a, b, c] = shards.places.each_ref().map(String::as_str);
 
-    let (code, _, err) = shards.merge(&[a, c]);
-    assert_eq!(code, 2);
     let missing = "4 of 12 points are missing: point 2 (believed.heat.scale = 0.5, run.seed = 2), ";
-    assert!(err.contains(missing) && err.contains(" and 1 more"), "{err}");
+    shards.merge(&[a, c]).refused(missing).says(" and 1 more");
     assert!(!merged.exists(), "something was written");
 
-    let (code, said, err) = shards.merge(&[c, a, b]);
-    assert_eq!((code, err.as_str()), (0, ""), "{said}");
+    assert_eq!(shards.merge(&[c, a, b]).ok().err, "");
     for name in ["sweep.csv", "summary.json", "report.html", "scenario.toml", "study.json"] {
         assert!(read(&merged, name) == read(&shards.path("whole"), name), "{name}");
     }
@@ -252,8 +232,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
         ([a, other.as_str()], "not the same sweep as in"),
         ([a, &shards.scenario], "no folder of a sweep"),
     ] {
-        let (code, _, err) = shards.merge(&places);
-        assert!(code == 2 && err.contains(message), "{err}");
+        shards.merge(&places).refused(message);
     }
 }
 
@@ -266,9 +245,9 @@ fn a_damaged_label_of_a_shard_is_reported() {
     for cut in [text[..text.len() / 2].to_owned(), text.replace("run.seed=1:3:3", "run.seed")] {
         fs::write(&label, cut).unwrap();
         let [a, b, c] = shards.places.each_ref().map(String::as_str);
-        let (code, _, err) = shards.merge(&[b, a, c]);
+        let err = shards.merge(&[b, a, c]).ends(2).err;
         let expected = format!("thermyo: {}: is damaged (", label.display());
-        assert!(code == 2 && err.starts_with(&expected), "{err}");
+        assert!(err.starts_with(&expected), "{err}");
     }
 }
 
@@ -281,11 +260,11 @@ fn no_altered_bit_of_a_table_is_accepted() {
         let mut altered = text.clone();
         altered[place] ^= 1 << (place % 7);
         fs::write(&table, &altered).unwrap();
-        let (code, _, err) = shards.merge_all();
+        let err = shards.merge_all().ends(2).err;
         let line = 1 + text[..place].iter().filter(|byte| **byte == b'\n').count();
         // If the end of a row is damaged, the message names the row's first line.
         let named = format!("thermyo: {}:{line}: ", table.display());
-        assert!(code == 2 && err.starts_with(&named), "byte {place}: {code} {err}");
+        assert!(err.starts_with(&named), "byte {place}: {err}");
     }
     assert!(!shards.path("merged").exists());
     let mut altered = text.clone();
@@ -293,30 +272,28 @@ fn no_altered_bit_of_a_table_is_accepted() {
     altered[rows[1] - 1] ^= 1;
     altered[rows[2] - 1] ^= 1;
     fs::write(&table, &altered).unwrap();
-    let (_, _, err) = shards.merge_all();
     let said = "b/sweep.csv:2: does not match its checksum, nor does a line below it; run that shard again";
-    assert!(err.contains(said), "{err}");
+    shards.merge_all().says(said);
     // The same command runs the damaged points again, and reports it.
     let begin = ["sweep", &shards.scenario, "--quiet", "--out", &shards.places[1]];
-    let (code, _, err) = thermyo(&[&begin[..], &Shards::GRID, &["--shard", "2/3"]].concat());
-    let kept = "2 of 4 points were done and are kept; what is damaged is run again: ";
-    assert!(code == 0 && err.contains(kept), "{err}");
+    let again = thermyo(&[&begin[..], &Shards::GRID, &["--shard", "2/3"]].concat()).ok();
+    again.says("2 of 4 points were done and are kept; what is damaged is run again: ");
     assert_eq!(fs::read(&table).unwrap(), text);
 }
 
 #[test]
 fn words_and_a_hypercube() {
-    let folder = tempfile::tempdir().unwrap();
-    let scenario = file(folder.path(), "scenario.toml", "[run]\nduration_s = 0.2\n");
+    let folder = Folder::new();
+    let scenario = folder.scenario("[run]\nduration_s = 0.2\n");
     let words = ["--vary", "plant.model=lumped,full", "--vary", "run.seed=1,5"];
-    let table = sweep(&scenario, &words, &folder.path().join("words"));
+    let table = sweep(&scenario, &words, &folder.path("words"));
     let starts: Vec<&str> = table.lines().skip(1).map(|line| &line[..line.len().min(14)]).collect();
     for (start, expected) in
         starts.iter().zip(["1,lumped,1,1,", "2,lumped,5,5,", "3,full,1,1,", "4,full,5,5,"])
     {
         assert!(start.starts_with(expected), "{table}");
     }
-    let page = read(&folder.path().join("words"), "report.html");
+    let page = read(&folder.path("words"), "report.html");
     assert!(
         page.contains(">lumped</text>") && page.contains(">words</td>"),
         "no words on the axis"
@@ -336,7 +313,7 @@ fn words_and_a_hypercube() {
         "--vary",
         "heat.scale=0.7:1.3",
     ];
-    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let (one, two) = (folder.path("one"), folder.path("two"));
     let table = sweep(&scenario, &cube, &one);
     assert_eq!(table, sweep(&scenario, &cube, &two));
     let page = read(&one, "report.html");
@@ -358,9 +335,9 @@ fn words_and_a_hypercube() {
 
 #[test]
 fn the_limits_of_one_key_say_whose_they_are() {
-    let folder = tempfile::tempdir().unwrap();
-    let scenario = file(folder.path(), "scenario.toml", "[run]\nduration_s = 0.2\n");
-    let out = folder.path().join("out");
+    let folder = Folder::new();
+    let scenario = folder.scenario("[run]\nduration_s = 0.2\n");
+    let out = folder.path("out");
     sweep(&scenario, &["--vary", "run.seed=1:2:2"], &out);
     let page = read(&out, "report.html");
     let (_, limits) = page.split_once(">Limits</h2>").unwrap();
@@ -373,10 +350,10 @@ fn the_limits_of_one_key_say_whose_they_are() {
 /// bare sensor needs a time constant of 0.054 s, and the estimate works with 10 s.
 #[test]
 fn the_estimate_is_content_with_a_slow_sensor() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/../scenarios/sensor.toml");
     let vary = ["--vary", "sensor.gas.time_constant_s=0.03:3:3:log"];
-    let table = sweep(scenario, &vary, folder.path());
+    let table = sweep(scenario, &vary, &folder.path(""));
     let rows: Vec<Vec<f64>> = table.lines().skip(1).map(cells).collect();
     let (bare, estimate) = (4, 7);
     // A foil on the axis swings more than the mean of the gas, however fast it is.
@@ -387,31 +364,23 @@ fn the_estimate_is_content_with_a_slow_sensor() {
 
 #[test]
 fn keys_without_effect_are_named() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = Folder::new();
     let text = "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n";
-    let scenario = file(folder.path(), "scenario.toml", text);
-    let out = folder.path().join("out").display().to_string();
-    let (code, said, _) = thermyo(&[
-        "sweep",
-        &scenario,
-        "--quiet",
-        "--out",
-        &out,
-        "--vary",
-        "sensor.gas.time_constant_s=1:2:2",
-        "--vary",
-        "sensor.gas.position=0:1:2",
-    ]);
-    assert_eq!(code, 0);
+    let scenario = folder.scenario(text);
+    let out = folder.name("out");
+    let vary =
+        ["--vary", "sensor.gas.time_constant_s=1:2:2", "--vary", "sensor.gas.position=0:1:2"];
+    let swept = thermyo(&[&["sweep", &scenario, "--quiet", "--out", &out], &vary[..]].concat());
+    let said = swept.ok().out;
     assert!(said.contains("sensor.gas.position changes nothing"), "{said}");
     assert!(!said.contains("time_constant_s changes nothing"), "{said}");
 }
 
 #[test]
 fn bad_arguments_are_named_and_nothing_is_written() {
-    let folder = tempfile::tempdir().unwrap();
-    let scenario = file(folder.path(), "scenario.toml", "");
-    let out = folder.path().join("out");
+    let folder = Folder::new();
+    let scenario = folder.scenario("");
+    let out = folder.path("out");
     let out_text = out.display().to_string();
     for (varied, message) in [
         ("heat.iner_w_m2_k=1:2:3", "unknown key heat.iner_w_m2_k; did you mean heat.inner_w_m2_k?"),
@@ -431,11 +400,10 @@ fn bad_arguments_are_named_and_nothing_is_written() {
         ("sensor.gas.span=0:1:1", "FROM must equal TO"),
         ("sensor.gas.span=0:1:3:log", "FROM must be above 0"),
     ] {
-        let (code, said, err) =
-            thermyo(&["sweep", &scenario, "--quiet", "--out", &out_text, "--vary", varied]);
-        assert_eq!(code, 2, "{varied}: {err}");
-        assert!(err.contains("--vary") && err.contains(message), "{varied}: {err}");
-        assert!(said.is_empty() && !out.exists(), "{varied} left something");
+        thermyo(&["sweep", &scenario, "--quiet", "--out", &out_text, "--vary", varied])
+            .refused(message)
+            .says("--vary");
+        assert!(!out.exists(), "{varied} left something");
     }
     let span = ["--vary", "sensor.gas.span=0:1:2"];
     for (arguments, message) in [
@@ -452,8 +420,7 @@ fn bad_arguments_are_named_and_nothing_is_written() {
         ([&span[..], &["--within", "0"]].concat(), "must be a number above 0"),
     ] {
         let all = [&["sweep", &scenario, "--out", &out_text], &arguments[..]].concat();
-        let (code, _, err) = thermyo(&all);
-        assert!(code == 2 && err.contains(message), "{arguments:?}: {code} {err}");
+        thermyo(&all).refused(message);
         assert!(!out.exists(), "{arguments:?} left something");
     }
 }
@@ -461,25 +428,17 @@ fn bad_arguments_are_named_and_nothing_is_written() {
 /// A failed point keeps the others, and is reported.
 #[test]
 fn a_diverged_point_is_empty_and_reported() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("piston.csv"), "time_s,volume_m3\n0,0.001\n1,0.000001\n").unwrap();
-    let scenario = file(
-        folder.path(),
-        "scenario.toml",
-        "[run]\nduration_s = 0.5\n[plant]\nkind = \"vessel\"\n[vessel]\nvolume_csv = \"piston.csv\"\n\
+    let folder = Folder::new();
+    folder.file("piston.csv", "time_s,volume_m3\n0,0.001\n1,0.000001\n");
+    let scenario = folder.scenario("[run]\nduration_s = 0.5\n[plant]\nkind = \"vessel\"\n[vessel]\nvolume_csv = \"piston.csv\"\n\
          [heat]\nmodel = \"adiabatic\"\n[drive]\nkind = \"closed\"\n",
     );
-    let out = folder.path().join("out");
+    let out = folder.path("out");
     let out_text = out.display().to_string();
     let vary = ["--vary", "run.duration_s=0.5:1:2"];
     let all = [&["sweep", &scenario, "--quiet", "--out", &out_text], &vary[..]].concat();
-    let (code, _, err) = thermyo(&all);
-    assert_eq!(code, 1, "{err}");
-    assert!(
-        err.contains(
-            "1 of 2 points failed, the first is point 2 (run.duration_s = 1): the plant diverged"
-        ),
-        "{err}"
+    thermyo(&all).ends(1).says(
+        "1 of 2 points failed, the first is point 2 (run.duration_s = 1): the plant diverged",
     );
     let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
     assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 10), "{table}");

@@ -2,12 +2,15 @@
 
 #![allow(dead_code)] // Every test uses some of it.
 
+use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Child, Command};
 use std::thread;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use thermyo_boards::image::{self, Variant};
+
+use crate::command_support::{Said, command};
 
 pub fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -38,8 +41,13 @@ impl Bench {
     }
 
     /// Runs a line such as `thermyo board emulated info`, from the repository.
-    pub fn run(&self, line: &str) -> Output {
-        self.command(line).output().unwrap()
+    pub fn run(&self, line: &str) -> Said {
+        Said::of(line, self.command(line).output().unwrap())
+    }
+
+    /// Starts it.
+    pub fn start(&self, line: &str) -> Child {
+        self.command(line).spawn().unwrap()
     }
 
     /// The same command, not yet started.
@@ -48,17 +56,21 @@ impl Bench {
         assert_eq!(words.next(), Some("thermyo"), "{line}");
         let out = self.path("out");
         let words = words.map(|word| word.replace("out/", &format!("{}/", out.display())));
-        let mut command = Command::new(env!("CARGO_BIN_EXE_thermyo"));
+        let mut command = command(&[]);
         command.args(words).current_dir(repository()).env("TMPDIR", self.0.path());
         command
     }
 
     /// Output of a command that has to succeed.
+    #[track_caller]
     pub fn ok(&self, line: &str) -> String {
-        let output = self.run(line);
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        assert!(output.status.success(), "{line}: {}", text(&output.stderr));
-        text(&output.stdout)
+        self.run(line).ok().out
+    }
+
+    /// The same as JSON.
+    #[track_caller]
+    pub fn json(&self, line: &str) -> Value {
+        self.run(&format!("{line} --json")).ok().json()
     }
 
     /// Info of the board once its mode is vent: its startup check, which vents as well, comes
@@ -73,12 +85,9 @@ impl Bench {
     }
 
     /// Message of a command that has to be refused.
+    #[track_caller]
     pub fn refused(&self, line: &str) -> String {
-        let output = self.run(line);
-        let message = String::from_utf8_lossy(&output.stderr).into_owned();
-        assert_eq!(output.status.code(), Some(2), "{line}: {message}");
-        assert_eq!(message.trim().lines().count(), 1, "{line}: {message}");
-        message
+        self.run(line).ends(2).in_one_line().err
     }
 }
 
