@@ -1,9 +1,8 @@
 //! Status of a board in words.
 
-use super::{Failure, FormatArgs};
+use super::{Console, Failure};
 use model_core::Config;
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::Path;
 use thermyo_files::input::write_new;
 use thermyo_files::units::UnitSystem;
@@ -20,13 +19,12 @@ pub(super) struct Overview {
 /// Where a board is armed to, and where it vents.
 pub(super) fn armed(
     (armed_pa, config, of): (f32, &Config, &str),
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let vents_pa = armed_pa + config.pressure_margin_pa();
-    let [most, vents] = [armed_pa, vents_pa].map(|pa| units.text(pa.into(), "Pa", 1));
+    let [most, vents] = [armed_pa, vents_pa].map(|pa| to.units.text(pa.into(), "Pa", 1));
     let words = format!("armed up to {most}, {of}; above {vents} it vents\n");
-    format.done(out, &json!({ "armed_pa": armed_pa, "vents_pa": vents_pa }), &words)
+    to.done(&json!({ "armed_pa": armed_pa, "vents_pa": vents_pa }), &words)
 }
 
 /// A board without a fault, after `clear`.
@@ -117,33 +115,27 @@ pub(super) fn timed(timing: &Timing) -> String {
 pub(super) fn config_file(
     (file, scenario, exact): (&Path, &str, bool),
     status: &Status,
-    format: FormatArgs,
-    (out, err): (&mut dyn Write, &mut dyn Write),
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let named = configuration(status);
     write_new(file, format!("# {named}\n\n{scenario}"))?;
     if !exact {
-        let _ = writeln!(
-            err,
-            "thermyo: a scenario cannot hold all of this configuration: written back it has another \
-             checksum"
+        to.say(
+            "a scenario cannot hold all of this configuration: written back it has another \
+             checksum",
         );
     }
     let words = format!("{}: {named}\n", file.display());
     let mut json = configuration_json(status);
     json["file"] = json!(file.display().to_string());
-    format.done(out, &json, &words)
+    to.done(&json, &words)
 }
 
-pub(super) fn history(
-    events: &[Event],
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn history(events: &[Event], to: &mut Console<'_>) -> Result<(), Failure> {
     let json = serde_json::to_value(events).expect("plain data");
     if events.is_empty() {
         let words = "no events: it has neither vented by itself nor restarted\n";
-        return format.answer(out, &json, words);
+        return to.answer(&json, words);
     }
     let mut words = String::new();
     for event in events {
@@ -152,10 +144,10 @@ pub(super) fn history(
             Event::Vented(first) => format!(
                 "vented by {} at {}, step {}\n",
                 first.faults,
-                units.text(first.pressure_pa.into(), "Pa", 2),
+                to.units.text(first.pressure_pa.into(), "Pa", 2),
                 first.step
             ),
         };
     }
-    format.answer(out, &json, &words)
+    to.answer(&json, &words)
 }

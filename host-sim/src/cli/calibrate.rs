@@ -1,6 +1,6 @@
 //! `thermyo board PORT calibrate`: leads through two points and configures the board.
 
-use super::{Failure, FormatArgs, core_quantity, interrupt, print};
+use super::{Console, Failure, core_quantity, interrupt, print};
 use clap::{Args, ValueEnum};
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
@@ -81,33 +81,27 @@ impl CalibrateArgs {
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &CalibrateArgs,
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
-    ask(board, (args.of_muscle()?, args.hold), format, out, err)
+    ask(board, (args.of_muscle()?, args.hold), to)
 }
 
 /// Calibrates a joint's board.
 pub(super) fn run_joint(
     board: &mut LiveJoint,
     args: &CalibrateArgs,
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
-    ask(board, (args.of_joint()?, args.hold), format, out, err)
+    ask(board, (args.of_joint()?, args.hold), to)
 }
 
 fn ask<B: Bench>(
     board: &mut B,
     (sensor, hold_pa): (B::Gauge, Option<f32>),
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     // The dialogue is not part of the result.
-    let asks: &mut dyn Write = if format.json { err } else { &mut *out };
+    let asks: &mut dyn Write = if to.format.json { to.err } else { to.out };
     interrupt::watch();
     let mut terminal = Terminal { board, lines: typed(), asks, failed: None };
     let calibrated = calibrate::calibrate(&mut terminal, sensor, hold_pa);
@@ -116,9 +110,7 @@ fn ask<B: Bench>(
     }
     let calibrated = calibrated?;
     let Calibrated { shifts, config_name, config_checksum, .. } = &calibrated;
-    format.done(
-        out,
-        &serde_json::json!(calibrated),
+    to.done(&serde_json::json!(calibrated),
         &format!(
             "put right by {} and {}; configuration {config_name} {config_checksum:08x}, not saved; it \
              vents and is not armed\n",

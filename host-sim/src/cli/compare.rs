@@ -1,8 +1,6 @@
-use super::{Failure, OutputArgs, UnitArgs, print, publish, read_record, trace_in};
+use super::{Console, Failure, OutputArgs, UnitArgs, read_record, trace_in};
 use clap::Args;
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use thermyo_files::output::OutputDir;
 use thermyo_runs::compare;
 use thermyo_runs::compare::{Comparison, Recorded, Subject};
 
@@ -17,35 +15,25 @@ pub(super) struct CompareArgs {
     units: UnitArgs,
 }
 
-pub(super) fn run(
-    args: &CompareArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(args: &CompareArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format).in_units(args.units);
     let mut runs = Vec::new();
     for path in &args.runs {
         let trace = trace_in(path);
-        let table = read_record(&trace, stderr)?;
+        let table = read_record(&trace, to)?;
         runs.push(Recorded::of_trace(&name(path), &trace, &table)?);
     }
     refuse_unlike(&runs)?;
     let comparison = Comparison::of(runs);
     for warning in comparison.warnings() {
-        let _ = writeln!(stderr, "thermyo: warning: {warning}");
+        to.say(format_args!("warning: {warning}"));
     }
-    let units = args.units.system();
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/compare"));
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("compare")?;
     let json = comparison.summary();
     out.text("summary.json", &json)?;
     out.text("report.html", &comparison.page())?;
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        return print(stdout, &json);
-    }
-    print(stdout, &compare::text(&comparison.compared, units))?;
-    print(stdout, &comparison.tracking(units))?;
-    print(stdout, &format!("report: {}\n", folder.join("report.html").display()))
+    let text = compare::text(&comparison.compared, to.units) + &comparison.tracking(to.units);
+    to.results(out, (&json, &text))
 }
 
 /// A joint has other columns than a muscle.

@@ -2,9 +2,8 @@
 
 use super::log::LogArgs;
 use super::progress::Bar;
-use super::{Failure, FormatArgs, interrupt, print, publish, read_to_compare};
+use super::{Console, Failure, interrupt, pretty, read_to_compare};
 use clap::Args;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::output::OutputDir;
@@ -42,13 +41,11 @@ pub(super) struct DriveArgs {
 pub(super) fn drive_profile(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    shown: (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let mut record = None;
-    let driven = drive_and_record(board, args, shown, &mut record, out, err);
-    say_record(&driven, record, err);
+    let driven = drive_and_record(board, args, &mut record, to);
+    say_record(&driven, record, to);
     driven
 }
 
@@ -56,10 +53,10 @@ pub(super) fn drive_profile(
 pub(super) fn say_record(
     driven: &Result<(), Failure>,
     record: Option<PathBuf>,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) {
     if let (Err(_), Some(record)) = (driven, record.filter(|record| record.exists())) {
-        let _ = writeln!(err, "thermyo: the record so far is in {}", record.display());
+        to.say(format_args!("the record so far is in {}", record.display()));
     }
 }
 
@@ -75,10 +72,8 @@ impl DriveArgs {
 fn drive_and_record(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    shown: (FormatArgs, UnitSystem),
     record: &mut Option<PathBuf>,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let config = board.config()?;
     let configured = from_config::to_scenario(&config)?;
@@ -86,7 +81,7 @@ fn drive_and_record(
     let driven = drive::plan(&args.profile, args.kind(), &configured, armed_pa)?;
     let duration_s = driven.plant.run.duration_s;
     let measured = match &args.measured {
-        Some(path) => Some(read_to_compare(path, &driven.plant, duration_s, err)?),
+        Some(path) => Some(read_to_compare(path, &driven.plant, duration_s, to)?),
         None => None,
     };
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
@@ -99,7 +94,7 @@ fn drive_and_record(
     if args.arm {
         board.arm(None)?;
     }
-    let bar = Bar::new((duration_s * 1e3) as u64, shown.0.quiet);
+    let bar = Bar::new((duration_s * 1e3) as u64, to.format.quiet);
     let outcome =
         drive::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
             let row = recorder.write(&config, status, telemetry)?;
@@ -109,7 +104,7 @@ fn drive_and_record(
             Ok(())
         });
     bar.clear();
-    let ended = ended(outcome, recorder, ("trace.csv", &mut files), record, err)?;
+    let ended = ended(outcome, recorder, ("trace.csv", &mut files), record, to)?;
     let (status, timing) = (board.status()?, board.timing()?);
     let summary = Driven {
         stopped_of_s: (ended == Ended::Stopped).then_some(duration_s),
@@ -118,11 +113,11 @@ fn drive_and_record(
     let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
     let summed = Summed {
-        json: serde_json::to_string_pretty(&summary).expect("plain data") + "\n",
-        brief: brief(&summary, shown.1, &folder),
+        json: pretty(&summary),
+        brief: brief(&summary, to.units),
         stopped: summary.stopped_of_s.map(|_| summary.driven()),
     };
-    drove(files, &folder, &summed, shown.0, out, err)
+    drove(files, &folder, &summed, to)
 }
 
 /// Closes the record of a drive. From its first row on it is kept, and `record` names its folder.
@@ -131,7 +126,7 @@ pub(super) fn ended(
     recorder: Recorder,
     (name, files): (&'static str, &mut OutputDir),
     record: &mut Option<PathBuf>,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<Ended, Failure> {
     let rows = recorder.rows();
     if rows > 0 {
@@ -144,7 +139,7 @@ pub(super) fn ended(
         Err(DriveError::Output(error)) => return Err(unwritable(error)),
         Err(DriveError::Board(error)) => return Err(error.into()),
         Ok(Ended::Stopped) if rows == 0 => {
-            let _ = writeln!(err, "thermyo: stopped before its first step, nothing is kept");
+            to.say("stopped before its first step, nothing is kept");
             return Err(Failure::Interrupted);
         }
         Ok(ended) => ended,
@@ -164,14 +159,11 @@ pub(super) fn drove(
     mut files: OutputDir,
     folder: &Path,
     summed: &Summed,
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let Summed { json, brief, stopped } = summed;
     files.text("summary.json", json)?;
-    publish(files, format, err)?;
-    print(out, if format.json { json } else { brief })?;
+    to.results(files, (json, brief))?;
     if let Some(driven) = stopped {
         let folder = folder.display();
         return Err(Failure::StoppedAt(format!("{driven}; the record is in {folder}")));
@@ -190,7 +182,7 @@ fn drive_files(folder: &Path, driven: &Loaded) -> Result<OutputDir, Failure> {
     Ok(files)
 }
 
-fn brief(summary: &Driven, units: UnitSystem, folder: &Path) -> String {
+fn brief(summary: &Driven, units: UnitSystem) -> String {
     let mut text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
          pressure {}, estimated gas {}\n\
@@ -208,6 +200,5 @@ fn brief(summary: &Driven, units: UnitSystem, folder: &Path) -> String {
     if let Some(control) = &summary.control {
         text += &control.text(units);
     }
-    text += &summary.core.fault_line();
-    text + &format!("report: {}\n", folder.join("report.html").display())
+    text + &summary.core.fault_line()
 }

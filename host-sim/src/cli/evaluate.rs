@@ -1,7 +1,6 @@
 use super::progress::Bar;
-use super::{Failure, FormatArgs, interrupt, load, print, publish, quantity, read_record, whole};
+use super::{Console, Failure, FormatArgs, interrupt, load, pretty, quantity, read_record, whole};
 use clap::{Args, Subcommand};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_evaluate::{CaseFigures, control_observed, control_page, estimator, faults, joint};
 use thermyo_evaluate::{plants, recording, truth, tune};
@@ -147,7 +146,7 @@ impl Subject {
     }
 
     /// The scenario that the cases start from.
-    fn nominal(&self, err: &mut dyn Write) -> Result<Loaded, Failure> {
+    fn nominal(&self, to: &mut Console<'_>) -> Result<Loaded, Failure> {
         let path = match self {
             Self::Estimator(EstimatorArgs { nominal, .. })
             | Self::Control(ControlArgs { nominal, .. })
@@ -155,33 +154,25 @@ impl Subject {
             | Self::Faults(FaultsArgs { nominal, .. }) => nominal.scenario.as_deref(),
             Self::Plants(_) | Self::Truth { .. } | Self::Joint { .. } => None,
         };
-        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, self.format(), err))
+        path.map_or_else(|| Ok(thermyo_evaluate::nominal()?), |path| load(path, to))
     }
 }
 
-pub(super) fn run(
-    args: &EvaluateArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(args: &EvaluateArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     interrupt::watch();
     let subject = &args.subject;
+    let to = to.as_asked(subject.format());
     let drawn = subject.out().map(OutputDir::create).transpose()?;
-    let nominal = subject.nominal(err)?;
-    let lines = evaluated(subject, &nominal, err)?;
+    let nominal = subject.nominal(to)?;
+    let lines = evaluated(subject, &nominal, to)?;
     let stopped = interrupt::is_requested();
-    if subject.format().json {
-        let json = serde_json::to_string_pretty(&lines).expect("a table is plain data") + "\n";
-        print(out, &json)?;
-    } else {
-        print(out, &thermyo_evaluate::table(&lines))?;
-    }
+    to.print(&if to.format.json { pretty(&lines) } else { thermyo_evaluate::table(&lines) })?;
     if stopped {
-        let _ = writeln!(err, "thermyo: {}", finished(lines.len()));
+        to.say(finished(lines.len()));
         return Err(Failure::Interrupted);
     }
     if let Some(files) = drawn {
-        report(subject, &nominal, &lines, files, err)?;
+        report(subject, &nominal, &lines, files, to)?;
     }
     match thermyo_evaluate::missed(&lines) {
         (0, _) => Ok(()),
@@ -193,12 +184,12 @@ pub(super) fn run(
 fn evaluated(
     subject: &Subject,
     nominal: &Loaded,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<Vec<CaseFigures>, Failure> {
-    let bar = Bar::new(0, subject.format().quiet);
+    let bar = Bar::new(0, to.format.quiet);
     match subject {
         Subject::Estimator(EstimatorArgs { recording: Some(folder), reference_lag, .. }) => {
-            let recorded = read_record(&folder.join(recording::FILE), err)?;
+            let recorded = read_record(&folder.join(recording::FILE), to)?;
             Ok(vec![recording::evaluate(&recorded, *reference_lag)?])
         }
         Subject::Estimator(EstimatorArgs { random: Some(count), seed, .. }) => {
@@ -224,7 +215,7 @@ fn report(
     nominal: &Loaded,
     lines: &[CaseFigures],
     mut files: OutputDir,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let page = if let Subject::Faults(_) = subject {
         faults::page::page(nominal, lines)
@@ -236,7 +227,7 @@ fn report(
         control_page::page(nominal, lines, &plots)
     };
     files.text("report.html", &page)?;
-    publish(files, subject.format(), err)
+    to.publish(files)
 }
 
 /// Message about the finished cases of a stopped table.

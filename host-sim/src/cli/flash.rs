@@ -1,11 +1,10 @@
 //! `thermyo flash` and `thermyo ports`.
 
-use super::{Failure, FormatArgs, print};
+use super::{Console, Failure, FormatArgs};
 use crate::commands::flash;
 use crate::commands::flash::{FlashError, Model, Request, mounts};
 use crate::commands::ports;
 use clap::Args;
-use std::io::Write;
 
 #[derive(Debug, Args)]
 pub(super) struct PortsArgs {
@@ -31,31 +30,33 @@ pub(super) struct FlashArgs {
     format: FormatArgs,
 }
 
-pub(super) fn list(args: &PortsArgs, out: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn list(args: &PortsArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.format);
     let found = ports::list(&mounts());
     let json = serde_json::to_value(&found).expect("a list is plain data");
     if found.is_empty() {
         let advice =
             "no board was found: plug one in; a new one with BOOTSEL held, for `thermyo flash`\n";
-        return args.format.done(out, &json, advice);
+        return to.done(&json, advice);
     }
     let lines: String = found.iter().map(|found| format!("{found}\n")).collect();
-    args.format.answer(out, &json, &lines)
+    to.answer(&json, &lines)
 }
 
-pub(super) fn run(args: FlashArgs, out: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(args: FlashArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let FlashArgs { target, chip: model, joint, dry_run, .. } = args;
     let request = Request { target, model, joint, dry_run };
+    let to = to.as_asked(args.format);
     let mut broken = None;
     let mut say = |line: &str| {
-        if !args.format.quiet && !args.format.json && broken.is_none() {
-            broken = print(out, &format!("{line}\n")).err();
+        if to.is_read() && broken.is_none() {
+            broken = to.print(&format!("{line}\n")).err();
         }
     };
     let flashed = flash::run(&request, &mounts, &mut say)?;
-    if args.format.json {
+    if to.format.json {
         let json = serde_json::to_value(&flashed).expect("plain data");
-        return args.format.answer(out, &json, "");
+        return to.answer(&json, "");
     }
     broken.map_or(Ok(()), Err)
 }

@@ -6,18 +6,16 @@ use super::board_status::{
 use super::drive::{DriveArgs, drive_profile};
 use super::joint_board::JointTask;
 use super::muscle::{line, vents};
-use super::{Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, tune};
+use super::{Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, tune};
 use clap::{Args, Subcommand};
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
 use serde_json::json;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::emulated::Port;
 use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::{port, service};
-use thermyo_files::units::UnitSystem;
 use thermyo_protocol::Refusal;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, differences, from_config};
@@ -118,20 +116,16 @@ impl BoardTask {
     }
 }
 
-pub(super) fn run(
-    command: BoardCommand,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Failure> {
     let BoardCommand { port, json, quiet, si, task } = command;
-    let (format, units) = (FormatArgs { json, quiet }, UnitArgs { si }.system());
+    let to = to.as_asked(FormatArgs { json, quiet }).in_units(UnitArgs { si });
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
-        return plug(&port, task, format, out);
+        return plug(&port, task, to);
     }
     let mut board = match LiveBoard::open(&port) {
         Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
             let Some(task) = task.of_joint() else { return Ok(()) };
-            return joint_board::run(&port, task, (format, units), out, err);
+            return joint_board::run(&port, task, to);
         }
         Err(BoardError::Taken { port }) if matches!(task, BoardTask::Stop) => {
             let usage = format!(
@@ -143,14 +137,12 @@ pub(super) fn run(
         opened => opened?,
     };
     match task {
-        BoardTask::Info => info(&mut board, (format, units), out),
-        BoardTask::Arm(ArmArgs { max_pressure }) => {
-            arm(&mut board, max_pressure, (format, units), out)
-        }
-        BoardTask::Set(args) => set::run(&mut board, &args, (format, units), out, err),
+        BoardTask::Info => info(&mut board, to),
+        BoardTask::Arm(ArmArgs { max_pressure }) => arm(&mut board, max_pressure, to),
+        BoardTask::Set(args) => set::run(&mut board, &args, to),
         BoardTask::Stop => {
             board.stop()?;
-            format.done(out, &vents(), "it vents\n")
+            to.done(&vents(), "it vents\n")
         }
         BoardTask::Clear => {
             let left = board.clear()?;
@@ -162,22 +154,17 @@ pub(super) fn run(
                 left if !left.intersects(VENTING) => format!("shown: {left}\n"),
                 left => return Err(Failure::Check(format!("still there: {left}"))),
             };
-            format.done(out, &json!({ "faults": left.to_string() }), &words)
+            to.done(&json!({ "faults": left.to_string() }), &words)
         }
-        BoardTask::Config(task) => configure(&mut board, task, format, out, err),
-        BoardTask::History => history(&board.history()?, (format, units), out),
-        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, format, out, err),
-        BoardTask::Drive(args) => drive_profile(&mut board, &args, (format, units), out, err),
+        BoardTask::Config(task) => configure(&mut board, task, to),
+        BoardTask::History => history(&board.history()?, to),
+        BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, to),
+        BoardTask::Drive(args) => drive_profile(&mut board, &args, to),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
 }
 
-fn plug(
-    port: &str,
-    task: BoardTask,
-    format: FormatArgs,
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn plug(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(), Failure> {
     if port != port::EMULATED {
         let usage =
             "only the emulated board is plugged in by a command: thermyo board emulated plug";
@@ -194,11 +181,11 @@ fn plug(
             }
             let (image, words) = plugged;
             service::plug(image, scenario.as_deref())?;
-            format.done(out, &json!({ "plugged": true }), words)
+            to.done(&json!({ "plugged": true }), words)
         }
         _ => {
             let words = if service::unplug() { "unplugged\n" } else { "it was not plugged in\n" };
-            format.done(out, &json!({ "plugged": false }), words)
+            to.done(&json!({ "plugged": false }), words)
         }
     }
 }
@@ -227,11 +214,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     Ok(service::serve_muscle(files, &loaded)?)
 }
 
-fn info(
-    board: &mut LiveBoard,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn info(board: &mut LiveBoard, to: &mut Console<'_>) -> Result<(), Failure> {
     let overview = Overview {
         version: board.version(),
         status: board.status()?,
@@ -249,19 +232,14 @@ fn info(
         faults => faults.to_string(),
     };
     let text =
-        overview.text(&faults, &format!("muscle:        {}", line(&telemetry, units)), units);
-    format.answer(out, &json, &text)
+        overview.text(&faults, &format!("muscle:        {}", line(&telemetry, to.units)), to.units);
+    to.answer(&json, &text)
 }
 
-fn arm(
-    board: &mut LiveBoard,
-    most_pa: Option<f64>,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn arm(board: &mut LiveBoard, most_pa: Option<f64>, to: &mut Console<'_>) -> Result<(), Failure> {
     board.arm(most_pa.map(|pa| pa as f32))?;
     let armed_pa = board.status()?.armed_pa.unwrap_or_default();
-    armed((armed_pa, &board.config()?, "absolute"), (format, units), out)
+    armed((armed_pa, &board.config()?, "absolute"), to)
 }
 
 /// A joint's scenario is nothing for a board that drives one muscle.
@@ -278,52 +256,45 @@ fn refuse_joint(file: &Path) -> Result<(), Failure> {
 }
 
 /// Warns where the emulated board has another muscle at its pins than the scenario that it gets.
-fn warn_of_another_muscle(port: &str, file: &Path, loaded: &Loaded, err: &mut dyn Write) {
+fn warn_of_another_muscle(port: &str, file: &Path, loaded: &Loaded, to: &mut Console<'_>) {
     let there = service::at_pins().filter(|_| port == port::EMULATED).unwrap_or_default();
     let all = differences(loaded, &there);
     if !all.is_empty() {
         let (file, all) = (file.display(), all.join("; "));
-        let _ = writeln!(
-            err,
-            "thermyo: warning: {file}: another muscle is at the emulated board's pins: {all}; `thermyo board emulated plug \
+        to.say(format_args!(
+            "warning: {file}: another muscle is at the emulated board's pins: {all}; `thermyo board emulated plug \
              {file}` plugs in this one"
-        );
+        ));
     }
 }
 
-fn configure(
-    board: &mut LiveBoard,
-    task: ConfigTask,
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
+fn configure(board: &mut LiveBoard, task: ConfigTask, to: &mut Console<'_>) -> Result<(), Failure> {
     match task {
         ConfigTask::Write { file } => {
             refuse_joint(&file)?;
-            let loaded = load(&file, format, err)?;
-            warn_of_another_muscle(board.port(), &file, &loaded, err);
+            let loaded = load(&file, to)?;
+            warn_of_another_muscle(board.port(), &file, &loaded, to);
             let config = core_config(&loaded.believed);
             let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
             let status = board.configure(&config, &name)?;
-            format.done(out, &configuration_json(&status), &format!("{}\n", configuration(&status)))
+            to.done(&configuration_json(&status), &format!("{}\n", configuration(&status)))
         }
         ConfigTask::Read { file } => {
             let config = board.config()?;
             let status = board.status()?;
             let scenario = from_config::to_scenario(&config)?;
             let text = thermyo_setup::render(&scenario.scenario);
-            config_file((&file, &text, scenario.exact), &status, format, (out, err))
+            config_file((&file, &text, scenario.exact), &status, to)
         }
         ConfigTask::Save => {
             board.save()?;
             let status = board.status()?;
             let words = format!("saved: {}\n", configuration(&status));
-            format.done(out, &configuration_json(&status), &words)
+            to.done(&configuration_json(&status), &words)
         }
         ConfigTask::Forget => {
             board.forget()?;
-            format.done(out, &json!({ "saved": false }), "the saved configuration is deleted\n")
+            to.done(&json!({ "saved": false }), "the saved configuration is deleted\n")
         }
     }
 }

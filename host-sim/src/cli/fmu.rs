@@ -1,8 +1,7 @@
-use super::{Failure, FormatArgs, joint_in, load, title_of};
+use super::{Console, Failure, FormatArgs, joint_in, load, title_of};
 use crate::fmu::archive::archive;
 use crate::fmu::library;
 use clap::Args;
-use std::io::Write;
 use std::path::PathBuf;
 use thermyo_cosimulation::Kind;
 use thermyo_cosimulation::scenario::Scenario;
@@ -23,16 +22,17 @@ pub(super) struct FmuArgs {
     format: FormatArgs,
 }
 
-pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(args: &FmuArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     if args.out.extension().is_none_or(|extension| extension != "fmu") {
         let [out, fmu] = [args.out.clone(), args.out.with_extension("fmu")];
         let [out, fmu] = [out.display(), fmu.display()];
         let usage = format!("{out}: must end in .fmu, by which importers know a unit: {fmu}");
         return Err(Failure::Usage(usage));
     }
-    let scenario: Scenario = match joint_in(&args.scenario, args.format, err)? {
+    let to = to.as_asked(args.format);
+    let scenario: Scenario = match joint_in(&args.scenario, to)? {
         Some(joint) => joint.into(),
-        None => load(&args.scenario, args.format, err)?.into(),
+        None => load(&args.scenario, to)?.into(),
     };
     // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
@@ -53,8 +53,7 @@ pub(super) fn run(args: &FmuArgs, out: &mut dyn Write, err: &mut dyn Write) -> R
             "variables": variables.iter().map(|variable| variable.name).collect::<Vec<_>>(),
     });
     let parts = if args.with_core { "plant and core" } else { "plant" };
-    args.format.done(
-        out,
+    to.done(
         &json,
         &format!("{parts}, {count} variables, FMI 3.0 co-simulation for {platform}: {file}\n"),
     )

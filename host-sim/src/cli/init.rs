@@ -1,6 +1,6 @@
 //! `thermyo init`: a scenario of one's own rig, from a few answers.
 
-use super::{Failure, FormatArgs, print, print_warnings, quantity};
+use super::{Console, Failure, FormatArgs, quantity};
 use clap::Args;
 use std::fmt::Write as _;
 use std::io::{self, BufRead, IsTerminal, Write};
@@ -150,13 +150,10 @@ fn refused(question: &Question, allowed: &str) -> Failure {
     Failure::Usage(format!("{} {allowed}", question.flag))
 }
 
-pub(super) fn run(
-    args: &InitArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(args: &InitArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     is_new(&args.out)?;
-    let mut answers = Answers { asks: io::stdin().is_terminal(), stderr };
+    let to = to.as_asked(args.format);
+    let mut answers = Answers { asks: io::stdin().is_terminal(), stderr: to.err };
     let muscle = answers.word(&MUSCLE, args.muscle.as_ref(), MusclePreset::WORDS)?;
     let mut dimensions = Vec::new();
     let of_preset = Preset::of("muscle", &muscle).is_some();
@@ -179,7 +176,7 @@ pub(super) fn run(
     let text = rig + &drive;
     let (_, warnings) = thermyo_setup::parse_with_warnings(&text, &args.out)?;
     write_new(&args.out, &text)?;
-    print_warnings(&warnings, answers.stderr);
+    to.warn(&warnings);
     let unknown = unknown(&presets);
     let name = args.out.display();
     let mut words = format!("{name} is written{note}. Still unknown, and how to find it:\n");
@@ -190,10 +187,7 @@ pub(super) fn run(
     let unknown: Vec<_> =
         unknown.iter().map(|(keys, how)| serde_json::json!({ "keys": keys, "how": how })).collect();
     let json = serde_json::json!({ "scenario": args.out, "unknown": unknown });
-    if args.format.json {
-        return print(stdout, &format!("{json:#}\n"));
-    }
-    args.format.done(stdout, &json, &words)
+    to.done(&json, &words)
 }
 
 /// The rig's text, each part with its source.

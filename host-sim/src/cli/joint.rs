@@ -1,9 +1,9 @@
 //! `thermyo run` and `thermyo check` of a joint of two muscles.
 
 use super::progress::Bar;
-use super::{Failure, FormatArgs, RunArgs, interrupt, print, publish, stopped, title_of, unbuilt};
-use std::io::{self, Write};
-use std::path::{Path, PathBuf};
+use super::{Console, Failure, RunArgs, interrupt, pretty, stopped, title_of, unbuilt};
+use std::io;
+use std::path::Path;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::page::PageRecorder;
@@ -16,8 +16,7 @@ use thermyo_record::board_trace::Recorder;
 pub(super) fn check(
     loaded: &JointLoaded,
     path: &Path,
-    format: FormatArgs,
-    out: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     unbuilt::refuse_joint(loaded, path)?;
     let [a, b] = &loaded.muscles;
@@ -29,15 +28,14 @@ pub(super) fn check(
         "a": { "plant": a.plant, "believed": a.believed },
         "b": { "plant": b.plant, "believed": b.believed },
     });
-    format.done(out, &json, &thermyo_joint::render(loaded))
+    to.done(&json, &thermyo_joint::render(loaded))
 }
 
 /// Runs it.
 pub(super) fn run(
     loaded: &JointLoaded,
     args: &RunArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let logs = args.log.wanted();
     logs.check()?;
@@ -47,19 +45,16 @@ pub(super) fn run(
         return Err(Failure::Usage(message.to_owned()));
     }
     unbuilt::refuse_joint(loaded, &args.scenario)?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("run")?;
     let mut recorder = PageRecorder::default();
     let summary = match record(loaded, (args, &logs), &mut out, &mut recorder) {
-        Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
+        Err(Failure::Interrupted) => return Err(stopped(out, to)),
         other => other?,
     };
-    let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
+    let json = pretty(&summary);
     out.text("summary.json", &json)?;
     out.text("report.html", &recorder.page(&title_of(&args.scenario), loaded, &summary))?;
-    publish(out, args.output.format, stderr)?;
-    let brief = || brief(&summary, args.units.system(), &folder);
-    print(stdout, &if args.output.format.json { json } else { brief() })
+    to.results(out, (&json, &brief(&summary, to.units)))
 }
 
 /// Streams the trace into `out`.
@@ -96,11 +91,11 @@ fn record(
     Ok(summary)
 }
 
-fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
+fn brief(summary: &Summary, units: UnitSystem) -> String {
     let figures = &summary.figures;
     let [estimate_a, estimate_b] = summary.estimate_rmse_k;
     let [least, most] = figures.angle_rad.map(|value_rad| angle_text(value_rad, units));
-    let mut text = format!(
+    let text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
          angle {least} to {most}, RMS error {}, at the end {}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s\n\
@@ -115,8 +110,7 @@ fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
         figures.pulses_per_s,
         summary.arm_balance_error,
     );
-    text += &faulty(figures);
-    text + &format!("report: {}\n", folder.join("report.html").display())
+    text + &faulty(figures)
 }
 
 /// Lines about faults, if there were any.

@@ -8,12 +8,11 @@ use super::drive::{DriveArgs, Summed, drove, ended, say_record};
 use super::joint::faulty;
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
-use super::{Failure, FormatArgs, calibrate, interrupt, print};
+use super::{Console, Failure, calibrate, interrupt, pretty};
 use crate::commands::joint::line;
 use model_core::Faults;
 use model_core::joint::{JointError, JointField, JointMode, JointSetPoint, JointTelemetry, Motion};
 use serde_json::{Value, json};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::emulated::{EmulatedBoard, Exchange, STEP_NS};
 use thermyo_boards::live_joint::LiveJoint;
@@ -59,68 +58,58 @@ pub(super) fn at_pins(
     })
 }
 
-pub(super) fn run(
-    port: &str,
-    task: JointTask,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(port: &str, task: JointTask, to: &mut Console<'_>) -> Result<(), Failure> {
     let mut board = LiveJoint::open(port)?;
     match task {
-        JointTask::Info => info(&mut board, (format, units), out),
+        JointTask::Info => info(&mut board, to),
         JointTask::Arm { max_pressure } => {
-            board.arm(max_pressure.map(|pa| pa as f32)).map_err(|error| refused(error, units))?;
+            board
+                .arm(max_pressure.map(|pa| pa as f32))
+                .map_err(|error| refused(error, to.units))?;
             let armed_pa = board.status()?.armed_pa.unwrap_or_default();
             let [config, _] = board.config()?.muscles;
             let of = "absolute, in either muscle";
-            armed((armed_pa, &config, of), (format, units), out)
+            armed((armed_pa, &config, of), to)
         }
-        JointTask::Set(args) => set(&mut board, &args, (format, units), out),
+        JointTask::Set(args) => set(&mut board, &args, to),
         JointTask::Stop => {
             board.stop()?;
-            format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n")
+            to.done(&json!({ "mode": "vent" }), "both muscles vent\n")
         }
-        JointTask::Clear => clear(&mut board, format, out),
+        JointTask::Clear => clear(&mut board, to),
         JointTask::Drive(args) => {
             let mut record = None;
-            let driven =
-                drive_and_record(&mut board, &args, (format, units), &mut record, (out, err));
-            say_record(&driven, record, err);
+            let driven = drive_and_record(&mut board, &args, &mut record, to);
+            say_record(&driven, record, to);
             driven
         }
-        JointTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, format, out, err),
-        JointTask::History => history(&board.history()?, (format, units), out),
-        JointTask::Read { file } => read(&mut board, &file, format, (out, err)),
-        JointTask::Write { file } => write(&mut board, &file, format, out),
+        JointTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, to),
+        JointTask::History => history(&board.history()?, to),
+        JointTask::Read { file } => read(&mut board, &file, to),
+        JointTask::Write { file } => write(&mut board, &file, to),
         JointTask::Save => {
             board.save()?;
             let status = board.status()?;
             let words = format!("saved: {}\n", configuration(&status));
-            format.done(out, &configuration_json(&status), &words)
+            to.done(&configuration_json(&status), &words)
         }
         JointTask::Forget => {
             board.forget()?;
-            show_configuration(&mut board, format, out)
+            show_configuration(&mut board, to)
         }
     }
 }
 
-fn clear(board: &mut LiveJoint, format: FormatArgs, out: &mut dyn Write) -> Result<(), Failure> {
+fn clear(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
     let left = board.clear()?;
     if let Some(left) = venting(&left) {
         return Err(Failure::Check(format!("still there: {left}")));
     }
     let words = cleared(board.status()?.armed_pa);
-    format.done(out, &json!({ "faults": shown(&left) }), &words)
+    to.done(&json!({ "faults": shown(&left) }), &words)
 }
 
-fn write(
-    board: &mut LiveJoint,
-    file: &Path,
-    format: FormatArgs,
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn write(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
     let Some(loaded) = thermyo_joint::load(file)? else {
         let file = file.display();
         let usage = format!(
@@ -131,29 +120,20 @@ fn write(
     };
     let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     board.configure(&loaded.config(), &name)?;
-    show_configuration(board, format, out)
+    show_configuration(board, to)
 }
 
-fn read(
-    board: &mut LiveJoint,
-    file: &Path,
-    format: FormatArgs,
-    output: (&mut dyn Write, &mut dyn Write),
-) -> Result<(), Failure> {
+fn read(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
     let (config, status) = (board.config()?, board.status()?);
     let scenario = thermyo_joint::to_scenario(&config)?;
     let exact = scenario.config() == config;
-    config_file((file, &thermyo_joint::render(&scenario), exact), &status, format, output)
+    config_file((file, &thermyo_joint::render(&scenario), exact), &status, to)
 }
 
-fn show_configuration(
-    board: &mut LiveJoint,
-    format: FormatArgs,
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn show_configuration(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
     let status = board.status()?;
     let words = format!("{}\n", configuration(&status));
-    format.done(out, &configuration_json(&status), &words)
+    to.done(&configuration_json(&status), &words)
 }
 
 /// Faults that are shown, of both muscles and of the joint.
@@ -190,11 +170,7 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
     Failure::Usage(words)
 }
 
-fn info(
-    board: &mut LiveJoint,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn info(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
     let overview = Overview {
         version: board.version(),
         status: board.status()?,
@@ -210,8 +186,8 @@ fn info(
     json["estimate_k"] = json!(telemetry.muscles.map(|muscle| muscle.estimate.gas_k));
     let faults = venting(&telemetry).unwrap_or_else(|| "none".to_owned());
     let text =
-        overview.text(&faults, &format!("joint:         {}", line(&telemetry, units)), units);
-    format.answer(out, &json, &text)
+        overview.text(&faults, &format!("joint:         {}", line(&telemetry, to.units)), to.units);
+    to.answer(&json, &text)
 }
 
 fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
@@ -238,22 +214,17 @@ fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
 }
 
 /// Sends a set point, shows the joint until the time is over or Ctrl-C comes, and vents.
-fn set(
-    board: &mut LiveJoint,
-    args: &SetArgs,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn set(board: &mut LiveJoint, args: &SetArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let set_point = set_point(args)?;
     interrupt::watch();
     if args.arm {
-        board.arm(None).map_err(|error| refused(error, units))?;
+        board.arm(None).map_err(|error| refused(error, to.units))?;
     }
-    let first = board.set(set_point).map_err(|error| refused(error, units))?;
+    let first = board.set(set_point).map_err(|error| refused(error, to.units))?;
     if set_point == JointSetPoint::Vent {
-        return format.done(out, &json!({ "mode": "vent" }), "both muscles vent\n");
+        return to.done(&json!({ "mode": "vent" }), "both muscles vent\n");
     }
-    let (stopped, last) = hold(board, (args, set_point, first), (format, units), out)?;
+    let (stopped, last) = hold(board, (args, set_point, first), to)?;
     board.stop()?;
     let Some((time_s, last)) = last else { return Err(Failure::Interrupted) };
     let json = json!({
@@ -263,7 +234,7 @@ fn set(
         "limited": last.limited,
         "mode": "vent",
     });
-    format.answer(out, &json, &format!("{}; it vents\n", line(&last, units)))?;
+    to.answer(&json, &format!("{}; it vents\n", line(&last, to.units)))?;
     if stopped { Err(stopped_at(time_s, args.hold)) } else { Ok(()) }
 }
 
@@ -275,8 +246,7 @@ type Held = (f64, JointTelemetry);
 fn hold(
     board: &mut LiveJoint,
     (args, set_point, first): (&SetArgs, JointSetPoint, u32),
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(bool, Option<Held>), Failure> {
     let hold_s = args.hold.unwrap_or(f64::INFINITY);
     let (mut next_line_s, mut last) = (0.0, None);
@@ -292,9 +262,9 @@ fn hold(
         let Some(steps) = a.step.checked_sub(first) else { continue };
         let time_s = f64::from(steps) * 1e-3;
         last = Some((time_s, telemetry));
-        if time_s >= next_line_s && !format.quiet && !format.json {
+        if time_s >= next_line_s && to.is_read() {
             next_line_s += LINE_S;
-            print(out, &format!("{time_s:7.2} s  {}\n", line(&telemetry, units)))?;
+            to.print(&format!("{time_s:7.2} s  {}\n", line(&telemetry, to.units)))?;
         }
         let unlocked = set_point == JointSetPoint::Lock && telemetry.mode == JointMode::Vent;
         if time_s >= hold_s || unlocked {
@@ -308,9 +278,8 @@ fn hold(
 fn drive_and_record(
     board: &mut LiveJoint,
     args: &DriveArgs,
-    (format, units): (FormatArgs, UnitSystem),
     record: &mut Option<PathBuf>,
-    (out, err): (&mut dyn Write, &mut dyn Write),
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     if args.kind.is_some() || args.measured.is_some() {
         let usage = "--kind and --measured are for one muscle; a joint's CSV has time_s, angle_rad and \
@@ -328,9 +297,9 @@ fn drive_and_record(
     let mut gathered = joint::Gathered::new(&driven);
     interrupt::watch();
     if args.arm {
-        board.arm(None).map_err(|error| refused(error, units))?;
+        board.arm(None).map_err(|error| refused(error, to.units))?;
     }
-    let bar = Bar::new((duration_s * 1e3) as u64, format.quiet);
+    let bar = Bar::new((duration_s * 1e3) as u64, to.format.quiet);
     let outcome =
         joint::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
             let row = thermyo_joint::trace::record(&mut recorder, &config, status, telemetry)?;
@@ -339,7 +308,7 @@ fn drive_and_record(
             Ok(())
         });
     bar.clear();
-    let ended = ended(outcome, recorder, (FILE, &mut files), record, err)?;
+    let ended = ended(outcome, recorder, (FILE, &mut files), record, to)?;
     let (status, timing) = (board.status()?, board.timing()?);
     let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
     let stopped_of_s = (ended == Ended::Stopped).then_some(duration_s);
@@ -347,11 +316,11 @@ fn drive_and_record(
         gathered.finish((&title, &driven), (board.port(), &status, &timing), stopped_of_s);
     files.text("report.html", &page)?;
     let summed = Summed {
-        json: serde_json::to_string_pretty(&summary).expect("plain data") + "\n",
-        brief: brief(&summary, units, &folder),
+        json: pretty(&summary),
+        brief: brief(&summary, to.units),
         stopped: summary.stopped_of_s.map(|_| summary.driven()),
     };
-    drove(files, &folder, &summed, format, out, err)
+    drove(files, &folder, &summed, to)
 }
 
 /// Creates the folder of a drive, with its scenario and its profile.
@@ -368,11 +337,11 @@ fn drive_files(folder: &Path, driven: &JointLoaded) -> Result<OutputDir, Failure
     Ok(files)
 }
 
-fn brief(summary: &joint::Driven, units: UnitSystem, folder: &Path) -> String {
+fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
     let figures = &summary.figures;
     let [least, most] = figures.angle_rad.map(|angle_rad| angle_text(angle_rad, units));
     let [a, b] = figures.highest_pressure_pa.map(|pa| units.text(pa, "Pa", 1));
-    let mut text = format!(
+    let text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
          angle {least} to {most}, RMS error {}, at the end {}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s; highest pressures {a} and {b}\n\
@@ -389,6 +358,5 @@ fn brief(summary: &joint::Driven, units: UnitSystem, folder: &Path) -> String {
         summary.timing.missed_steps,
         summary.lost_steps,
     );
-    text += &faulty(figures);
-    text + &format!("report: {}\n", folder.join("report.html").display())
+    text + &faulty(figures)
 }

@@ -2,12 +2,9 @@
 
 use super::progress::Bar;
 use super::tune::{Done, TuneArgs, interrupted};
-use super::{Failure, interrupt, title_of, unbuilt};
+use super::{Console, Failure, interrupt, title_of, unbuilt};
 use model_core::joint::{JointConfig, JointTelemetry};
-use std::io::Write;
-use std::path::PathBuf;
 use thermyo_boards::live_joint::LiveJoint;
-use thermyo_files::output::OutputDir;
 use thermyo_joint::JointLoaded;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::joint_tune::{
@@ -68,8 +65,7 @@ fn tuned(loaded: &JointLoaded, args: &TuneArgs, highest_pa: f64) -> Result<Tuned
 pub(super) fn run(
     loaded: &JointLoaded,
     args: &TuneArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     if args.plan.is_some() {
         let message = "--plan motion finds slip and creep of one muscle: give a scenario without [joint], of either \
@@ -77,13 +73,12 @@ pub(super) fn run(
         return Err(Failure::Usage(message.to_owned()));
     }
     unbuilt::refuse_joint(loaded, &args.scenario)?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
     let highest_pa = joint_tune::highest_pa(&loaded.config(), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     interrupt::watch();
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("tune")?;
     let tuned = match tuned(loaded, args, highest_pa) {
-        Err(Failure::Interrupted) => return Err(interrupted(&out, stderr)),
+        Err(Failure::Interrupted) => return Err(interrupted(&out, to)),
         tuned => tuned?,
     };
     let page = joint_tune::page(&tuned, &title_of(&args.scenario));
@@ -91,7 +86,7 @@ pub(super) fn run(
     let shown = (tuned.findings.text(), tuned.findings.adopted);
     Done::new(args, &mut out, &tuned.findings, (&scenario, &page), shown)?
         .failing(tuned.findings.values.failed())
-        .publish(args, out, stdout, stderr)
+        .publish(out, to)
 }
 
 impl From<TuneError> for Failure {

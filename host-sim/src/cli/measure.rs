@@ -2,12 +2,11 @@
 
 use super::progress::Bar;
 use super::{
-    Failure, FormatArgs, UnitArgs, interrupt, load, print, publish, quantity, title_of, tune,
-    unbuilt, whole,
+    Console, Failure, FormatArgs, UnitArgs, interrupt, load, quantity, title_of, tune, unbuilt,
+    whole,
 };
 use clap::{Args, Subcommand};
 use model_core::{Config, SetPointError};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::output::OutputDir;
@@ -88,12 +87,9 @@ fn period(text: &str) -> Result<f64, String> {
     seconds(text, [0.5, 120.0])
 }
 
-pub(super) fn run(
-    command: &MeasureCommand,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(command: &MeasureCommand, to: &mut Console<'_>) -> Result<(), Failure> {
     let MeasureTask::Stop(args) = &command.task;
+    let to = to.as_asked(args.format).in_units(args.units);
     let asked = Asked {
         stops: args.stops,
         wait_s: args.wait,
@@ -108,7 +104,7 @@ pub(super) fn run(
     let refused = |error| Failure::Usage(format!("{}: {error}", args.target));
     let path = Path::new(&args.target);
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
-        let loaded = load(path, args.format, err)?;
+        let loaded = load(path, to)?;
         unbuilt::refuse(&loaded, path)?;
         let config = core_config(&loaded.believed);
         allowed(&config)?;
@@ -116,7 +112,7 @@ pub(super) fn run(
         let title = title_of(path);
         let mut board = CoreBoard::default();
         let mut bench = SimulatedRows(&mut board);
-        return measure(args, &loaded, &plan, (&title, "simulated"), &mut bench, out, err);
+        return measure(args, &loaded, &plan, (&title, "simulated"), &mut bench, to);
     }
     let mut board = LiveBoard::open(&args.target)?;
     let config = board.config()?;
@@ -129,7 +125,7 @@ pub(super) fn run(
     let plan = Plan::new(&loaded, &config, &asked, armed_pa).map_err(refused)?;
     interrupt::watch();
     let mut bench = LiveRows::arm(&mut board, config, &plan, args.arm)?;
-    measure(args, &loaded, &plan, ("stops", &args.target), &mut bench, out, err)
+    measure(args, &loaded, &plan, ("stops", &args.target), &mut bench, to)
 }
 
 fn measure(
@@ -138,8 +134,7 @@ fn measure(
     plan: &Plan,
     (title, board): (&str, &str),
     bench: &mut dyn RowBench,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/measure"));
     let mut files = OutputDir::create(&folder)?;
@@ -159,27 +154,20 @@ fn measure(
         Err(error) if !record.rows.rows.is_empty() => {
             let findings = measured(&record, plan, loaded, board);
             write(&mut files, &findings, &record, loaded, title)?;
-            let left = files.leave();
-            let _ = writeln!(err, "thermyo: the record so far is in {}", left.display());
+            to.say(format_args!("the record so far is in {}", files.leave().display()));
             return Err(Failure::Run(error));
         }
         Err(error) => return Err(Failure::Run(error)),
     };
     if record.rows.rows.is_empty() {
-        let _ = writeln!(err, "thermyo: stopped before its first step, nothing is kept");
+        to.say("stopped before its first step, nothing is kept");
         return Err(Failure::Interrupted);
     }
     let findings = measured(&record, plan, loaded, board);
     write(&mut files, &findings, &record, loaded, title)?;
-    publish(files, args.format, err)?;
-    if args.format.json {
-        print(out, &findings.json())?;
-    } else {
-        print(out, &findings.text(args.units.system()))?;
-        print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
-    }
+    to.results(files, (&findings.json(), &findings.text(to.units)))?;
     if interrupted {
-        let _ = writeln!(err, "thermyo: stopped; the record is in {}", folder.display());
+        to.say(format_args!("stopped; the record is in {}", folder.display()));
         return Err(Failure::Interrupted);
     }
     findings.failed().map_or(Ok(()), |why| Err(Failure::Check(why)))

@@ -6,6 +6,7 @@ mod board;
 mod board_status;
 mod calibrate;
 mod compare;
+mod console;
 mod drive;
 mod evaluate;
 mod failure;
@@ -33,6 +34,7 @@ mod tune;
 mod unbuilt;
 
 use self::board::BoardArgs;
+use self::console::{Console, FormatArgs, UnitArgs, print};
 use self::failure::Failure;
 use self::folded::Folded;
 use self::log::LogArgs;
@@ -41,6 +43,7 @@ use crate::commands::monitor::{self, Session, Shown};
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use crossterm::terminal;
+use serde::Serialize;
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{self, IsTerminal, Write};
@@ -49,7 +52,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use thermyo_boards::checkout;
-use thermyo_files::input::{InputError, nearest};
+use thermyo_files::input::nearest;
 use thermyo_files::number::difference_text;
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
@@ -170,50 +173,6 @@ enum Task {
     },
 }
 
-/// Options of every command. With both, only the JSON is printed.
-#[derive(Debug, Clone, Copy, Args)]
-struct FormatArgs {
-    /// Print the result as JSON on standard output
-    #[arg(long)]
-    json: bool,
-    /// Print only requested results, warnings and errors
-    #[arg(long)]
-    quiet: bool,
-}
-
-impl FormatArgs {
-    /// Prints a confirmation: as text, as JSON, or not at all.
-    fn done(
-        self,
-        out: &mut dyn Write,
-        json: &serde_json::Value,
-        words: &str,
-    ) -> Result<(), Failure> {
-        match self {
-            Self { json: true, .. } => print(out, &format!("{json:#}\n")),
-            Self { quiet: true, .. } => Ok(()),
-            _ => print(out, words),
-        }
-    }
-
-    /// Prints a note, which is neither result, warning nor error.
-    fn note(self, err: &mut dyn Write, note: &str) {
-        if !self.quiet {
-            let _ = writeln!(err, "{note}");
-        }
-    }
-
-    /// Prints a requested result: as text or as JSON.
-    fn answer(
-        self,
-        out: &mut dyn Write,
-        json: &serde_json::Value,
-        words: &str,
-    ) -> Result<(), Failure> {
-        Self { quiet: false, ..self }.done(out, json, words)
-    }
-}
-
 #[derive(Debug, Args)]
 struct OutputArgs {
     /// Folder for the results, including report.html [default: out/<command>]
@@ -223,17 +182,11 @@ struct OutputArgs {
     format: FormatArgs,
 }
 
-/// Units of the printed figures; JSON is SI.
-#[derive(Debug, Clone, Copy, Args)]
-struct UnitArgs {
-    /// Print figures in SI: Pa, m, K and ratios instead of kPa, mm, degC and %
-    #[arg(long)]
-    si: bool,
-}
-
-impl UnitArgs {
-    fn system(self) -> UnitSystem {
-        if self.si { UnitSystem::Si } else { UnitSystem::Practical }
+impl OutputArgs {
+    /// Creates the folder for the results, `out/<command>` by default.
+    fn create(&self, command: &str) -> Result<OutputDir, Failure> {
+        let usual = || Path::new("out").join(command);
+        Ok(OutputDir::create(&self.out.clone().unwrap_or_else(usual))?)
     }
 }
 
@@ -362,37 +315,38 @@ pub fn run<A: Into<OsString> + Clone>(
             return usage.exit_code() as u8;
         }
     };
+    let to = &mut Console::new(out, err);
     let result = match cli.command.unwrap_or(Task::Reproduce(cli.reproduce)) {
-        Task::Reproduce(args) => reproduce_command(&args, out, err),
-        Task::Init(args) => init::run(&args, out, err),
-        Task::Run(args) => run_command(&args, out, err),
-        Task::Identify(args) => identify_command(&args, out, err),
-        Task::Sweep(args) => sweep::run(args, out, err),
-        Task::Tune(args) => tune_command(&args, out, err),
-        Task::Measure(command) => measure::run(&command, out, err),
-        Task::Replay(args) => replay::run(&args, out, err),
-        Task::Fmu(args) => fmu::run(&args, out, err),
-        Task::Compare(args) => compare::run(&args, out, err),
+        Task::Reproduce(args) => reproduce_command(&args, to),
+        Task::Init(args) => init::run(&args, to),
+        Task::Run(args) => run_command(&args, to),
+        Task::Identify(args) => identify_command(&args, to),
+        Task::Sweep(args) => sweep::run(args, to),
+        Task::Tune(args) => tune_command(&args, to),
+        Task::Measure(command) => measure::run(&command, to),
+        Task::Replay(args) => replay::run(&args, to),
+        Task::Fmu(args) => fmu::run(&args, to),
+        Task::Compare(args) => compare::run(&args, to),
         Task::Monitor { port, out: folder, format, units, every, log } => {
             let folder = folder.unwrap_or_else(|| PathBuf::from("out/monitor"));
-            let shown = (format, units.system());
-            monitor_command((&port, every), &folder, shown, &log.wanted(), out, err)
+            let to = to.as_asked(format).in_units(units);
+            monitor_command((&port, every), &folder, &log.wanted(), to)
         }
-        Task::Serve(args) => serve::run(&args, out),
-        Task::Playground(args) => playground::run(&args, out),
-        Task::Board(command) => flashed::run(command, out, err),
+        Task::Serve(args) => serve::run(&args, to),
+        Task::Playground(args) => playground::run(&args, to),
+        Task::Board(command) => flashed::run(command, to),
         Task::EmulatedBoard(args) => flashed::serve(&args),
-        Task::Ports(args) => flash::list(&args, out),
-        Task::Flash(args) => flash::run(args, out),
-        Task::Evaluate(args) => evaluate::run(&args, out, err),
-        Task::Check { scenario, format } => check_command(&scenario, format, out, err),
-        Task::Completions { shell, format } => shell::completions(shell, format, out),
-        Task::Man { out: folder, format } => shell::man(&folder, format, out),
+        Task::Ports(args) => flash::list(&args, to),
+        Task::Flash(args) => flash::run(args, to),
+        Task::Evaluate(args) => evaluate::run(&args, to),
+        Task::Check { scenario, format } => check_command(&scenario, to.as_asked(format)),
+        Task::Completions { shell, format } => shell::completions(shell, to.as_asked(format)),
+        Task::Man { out: folder, format } => shell::man(&folder, to.as_asked(format)),
     };
     match result {
         Ok(()) => 0,
         Err(failure) => {
-            let _ = writeln!(err, "thermyo: {failure}");
+            to.say(&failure);
             failure.exit_code()
         }
     }
@@ -433,178 +387,140 @@ fn suggest_sibling(usage: &mut clap::Error, arguments: &[OsString]) {
     }
 }
 
-fn check_command(
-    path: &Path,
-    format: FormatArgs,
-    out: &mut dyn Write,
-    err: &mut dyn Write,
-) -> Result<(), Failure> {
-    if let Some(joint) = joint_in(path, format, err)? {
-        return joint::check(&joint, path, format, out);
+fn check_command(path: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
+    if let Some(joint) = joint_in(path, to)? {
+        return joint::check(&joint, path, to);
     }
-    let loaded = load(path, format, err)?;
+    let loaded = load(path, to)?;
     unbuilt::refuse(&loaded, path)?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
-    format.done(out, &both, &thermyo_setup::render(&loaded))
+    to.done(&both, &thermyo_setup::render(&loaded))
 }
 
 /// The scenario of a joint, if the file is one; prints its warnings.
-fn joint_in(
-    path: &Path,
-    format: FormatArgs,
-    stderr: &mut dyn Write,
-) -> Result<Option<JointLoaded>, Failure> {
+fn joint_in(path: &Path, to: &mut Console<'_>) -> Result<Option<JointLoaded>, Failure> {
     let Some((loaded, warnings)) = thermyo_joint::load_with_warnings(path)? else {
         return Ok(None);
     };
-    note_shipped(path, format, stderr);
-    print_warnings(&warnings, stderr);
+    note_shipped(path, to);
+    to.warn(&warnings);
     Ok(Some(loaded))
 }
 
 /// Prints a note if the built-in file is used.
-fn note_shipped(path: &Path, format: FormatArgs, stderr: &mut dyn Write) {
+fn note_shipped(path: &Path, to: &mut Console<'_>) {
     if shipped::instead_of(path).is_some() {
         let path = path.display();
-        let note = format!("thermyo: {path} is not here: the one inside this program is used");
-        format.note(stderr, &note);
-    }
-}
-
-fn print_warnings(warnings: &[InputError], stderr: &mut dyn Write) {
-    for warning in warnings {
-        let _ = writeln!(stderr, "thermyo: warning: {warning}");
+        to.note(&format!("thermyo: {path} is not here: the one inside this program is used"));
     }
 }
 
 /// Loads a scenario; prints its warnings, and a note if the built-in file is used.
-fn load(path: &Path, format: FormatArgs, stderr: &mut dyn Write) -> Result<Loaded, Failure> {
+fn load(path: &Path, to: &mut Console<'_>) -> Result<Loaded, Failure> {
     let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
-    note_shipped(path, format, stderr);
-    print_warnings(&warnings, stderr);
+    note_shipped(path, to);
+    to.warn(&warnings);
     Ok(loaded)
 }
 
-fn run_command(
-    args: &RunArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
-    if let Some(joint) = joint_in(&args.scenario, args.output.format, stderr)? {
-        return joint::run(&joint, args, stdout, stderr);
+fn run_command(args: &RunArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format).in_units(args.units);
+    if let Some(joint) = joint_in(&args.scenario, to)? {
+        return joint::run(&joint, args, to);
     }
-    let loaded = load(&args.scenario, args.output.format, stderr)?;
+    let loaded = load(&args.scenario, to)?;
     unbuilt::refuse(&loaded, &args.scenario)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
-        Some(path) => Some(read_to_compare(path, &loaded.plant, duration_s, stderr)?),
+        Some(path) => Some(read_to_compare(path, &loaded.plant, duration_s, to)?),
         None => None,
     };
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/run"));
     let logs = args.log.wanted();
     logs.check()?;
     let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("run")?;
     let mut rows: u64 = 0;
-    let summary = record(
-        &loaded,
-        board.as_mut(),
-        measured.as_ref(),
-        (&args.output, &logs),
-        &mut out,
-        |row| {
-            rows += 1;
-            recorder.add(row);
-        },
-    );
+    let quiet = args.output.format.quiet;
+    let each = |row: &Row| {
+        rows += 1;
+        recorder.add(row);
+    };
+    let summary =
+        record(&loaded, board.as_mut(), measured.as_ref(), (quiet, &logs), &mut out, each);
     let summary = match summary {
-        Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
+        Err(Failure::Interrupted) => return Err(stopped(out, to)),
         // The line broke or the board restarted: the rows so far stay where they are.
         Err(failure @ Failure::Run(RunError::Board(_))) if rows > 0 => {
-            let left = out.leave();
-            let _ = writeln!(stderr, "thermyo: the record so far is in {}", left.display());
+            to.say(format_args!("the record so far is in {}", out.leave().display()));
             return Err(failure);
         }
         other => other?,
     };
     let title = title_of(&args.scenario);
     let page = recorder.page(&title, &loaded, measured.as_ref(), &summary);
-    finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))
+    finish(out, &summary, &page, to)
 }
 
-fn tune_command(
-    args: &tune::TuneArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
-    match joint_in(&args.scenario, args.output.format, stderr)? {
-        Some(joint) => joint_tune::run(&joint, args, stdout, stderr),
-        None => tune::run(args, stdout, stderr),
+fn tune_command(args: &tune::TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format);
+    match joint_in(&args.scenario, to)? {
+        Some(joint) => joint_tune::run(&joint, args, to),
+        None => tune::run(args, to),
     }
 }
 
-fn identify_command(
-    args: &IdentifyArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
-    if let Some(joint) = joint_in(&args.config, args.output.format, stderr)? {
-        return joint_identify::run(&joint, args, stdout, stderr);
+fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format);
+    if let Some(joint) = joint_in(&args.config, to)? {
+        return joint_identify::run(&joint, args, to);
     }
-    let loaded = load(&args.config, args.output.format, stderr)?;
+    let loaded = load(&args.config, to)?;
     let Some(data) = &args.data else {
-        return plan_command(&loaded, args, stdout, stderr);
+        return plan_command(&loaded, args, to);
     };
     let table = table::read_either(data, Readings::are_in)
         .map_err(|error| of_unknown_column(error, &known_columns()))?;
-    say_damage(&table, stderr);
+    say_damage(&table, to);
     let against = args.against.as_deref().map(table::read_table).transpose()?;
     interrupt::watch();
     // Created before the search, which takes minutes: an unwritable folder fails at once.
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/identify"));
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("identify")?;
     let bar = Bar::new(0, args.output.format.quiet);
     let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
     drop(bar);
     let found = match found {
         Err(IdentifyError::Stopped { finished, starts, csv }) => {
-            return Err(searched(out, (finished, starts), &csv, stderr)?);
+            return Err(searched(out, (finished, starts), &csv, to)?);
         }
         found => found.map_err(Failure::Identify)?,
     };
     let title = title_of(data);
-    let json =
-        serde_json::to_string_pretty(&found.findings()).expect("findings are plain data") + "\n";
+    let json = pretty(&found.findings());
     out.text("summary.json", &json)?;
     out.text("identified.toml", &thermyo_setup::render(found.scenario()))?;
     out.text("report.html", &found.page(&title))?;
     let (name, plot) = found.plot(&title);
     out.text(name, &plot)?;
-    publish_and_print(out, args.output.format, (&json, &found.text()), stdout, stderr)?;
+    to.results(out, (&json, &found.text()))?;
     found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
 /// The table on stdout, and the reasons beside it.
-fn plan_command(
-    loaded: &Loaded,
-    args: &IdentifyArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+fn plan_command(loaded: &Loaded, args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let shown = |csv: &str| match args.output.format.json {
         true => plan_json(csv),
         false => csv.to_owned(),
     };
     if let Some(Plan::Motion) = args.plan {
         let (text, reasons) = motion::plan(loaded, &args.config)?;
-        print(stdout, &shown(&text))?;
+        to.print(&shown(&text))?;
         for reason in reasons {
-            args.output.format.note(stderr, &reason);
+            to.note(&reason);
         }
         return Ok(());
     }
-    print(stdout, &shown(&static_map::plan(loaded, &args.config)?))
+    to.print(&shown(&static_map::plan(loaded, &args.config)?))
 }
 
 /// The rows of a plan as JSON: an object each, an empty cell as null.
@@ -623,16 +539,16 @@ fn searched(
     mut out: OutputDir,
     (finished, starts): (usize, u64),
     csv: &str,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<Failure, Failure> {
     let message = if finished == 0 {
-        format!("thermyo: none of {starts} searches was finished, nothing is kept")
+        format!("none of {starts} searches was finished, nothing is kept")
     } else {
         out.text("searches.csv", csv)?;
         let left = out.leave().join("searches.csv");
-        format!("thermyo: the results of {finished} of {starts} searches are in {}", left.display())
+        format!("the results of {finished} of {starts} searches are in {}", left.display())
     };
-    let _ = writeln!(stderr, "{message}");
+    to.say(message);
     Ok(Failure::Interrupted)
 }
 
@@ -643,49 +559,45 @@ fn title_of(file: &Path) -> String {
 fn monitor_command(
     (port, every): (&str, u16),
     folder: &Path,
-    shown: (FormatArgs, UnitSystem),
     logs: &Logs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     // At a terminal Ctrl-C comes as a key, otherwise as a signal.
     interrupt::watch();
     if monitor::joint_at(port)? {
-        monitor_as::<monitor::Joint>((port, every), folder, shown, logs, stdout, stderr)
+        monitor_as::<monitor::Joint>((port, every), folder, logs, to)
     } else {
-        monitor_as::<monitor::Muscle>((port, every), folder, shown, logs, stdout, stderr)
+        monitor_as::<monitor::Muscle>((port, every), folder, logs, to)
     }
 }
 
 fn monitor_as<S: monitor::Subject>(
     (port, every): (&str, u16),
     folder: &Path,
-    (format, units): (FormatArgs, UnitSystem),
     logs: &Logs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let mut out = OutputDir::create(folder)?;
     let recorder = Recorder::with_columns(out.file(S::TRACE)?, &(S::LAYOUT.columns)())
         .map_err(|error| out.unwritable(S::TRACE, &error))?
         .beside(logs.open(&mut out, S::LAYOUT)?);
     let mut session = Session::<S>::open(port, every, recorder).map_err(Failure::Board)?;
-    let shown = match (format.quiet || format.json, io::stdout().is_terminal()) {
-        (true, _) => Shown::Not,
-        (false, true) => Shown::Terminal,
-        (false, false) => Shown::Lines,
+    let shown = match (to.is_read(), io::stdout().is_terminal()) {
+        (false, _) => Shown::Not,
+        (true, true) => Shown::Terminal,
+        (true, false) => Shown::Lines,
     };
-    // `stdout` folds lines: the figures need the raw stream.
-    let shown = (shown, units);
+    // `to` folds lines: the figures need the raw stream.
+    let shown = (shown, to.units);
     let outcome = monitor::run(&mut session, &mut out, shown, &interrupt::is_requested);
     let rows = session.rows();
     // Closes the file before it moves.
     drop(session);
     if rows > 0 {
-        publish(out, format, stderr)?;
+        to.publish(out)?;
         let trace = folder.join(S::TRACE).display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
-        format.done(stdout, &json, &format!("{rows} rows recorded: {trace}\n"))?;
+        to.done(&json, &format!("{rows} rows recorded: {trace}\n"))?;
     }
     match outcome? {
         monitor::Ended::Left => Ok(()),
@@ -693,31 +605,27 @@ fn monitor_as<S: monitor::Subject>(
     }
 }
 
-fn reproduce_command(
-    args: &ReproduceArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+fn reproduce_command(args: &ReproduceArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format).in_units(args.units);
     let loaded = reproduce::scenario()?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/reproduce"));
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("reproduce")?;
     let mut study = reproduce::Study::new(&loaded);
     let mut board = CoreBoard::default();
     let only_csv = Logs::default();
-    let wanted = (&args.output, &only_csv);
+    let wanted = (args.output.format.quiet, &only_csv);
     let summary = record(&loaded, &mut board, None, wanted, &mut out, |row| study.add(row));
     let summary = match summary {
-        Err(Failure::Interrupted) => return Err(stopped(out, stderr)),
+        Err(Failure::Interrupted) => return Err(stopped(out, to)),
         other => other?,
     };
     let findings = match study.finish(&summary) {
-        Err(RunError::Stopped) => return Err(stopped(out, stderr)),
+        Err(RunError::Stopped) => return Err(stopped(out, to)),
         findings => findings.map_err(Failure::Run)?,
     };
     let page = reproduce::page(&loaded, &findings, &summary);
-    finish(out, stdout, stderr, &summary, &page, (&args.output, args.units))?;
+    finish(out, &summary, &page, to)?;
     if !args.output.format.json {
-        print(stdout, &findings.text())?;
+        to.print(&findings.text())?;
     }
     findings.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
@@ -727,7 +635,7 @@ fn record(
     loaded: &Loaded,
     board: &mut dyn Board,
     measured: Option<&Measured>,
-    (args, logs): (&OutputArgs, &Logs),
+    (quiet, logs): (bool, &Logs),
     out: &mut OutputDir,
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
@@ -737,7 +645,7 @@ fn record(
     let beside = logs.open(out, topics::MUSCLE)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
     let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
-    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, args.format.quiet);
+    let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, quiet);
     let mut observer = |row: &Row| {
         writer.write(&row.cells())?;
         each(row);
@@ -759,56 +667,27 @@ fn record(
 }
 
 /// Keeps the rows so far after Ctrl-C, and prints where.
-fn stopped(out: OutputDir, stderr: &mut dyn Write) -> Failure {
-    let left = out.leave();
-    let _ = writeln!(stderr, "thermyo: the rows so far are in {}", left.display());
+fn stopped(out: OutputDir, to: &mut Console<'_>) -> Failure {
+    to.say(format_args!("the rows so far are in {}", out.leave().display()));
     Failure::Interrupted
 }
 
 /// Writes summary and report, and publishes all files.
 fn finish(
     mut out: OutputDir,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
     summary: &Summary,
     page: &str,
-    (args, units): (&OutputArgs, UnitArgs),
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
-    let json = serde_json::to_string_pretty(summary).expect("a summary is plain data") + "\n";
-    let folder = out.path().to_path_buf();
+    let json = pretty(summary);
     out.text("summary.json", &json)?;
     out.text("report.html", page)?;
-    publish(out, args.format, stderr)?;
-    let brief = || brief(summary, units.system(), &folder);
-    print(stdout, &if args.format.json { json } else { brief() })
+    to.results(out, (&json, &brief(summary, to.units)))
 }
 
-/// Publishes the results, and prints where an earlier result was moved to.
-fn publish(out: OutputDir, format: FormatArgs, stderr: &mut dyn Write) -> Result<(), Failure> {
-    let folder = out.path().to_path_buf();
-    if let Some(earlier) = out.publish()? {
-        let (folder, earlier) = (folder.display(), earlier.display());
-        let note = format!("thermyo: the earlier result in {folder} is now in {earlier}");
-        format.note(stderr, &note);
-    }
-    Ok(())
-}
-
-/// Publishes the results, and prints them: JSON, or text with the place of the report.
-fn publish_and_print(
-    out: OutputDir,
-    format: FormatArgs,
-    (json, text): (&str, &str),
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
-    let report = out.path().join("report.html");
-    publish(out, format, stderr)?;
-    if format.json {
-        return print(stdout, json);
-    }
-    print(stdout, text)?;
-    print(stdout, &format!("report: {}\n", report.display()))
+/// A result as JSON.
+fn pretty(result: &impl Serialize) -> String {
+    serde_json::to_string_pretty(result).expect("plain data") + "\n"
 }
 
 /// Trace of a run, given as a file or as its folder of results.
@@ -822,15 +701,15 @@ fn trace_in(run: &Path) -> PathBuf {
 }
 
 /// Reads a recorded table up to where it is damaged, and prints the damage.
-fn read_record(path: &Path, stderr: &mut dyn Write) -> Result<Table, Failure> {
+fn read_record(path: &Path, to: &mut Console<'_>) -> Result<Table, Failure> {
     let table = table::read_record(path)?;
-    say_damage(&table, stderr);
+    say_damage(&table, to);
     Ok(table)
 }
 
-fn say_damage(table: &Table, stderr: &mut dyn Write) {
+fn say_damage(table: &Table, to: &mut Console<'_>) {
     if let Some(damage) = table.damage() {
-        let _ = writeln!(stderr, "thermyo: {damage}");
+        to.say(damage);
     }
 }
 
@@ -840,11 +719,11 @@ fn read_to_compare(
     path: &Path,
     scenario: &Scenario,
     duration_s: f64,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<Measured, Failure> {
     let known = every_column();
     let table = table::read_record(path).map_err(|error| of_unknown_column(error, &known))?;
-    say_damage(&table, stderr);
+    say_damage(&table, to);
     let measured = Measured::new(&table, &known)?;
     if scenario.plant.kind != PlantKind::Vessel {
         check_absolute(&table, "pressure_pa", scenario.ambient.pressure_pa)?;
@@ -852,29 +731,27 @@ fn read_to_compare(
     let (measured, late) = measured.within_run(&table, &COMPARABLE, duration_s)?;
     if late > 0 {
         let (file, rows) = (path.display(), table.rows());
-        let _ = writeln!(
-            stderr,
-            "thermyo: warning: {file}: {late} of {rows} rows lie after the end of the run at \
+        to.say(format_args!(
+            "warning: {file}: {late} of {rows} rows lie after the end of the run at \
              {duration_s} s and are not compared"
-        );
+        ));
     }
     let compared: Vec<&str> = measured.columns.iter().map(|own| own.name.as_str()).collect();
     let all = table.columns().iter().map(|own| own.name.as_str());
     let others: Vec<&str> =
         all.filter(|name| *name != measured::TIME && !compared.contains(name)).collect();
     if !others.is_empty() {
-        let _ = writeln!(
-            stderr,
-            "thermyo: {}: compared: {}; not compared: {}",
+        to.say(format_args!(
+            "{}: compared: {}; not compared: {}",
             path.display(),
             compared.join(", "),
             others.join(", ")
-        );
+        ));
     }
     Ok(measured)
 }
 
-fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
+fn brief(summary: &Summary, units: UnitSystem) -> String {
     let mut text = format!(
         "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
          pressure {}, gas {}\n\
@@ -905,17 +782,7 @@ fn brief(summary: &Summary, units: UnitSystem, folder: &Path) -> String {
     for warning in [summary.overconfidence(), summary.unrest()].into_iter().flatten() {
         text += &format!("warning: {warning}\n");
     }
-    text + &format!("report: {}\n", folder.join("report.html").display())
-}
-
-fn print(out: &mut dyn Write, text: &str) -> Result<(), Failure> {
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        // A reader that closes early, such as `head`, is no error.
-        Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
-            Err(InputError::output(Path::new("standard output"), &error).into())
-        }
-        _ => Ok(()),
-    }
+    text
 }
 
 #[cfg(test)]

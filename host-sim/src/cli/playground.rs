@@ -1,8 +1,7 @@
-use super::{Failure, FormatArgs};
+use super::{Console, Failure, FormatArgs};
 use crate::commands::playground;
 use crate::commands::playground::PlaygroundError;
 use clap::Args;
-use std::io::Write;
 use std::path::PathBuf;
 use thermyo_files::output::OutputDir;
 
@@ -15,12 +14,11 @@ pub(super) struct PlaygroundArgs {
     format: FormatArgs,
 }
 
-pub(super) fn run(args: &PlaygroundArgs, stdout: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(args: &PlaygroundArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let folder = args.out.display();
     let bytes = playground::write(OutputDir::create(&args.out)?)?;
     let page = args.out.join("index.html");
-    args.format.done(
-        stdout,
+    to.as_asked(args.format).done(
         &serde_json::json!({ "page": page.display().to_string(), "bytes": bytes }),
         &format!(
             "page: {}, {:.2} MB with what it needs\nServe the folder with a web server, such as \

@@ -1,7 +1,6 @@
 use super::progress::Bar;
-use super::{BoardArgs, Failure, OutputArgs, interrupt, print, publish, read_record, trace_in};
+use super::{BoardArgs, Console, Failure, OutputArgs, interrupt, read_record, trace_in};
 use clap::Args;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_compute::parallel::Watch;
 use thermyo_files::number::COUNT;
@@ -23,13 +22,10 @@ pub(super) struct ReplayArgs {
     board: BoardArgs,
 }
 
-pub(super) fn run(
-    args: &ReplayArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(args: &ReplayArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format);
     let trace = trace_in(&args.trace);
-    let record = Record::read(&trace, &read_record(&trace, stderr)?)?;
+    let record = Record::read(&trace, &read_record(&trace, to)?)?;
     if matches!(record, Record::Joint(_)) && !args.board.is_core() {
         let message = "a joint is replayed with the core in this process: leave out --board";
         return Err(Failure::Usage(message.to_owned()));
@@ -54,7 +50,7 @@ pub(super) fn run(
     });
     bar.clear();
     if interrupt::is_requested() {
-        let _ = writeln!(stderr, "thermyo: the replay was not finished, nothing is kept");
+        to.say("the replay was not finished, nothing is kept");
         return Err(Failure::Interrupted);
     }
     let outcome = outcome.map_err(Failure::Board)?;
@@ -69,16 +65,14 @@ pub(super) fn run(
     out.text("summary.json", &json)?;
     let note = part.note();
     out.text("report.html", &page(&outcome, rows, note.as_deref(), (drawn, &recorder)))?;
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        print(stdout, &json)?;
-    } else {
-        print(stdout, &format!("{}\n", sentence(&outcome, rows)))?;
-        if let Some(note) = &note {
-            print(stdout, &format!("{note}\n"))?;
-        }
-        print(stdout, &format!("report: {}\n", folder.join("report.html").display()))?;
-    }
+    let lines = [Some(sentence(&outcome, rows)), note].into_iter().flatten();
+    let text: String = lines
+        .map(|line| {
+            line + "
+"
+        })
+        .collect();
+    to.results(out, (&json, &text))?;
     // Without the state of the core at the first row, no equal bits are claimed.
     if part.first_step > 0 { Ok(()) } else { verdict(&outcome, rows) }
 }

@@ -1,7 +1,7 @@
 use super::log::LogArgs;
-use super::{Failure, OutputArgs, interrupt, print, whole};
+use super::{Console, Failure, OutputArgs, interrupt, whole};
 use clap::Args;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
@@ -23,7 +23,8 @@ pub(super) struct ServeArgs {
     log: LogArgs,
 }
 
-pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> {
+pub(super) fn run(args: &ServeArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format);
     let logs = args.log.wanted();
     logs.check()?;
     let (listener, address) = listen(args.port).map_err(|error| {
@@ -41,7 +42,7 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
     // Reports an unwritable folder at once, not when a recording is started.
     drop(OutputDir::create(&folder)?);
     let target = Target::new(&args.board);
-    let operate = Operate { args, target: &target, folder: &folder, logs };
+    let operate = Operate { target: &target, folder: &folder, logs };
     // A firmware that is built, and a board that starts, take their time.
     interrupt::watch();
     let opened = target.open();
@@ -49,14 +50,13 @@ pub(super) fn run(args: &ServeArgs, out: &mut dyn Write) -> Result<(), Failure> 
         return Err(Failure::Interrupted);
     }
     match opened? {
-        Opened::Muscle(board) => operate.run(*board, (listener, address), out),
-        Opened::Joint(board) => operate.run(*board, (listener, address), out),
+        Opened::Muscle(board) => operate.run(*board, (listener, address), to),
+        Opened::Joint(board) => operate.run(*board, (listener, address), to),
     }
 }
 
 /// A board to serve, and where its recordings go.
 struct Operate<'a> {
-    args: &'a ServeArgs,
     target: &'a Target,
     folder: &'a Path,
     logs: Logs,
@@ -67,29 +67,28 @@ impl Operate<'_> {
         self,
         board: S,
         (listener, address): (TcpListener, Address),
-        out: &mut dyn Write,
+        to: &mut Console<'_>,
     ) -> Result<(), Failure> {
-        let Self { args, target, folder, logs } = self;
+        let Self { target, folder, logs } = self;
         let operator = Operator::new(target.clone(), board, folder, logs)?;
-        if args.output.format.json {
+        if to.format.json {
             let json = serde_json::json!({ "url": address.to_string(), "board": target.name() });
-            print(out, &format!("{json}\n"))?;
+            to.print(&format!("{json}\n"))?;
         } else {
-            print(out, &format!("{address}\n"))?;
-            if !args.output.format.quiet {
+            to.print(&format!("{address}\n"))?;
+            if !to.format.quiet {
                 let name = target.name();
-                print(
-                    out,
-                    &format!("{name}: open this address in a browser; Ctrl-C vents and ends\n"),
-                )?;
+                to.print(&format!(
+                    "{name}: open this address in a browser; Ctrl-C vents and ends\n"
+                ))?;
             }
         }
         let results = serve(operator, listener, address, interrupt::is_requested)
             .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
-        if !args.output.format.quiet && !args.output.format.json {
-            print(out, "it vents\n")?;
+        if to.is_read() {
+            to.print("it vents\n")?;
             for folder in results {
-                print(out, &format!("report: {}\n", folder.join("report.html").display()))?;
+                to.print(&format!("report: {}\n", folder.join("report.html").display()))?;
             }
         }
         // Only Ctrl-C ends the server.

@@ -1,13 +1,13 @@
 //! `thermyo board PORT set`: sends a set point, shows the muscle, and vents in the end.
 
 use super::muscle::{line, vents};
-use super::{Failure, FormatArgs, core_quantity, interrupt, print, quantity};
+use super::{Console, Failure, core_quantity, interrupt, print, quantity};
 use clap::{Args, Subcommand};
 use crossterm::terminal;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint};
 use serde_json::json;
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, IsTerminal};
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::units::UnitSystem;
 use thermyo_plant::chamber;
@@ -155,9 +155,7 @@ struct Held {
 pub(super) fn run(
     board: &mut LiveBoard,
     args: &SetArgs,
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-    err: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let set_point = SetPoint::try_from(args.set_point)?;
     let config = board.config()?;
@@ -167,16 +165,16 @@ pub(super) fn run(
     }
     let first = board.set(set_point)?;
     if set_point == SetPoint::Vent {
-        return format.done(out, &vents(), "it vents\n");
+        return to.done(&vents(), "it vents\n");
     }
     if args.hold.is_none() {
-        format.done(&mut *err, &json!({}), "Ctrl-C ends it, and vents\n")?;
+        to.format.done(to.err, &json!({}), "Ctrl-C ends it, and vents\n")?;
     }
-    let (stopped, mut held) = hold(board, args, (format, units), (first, &config), out)?;
+    let (stopped, mut held) = hold(board, args, (first, &config), to)?;
     board.stop()?;
     let Some(&Held { time_s: end_s, .. }) = held.last() else { return Err(Failure::Interrupted) };
     held.retain(|held| held.time_s >= end_s - HELD_S);
-    result(set_point, &held, (format, units), out)?;
+    result(set_point, &held, to)?;
     if !stopped {
         return Ok(());
     }
@@ -196,18 +194,14 @@ fn signed(difference: f64, si: &'static str, units: UnitSystem) -> String {
 }
 
 /// Prints the means of the last second, and their differences from the set point.
-fn result(
-    set_point: SetPoint,
-    held: &[Held],
-    (format, units): (FormatArgs, UnitSystem),
-    out: &mut dyn Write,
-) -> Result<(), Failure> {
+fn result(set_point: SetPoint, held: &[Held], to: &mut Console<'_>) -> Result<(), Failure> {
     let count = held.len().max(1) as f64;
     let mean_pa = held.iter().map(|held| held.pressure_pa).sum::<f64>() / count;
     let contraction = held.iter().map(|held| held.contraction).sum::<f64>() / count;
     let contraction = Some(contraction).filter(|contraction| contraction.is_finite());
     let limited = held.iter().any(|held| held.limited);
     let (mut error_pa, mut contraction_error) = (None, None);
+    let units = to.units;
     let mut text = units.text(mean_pa, "Pa", 2);
     let of_last = "in the mean of the last second";
     match (set_point, contraction) {
@@ -239,7 +233,7 @@ fn result(
         "held_s": held.last().map(|held| held.time_s),
         "mode": "vent",
     });
-    format.answer(out, &json, &format!("{text}; it vents\n"))
+    to.answer(&json, &format!("{text}; it vents\n"))
 }
 
 /// Prints the muscle from the step `first` on, until the time is over or it is stopped. Returns
@@ -247,9 +241,8 @@ fn result(
 fn hold(
     board: &mut LiveBoard,
     args: &SetArgs,
-    (format, units): (FormatArgs, UnitSystem),
     (first, config): (u32, &Config),
-    out: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(bool, Vec<Held>), Failure> {
     let step_s = f64::from(config.step_s);
     let scenario = from_config::to_scenario(config).ok();
@@ -278,23 +271,23 @@ fn hold(
             contraction: 1.0 - f64::from(telemetry.length_m) / rest_m,
             limited: telemetry.limited,
         });
-        if time_s >= next_line_s && !format.quiet && !format.json {
+        if time_s >= next_line_s && to.is_read() {
             next_line_s += LINE_S[usize::from(columns.is_some())];
-            let text = format!("{time_s:7.2} s  {}", line(&telemetry, units));
+            let text = format!("{time_s:7.2} s  {}", line(&telemetry, to.units));
             match columns {
                 // The same line again: a longer one would not return to its start.
                 Some(columns) => {
                     let cut: String = text.chars().take(columns).collect();
                     print(&mut io::stdout(), &format!("\r{cut}\x1b[K"))?;
                 }
-                None => print(out, &format!("{text}\n"))?,
+                None => to.print(&format!("{text}\n"))?,
             }
         }
         if args.hold.is_some_and(|hold_s| time_s >= hold_s) {
             break false;
         }
     };
-    if columns.is_some() && !held.is_empty() && !format.quiet && !format.json {
+    if columns.is_some() && !held.is_empty() && to.is_read() {
         print(&mut io::stdout(), "\n")?;
     }
     Ok((stopped, held))

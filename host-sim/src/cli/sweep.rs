@@ -1,8 +1,8 @@
 use super::progress::Bar;
-use super::{Failure, OutputArgs, interrupt, joint_in, load, print, publish, whole};
+use super::{Console, Failure, OutputArgs, interrupt, joint_in, load, pretty, whole};
 use clap::Args;
 use std::collections::BTreeSet;
-use std::io::{self, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use thermyo_compute::parallel::Watch;
 use thermyo_files::input::InputError;
@@ -58,17 +58,14 @@ fn tolerance(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "must be a number above 0, in K".to_owned())
 }
 
-pub(super) fn run(
-    args: SweepArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+pub(super) fn run(args: SweepArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let to = to.as_asked(args.output.format);
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/sweep"));
     let Some(scenario) = &args.scenario else {
-        return merge_shards(&args, &folder, stdout, stderr);
+        return merge_shards(&args, &folder, to);
     };
-    if joint_in(scenario, args.output.format, stderr)?.is_none() {
-        load(scenario, args.output.format, stderr)?;
+    if joint_in(scenario, to)?.is_none() {
+        load(scenario, to)?;
     }
     let latin = args.lhs.map(|points| Latin { points, seed: args.seed });
     let sweep =
@@ -76,7 +73,7 @@ pub(super) fn run(
     let study = &sweep.study;
     let (journal, kept) = Journal::open(&folder, study)?;
     if let Some(text) = kept.text(study) {
-        let _ = writeln!(stderr, "thermyo: {}: {text}", folder.display());
+        to.say(format_args!("{}: {text}", folder.display()));
     }
     let done: BTreeSet<usize> = kept.rows.iter().map(|row| row.point).collect();
     let left: Vec<usize> = study.own().into_iter().filter(|p| !done.contains(p)).collect();
@@ -96,10 +93,9 @@ pub(super) fn run(
         Ok(rows) => rows,
         Err(error) => {
             let place = journal.place().display();
-            let _ = writeln!(
-                stderr,
-                "thermyo: the points so far are in {place}; the same command goes on from there"
-            );
+            to.say(format_args!(
+                "the points so far are in {place}; the same command goes on from there"
+            ));
             return Err(match error.kind() {
                 io::ErrorKind::Interrupted => Failure::Interrupted,
                 _ => InputError::output(&journal.place().join("sweep.csv"), &error).into(),
@@ -107,47 +103,34 @@ pub(super) fn run(
         }
     };
     let outcome = Outcome::new(study, kept.rows.into_iter().chain(rows).collect());
-    finish(&outcome, journal.close(), &args, stdout, stderr)
+    finish(&outcome, journal.close(), &args, to)
 }
 
-fn merge_shards(
-    args: &SweepArgs,
-    folder: &Path,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
+fn merge_shards(args: &SweepArgs, folder: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
     let (study, rows) = merge(&args.merge).map_err(Failure::Merge)?;
     let mut out = OutputDir::create(folder)?;
     out.text("scenario.toml", &study.scenario)?;
     out.text("study.json", &study.label_text())?;
-    finish(&Outcome::new(&study, rows), out, args, stdout, stderr)
+    finish(&Outcome::new(&study, rows), out, args, to)
 }
 
 fn finish(
     outcome: &Outcome<'_>,
     mut out: OutputDir,
     args: &SweepArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
+    to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let summary = outcome.summary(args.within);
-    let json = serde_json::to_string_pretty(&summary).expect("a summary is plain data") + "\n";
-    let folder = out.path().to_path_buf();
+    let json = pretty(&summary);
     out.text("sweep.csv", &outcome.csv())?;
     out.text("summary.json", &json)?;
     out.text("report.html", &page(outcome, args.within))?;
-    publish(out, args.output.format, stderr)?;
-    if args.output.format.json {
-        print(stdout, &json)?;
-    } else {
-        let mut text = format!("{} of {} points run\n", summary.run, summary.points);
-        text += &format!("{}\n", summary.conclusion);
-        for key in &summary.without_effect {
-            text += &format!("{key} changes nothing in this scenario\n");
-        }
-        text += &format!("report: {}\n", folder.join("report.html").display());
-        print(stdout, &text)?;
+    let mut text = format!("{} of {} points run\n", summary.run, summary.points);
+    text += &format!("{}\n", summary.conclusion);
+    for key in &summary.without_effect {
+        text += &format!("{key} changes nothing in this scenario\n");
     }
+    to.results(out, (&json, &text))?;
     outcome.failed().map_or(Ok(()), |what| Err(Failure::Check(what)))
 }
 

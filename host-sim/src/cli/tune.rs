@@ -1,11 +1,10 @@
 use super::progress::Bar;
 use super::{
-    BoardArgs, Failure, OutputArgs, interrupt, load, publish_and_print, quantity, title_of, unbuilt,
+    BoardArgs, Console, Failure, OutputArgs, interrupt, load, pretty, quantity, title_of, unbuilt,
 };
 use clap::{Args, ValueEnum};
 use model_core::{Config, Telemetry};
 use serde::Serialize;
-use std::io::Write;
 use std::path::PathBuf;
 use thermyo_boards::live::LiveBoard;
 use thermyo_files::output::OutputDir;
@@ -117,18 +116,13 @@ fn on_bench<T>(
     watched(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested))
 }
 
-pub(super) fn run(
-    args: &TuneArgs,
-    stdout: &mut dyn Write,
-    stderr: &mut dyn Write,
-) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, args.output.format, stderr)?;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/tune"));
+pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> {
+    let loaded = load(&args.scenario, to)?;
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     unbuilt::refuse(&loaded, &args.scenario)?;
     interrupt::watch();
-    let mut out = OutputDir::create(&folder)?;
+    let mut out = args.output.create("tune")?;
     let done = match args.plan {
         None => loops(args, &loaded, highest_pa, &mut out),
         Some(TunePlan::Motion) => motion(args, &loaded, highest_pa, &mut out),
@@ -136,21 +130,21 @@ pub(super) fn run(
     match done {
         // The emulated board gets the signal too, and may exit first.
         Err(_) if interrupt::is_requested() && args.board.port().is_none() => {
-            Err(interrupted(&out, stderr))
+            Err(interrupted(&out, to))
         }
-        done => done?.publish(args, out, stdout, stderr),
+        done => done?.publish(out, to),
     }
 }
 
 /// Says what an interrupted experiment leaves.
-pub(super) fn interrupted(out: &OutputDir, stderr: &mut dyn Write) -> Failure {
+pub(super) fn interrupted(out: &OutputDir, to: &mut Console<'_>) -> Failure {
     let record = out.place().join(RECORD);
     let left = if record.exists() {
         format!("the search was not finished, its record is {}", record.display())
     } else {
         "the experiment was not finished, nothing is kept".to_owned()
     };
-    let _ = writeln!(stderr, "thermyo: {left}");
+    to.say(left);
     Failure::Interrupted
 }
 
@@ -170,7 +164,7 @@ impl Done {
         (scenario, report): (&str, &str),
         (mut text, adopted): (String, bool),
     ) -> Result<Self, Failure> {
-        let json = serde_json::to_string_pretty(findings).expect("plain data") + "\n";
+        let json = pretty(findings);
         out.text("summary.json", &json)?;
         out.text("tuned.toml", scenario)?;
         out.text("report.html", report)?;
@@ -185,15 +179,8 @@ impl Done {
         Self { failed, ..self }
     }
 
-    pub(super) fn publish(
-        self,
-        args: &TuneArgs,
-        out: OutputDir,
-        stdout: &mut dyn Write,
-        stderr: &mut dyn Write,
-    ) -> Result<(), Failure> {
-        let shown = (self.json.as_str(), self.text.as_str());
-        publish_and_print(out, args.output.format, shown, stdout, stderr)?;
+    pub(super) fn publish(self, out: OutputDir, to: &mut Console<'_>) -> Result<(), Failure> {
+        to.results(out, (&self.json, &self.text))?;
         self.failed.map_or(Ok(()), |message| Err(Failure::Check(message)))
     }
 }
