@@ -5,7 +5,8 @@
 use divan::Bencher;
 use divan::counter::ItemsCount;
 use std::io;
-use thermyo_record::trace::{Row, TraceWriter};
+use thermyo_record::board_trace::Recorder;
+use thermyo_record::trace::{COLUMNS, Row};
 use thermyo_scenario::PlantModel;
 use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
@@ -20,8 +21,9 @@ fn real_time_factor(bencher: Bencher, model: PlantModel) {
     let mut loaded = default.with_model(model);
     loaded.plant.run.duration_s = 20.0;
     bencher.counter(ItemsCount::new(20_u64)).bench_local(|| {
-        let mut writer = TraceWriter::new(io::sink()).expect("a sink takes everything");
-        let mut observer = |row: &Row| writer.write(&row.cells());
+        let mut writer =
+            Recorder::with_columns(io::sink(), &COLUMNS).expect("a sink takes everything");
+        let mut observer = |row: &Row| writer.push(&row.cells());
         run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)
             .expect("the default scenario runs")
     });

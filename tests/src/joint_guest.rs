@@ -28,9 +28,6 @@ pub struct EmulatedJoint {
 
 impl EmulatedJoint {
     /// Builds and loads the guest.
-    ///
-    /// # Panics
-    /// When it does not build, or without an emulator.
     pub fn new() -> Self {
         let image = build();
         let file = object::File::parse(&*image).expect("an ELF file");
@@ -121,18 +118,12 @@ impl Drop for EmulatedJoint {
 }
 
 /// In postcard's encoding, which keeps every bit.
-///
-/// # Panics
-/// When it is longer than the guest's buffer.
 pub fn encoded<T: Serialize>(value: &T) -> Vec<u8> {
     let mut bytes = [0; BUFFER_BYTES];
     postcard::to_slice(value, &mut bytes).expect("it fits the buffer").to_vec()
 }
 
 /// Reads the telemetry of a step.
-///
-/// # Panics
-/// When the guest wrote something else.
 pub fn decoded(telemetry: &[u8]) -> JointTelemetry {
     postcard::from_bytes(telemetry).expect("the guest writes telemetry")
 }

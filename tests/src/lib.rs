@@ -37,9 +37,6 @@ pub struct Finished {
 }
 
 /// Runs a scenario given as text; `more` are further arguments of `thermyo run`.
-///
-/// # Panics
-/// When the run does not end with exit code 0.
 pub fn run_text(scenario: &str, more: &[&str]) -> Finished {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let file = folder.path().join("scenario.toml");
@@ -48,9 +45,6 @@ pub fn run_text(scenario: &str, more: &[&str]) -> Finished {
 }
 
 /// Runs a scenario file; see [`run_text`].
-///
-/// # Panics
-/// When the run does not end with exit code 0.
 pub fn run_file(scenario: &Path, more: &[&str]) -> Finished {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (scenario, out) = (scenario.display().to_string(), folder.path().display().to_string());

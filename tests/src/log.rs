@@ -4,9 +4,6 @@ use defmt_decoder::{DecodeError, Table};
 use std::path::Path;
 
 /// Lines that an image has logged, from its first frame on.
-///
-/// # Panics
-/// When the image has no table of its logs, as a UF2 file.
 pub fn lines(image: &Path, frames: &[u8]) -> Vec<String> {
     let image = std::fs::read(image).expect("an image");
     let table = Table::parse(&image).expect("an ELF file").expect("with a table of its logs");

@@ -38,9 +38,6 @@ pub struct EmulatedM33 {
 
 impl EmulatedM33 {
     /// Builds and starts the guest for a target.
-    ///
-    /// # Panics
-    /// When it does not build or start.
     pub fn new(target: &str) -> Self {
         let image = build(target);
         let file = object::File::parse(&*image).expect("an ELF file");

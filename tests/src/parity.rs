@@ -29,9 +29,6 @@ pub struct Record {
 }
 
 /// Runs the muscle at a board; `look` is called after every step.
-///
-/// # Panics
-/// When the board fails, leaves out a step, or reads another sample than its input.
 pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Record {
     let mut muscle = Muscle::new("[plant]\nmodel = \"lumped\"\n[load]\nforce_n = 120.0\n");
     let config = *muscle.config();
@@ -67,9 +64,6 @@ pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Rec
 
 impl Record {
     /// Replays the samples on the core in this process.
-    ///
-    /// # Panics
-    /// When a bit differs, or when the run exercised too little.
     pub fn assert_same_on_the_host(&self) {
         let outcome = replay(&mut CoreBoard::default(), &self.config, &self.rows, &mut |_, _| true)
             .expect("the core takes what the board took");

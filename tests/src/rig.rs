@@ -19,9 +19,6 @@ pub struct Muscle {
 
 impl Muscle {
     /// Builds the muscle of a scenario, given as text.
-    ///
-    /// # Panics
-    /// For a scenario that is refused.
     pub fn new(text: &str) -> Self {
         let loaded = thermyo_setup::parse(text, "rig".as_ref()).expect("the scenario holds");
         let plant = thermyo_plant::build(&loaded.plant, None).expect("the plant is built");
@@ -40,9 +37,6 @@ impl Muscle {
     }
 
     /// Advances the plant by one step.
-    ///
-    /// # Panics
-    /// When the plant leaves the range of its equations.
     pub fn advance(&mut self, actuation: Actuation) {
         self.plant.advance(actuation).expect("the plant goes on");
     }
@@ -56,42 +50,27 @@ pub struct Rig {
 
 impl Rig {
     /// The muscle of a scenario, and a board right after power-on.
-    ///
-    /// # Panics
-    /// Without an emulator.
     pub fn new(scenario: &str) -> Self {
         let board = EmulatedBoard::new().expect("the emulator starts");
         Self { board, muscle: Muscle::new(scenario) }
     }
 
     /// Another muscle at the same board.
-    ///
-    /// # Panics
-    /// For a scenario that is refused.
     pub fn replace_muscle(&mut self, scenario: &str) {
         self.muscle = Muscle::new(scenario);
     }
 
     /// Configures and starts the board, and waits for the startup check.
-    ///
-    /// # Panics
-    /// When the board refuses.
     pub fn start(&mut self, set_point: SetPoint) {
         self.board.start(self.muscle.config(), set_point).expect("the board starts");
     }
 
     /// One millisecond.
-    ///
-    /// # Panics
-    /// When the emulator ends.
     pub fn exchange(&mut self) -> Exchange {
         self.exchange_with(|sample| sample)
     }
 
     /// One millisecond in which the board reads the sample changed by `change`.
-    ///
-    /// # Panics
-    /// When the emulator ends.
     pub fn exchange_with(&mut self, change: impl FnOnce(Sample) -> Sample) -> Exchange {
         let sample = change(self.muscle.sample());
         let exchange = self.board.exchange(&sample).expect("the emulator goes on");
@@ -100,9 +79,6 @@ impl Rig {
     }
 
     /// Less than a millisecond, in which the muscle does not change.
-    ///
-    /// # Panics
-    /// When the emulator ends.
     pub fn run(&mut self, nanoseconds: u32, change: impl FnOnce(Sample) -> Sample) -> Exchange {
         let sample = change(self.muscle.sample());
         self.board.run(&sample, nanoseconds).expect("the emulator goes on")

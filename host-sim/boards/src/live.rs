@@ -2,25 +2,23 @@
 
 pub use super::line::VIEW_DIVIDER;
 use super::line::{ALIVE, Line};
+use super::subject::{Live, Subject};
 use model_core::control::Mode;
+use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
 use std::time::Instant;
 use thermyo_protocol::{
-    Answer, Chip, Event, HostCommand, Image, LastReset, Name, Refusal, Status, Timing, Version,
-    checksum,
+    Answer, Chip, HostCommand, Image, Name, Refusal, Status, Version, checksum,
 };
 use thermyo_simulation::board::BoardError;
 
-/// The board. It is vented when dropped while it drives.
+/// The board.
 pub struct LiveBoard {
-    line: Line,
-    version: Version,
+    live: Live,
     /// Result of the last request for it.
     config: Option<Config>,
     /// Steps per telemetry frame, as last requested.
     every: u16,
-    last_sent: Instant,
-    driving: bool,
 }
 
 /// Whether the image drives one muscle.
@@ -36,11 +34,60 @@ pub fn for_one_muscle(Version { image, chip, .. }: Version) -> Result<(), BoardE
 }
 
 impl LiveBoard {
-    /// Opens the board at a port.
-    ///
-    /// # Errors
-    /// [`BoardError`], if there is no answer, another protocol, or firmware that waits for samples.
-    pub fn open(port: &str) -> Result<Self, BoardError> {
+    fn of(line: Line, version: Version) -> Self {
+        Self { live: Live::new(line, version), config: None, every: VIEW_DIVIDER }
+    }
+
+    /// As [`Self::telemetry_every`], and drops earlier telemetry.
+    pub fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.telemetry_every(steps)?;
+        // The board sends in order: everything before its answer is older than the request.
+        while self.live.line.take_telemetry().is_some() {}
+        Ok(())
+    }
+
+    fn set_any(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
+        self.live.driving |= set_point != SetPoint::Vent;
+        self.live.done(HostCommand::Set(set_point), "set point")
+    }
+
+    /// The configuration in use, requested again if it may have changed.
+    fn known_config(&mut self) -> Result<Config, BoardError> {
+        let status = self.last_status();
+        let in_use = |config: &Config| {
+            status.is_none_or(|status| status.config_checksum == checksum(config))
+        };
+        match self.config.filter(in_use) {
+            Some(config) => Ok(config),
+            None => self.config(),
+        }
+    }
+
+    /// Clears the latched faults whose cause is gone; returns the remaining ones.
+    pub fn clear(&mut self) -> Result<Faults, BoardError> {
+        self.forget_faults()?;
+        Ok(self.fresh_telemetry()?.faults)
+    }
+
+    /// The first telemetry from now on that `wanted` accepts. The wait is shorter than for rare
+    /// frames.
+    fn fresh(&mut self, wanted: impl Fn(&Telemetry) -> bool) -> Result<Telemetry, BoardError> {
+        let every = self.every;
+        self.telemetry_anew(every.min(VIEW_DIVIDER))?;
+        let fresh = self.live.line.wait(|link| link.take_telemetry().filter(&wanted), "telemetry");
+        if every != self.every {
+            self.telemetry_anew(every)?;
+        }
+        fresh
+    }
+}
+
+impl Subject for LiveBoard {
+    type Config = Config;
+    type Telemetry = Telemetry;
+    type SetPoint = SetPoint;
+
+    fn open(port: &str) -> Result<Self, BoardError> {
         let (line, version) = Line::open(port)?;
         for_one_muscle(version)?;
         let mut board = Self::of(line, version);
@@ -48,46 +95,16 @@ impl LiveBoard {
         Ok(board)
     }
 
-    fn of(line: Line, version: Version) -> Self {
-        let (every, last_sent) = (VIEW_DIVIDER, Instant::now());
-        Self { line, version, config: None, every, last_sent, driving: false }
+    fn live(&self) -> &Live {
+        &self.live
     }
 
-    pub fn version(&self) -> Version {
-        self.version
+    fn live_mut(&mut self) -> &mut Live {
+        &mut self.live
     }
 
-    pub fn port(&self) -> &str {
-        self.line.name()
-    }
-
-    /// Sets the number of steps per telemetry frame.
-    pub fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::TelemetryDivider(steps), "telemetry")?;
-        self.every = steps;
-        Ok(())
-    }
-
-    /// As [`Self::telemetry_every`], and drops earlier telemetry.
-    pub fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
-        self.telemetry_every(steps)?;
-        // The board sends in order: everything before its answer is older than the request.
-        while self.line.take_telemetry().is_some() {}
-        Ok(())
-    }
-
-    pub fn status(&mut self) -> Result<Status, BoardError> {
-        self.line.ask_status()
-    }
-
-    /// Latest status that the board sent without a request.
-    pub fn last_status(&self) -> Option<Status> {
-        self.line.status()
-    }
-
-    /// The configuration in use.
-    pub fn config(&mut self) -> Result<Config, BoardError> {
-        match self.line.ask(HostCommand::ReadConfig, "configuration")? {
+    fn config(&mut self) -> Result<Config, BoardError> {
+        match self.live.line.ask(HostCommand::ReadConfig, "configuration")? {
             Answer::Config(config) => {
                 self.config = Some(config);
                 Ok(config)
@@ -96,20 +113,15 @@ impl LiveBoard {
         }
     }
 
-    /// Sends a configuration and its name; the board accepts or refuses it as a whole.
-    ///
-    /// # Errors
-    /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::OtherChip`];
-    /// [`BoardError::Damaged`] if the board's configuration differs afterwards.
-    pub fn configure(&mut self, config: &Config, name: &str) -> Result<Status, BoardError> {
+    fn configure(&mut self, config: &Config, name: &str) -> Result<Status, BoardError> {
         config.check().map_err(BoardError::Config)?;
-        let chip = self.version.chip;
+        let chip = self.live.version.chip;
         if chip != Chip::Rp2040 && config.sensors.adc.wide_code_lsb > 0.0 {
             return Err(BoardError::OtherChip { chip });
         }
         self.config = None;
-        self.line.ask(HostCommand::Configure(*config), "configure")?;
-        self.line.ask(HostCommand::Name(Name::new(name)), "name")?;
+        self.live.line.ask(HostCommand::Configure(*config), "configure")?;
+        self.live.line.ask(HostCommand::Name(Name::new(name)), "name")?;
         let status = self.status()?;
         if status.config_checksum == checksum(config) {
             Ok(status)
@@ -118,34 +130,7 @@ impl LiveBoard {
         }
     }
 
-    /// Saves the configuration in use in flash.
-    pub fn save(&mut self) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::Save, "save").map(drop)
-    }
-
-    /// Deletes the saved configuration.
-    pub fn forget(&mut self) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::Forget, "forget").map(drop)
-    }
-
-    pub fn timing(&mut self) -> Result<Timing, BoardError> {
-        self.line.timing()
-    }
-
-    pub fn last_reset(&mut self) -> Result<LastReset, BoardError> {
-        self.line.last_reset()
-    }
-
-    /// Restarts and venting faults, the latest first.
-    pub fn history(&mut self) -> Result<Vec<Event>, BoardError> {
-        self.line.history()
-    }
-
-    /// Arms the board up to this absolute pressure \[Pa\].
-    ///
-    /// # Errors
-    /// [`BoardError::Refused`]; [`BoardError::Pressure`] outside of what the configuration allows.
-    pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
+    fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
         if let Some(pressure_pa) = most_pa {
             let config = self.known_config()?;
             let (least_pa, most_pa) = (config.ambient.pressure_pa, config.working_limit_pa());
@@ -153,15 +138,10 @@ impl LiveBoard {
                 return Err(BoardError::Pressure { pressure_pa, least_pa, most_pa });
             }
         }
-        self.line.ask(HostCommand::Arm { most_pa }, "arm").map(drop)
+        self.live.done(HostCommand::Arm { most_pa }, "arm").map(drop)
     }
 
-    /// Sends a set point; returns the step from which on it holds.
-    ///
-    /// # Errors
-    /// [`BoardError::Refused`]; [`BoardError::Pressure`], also below ambient, where the board would
-    /// vent.
-    pub fn set(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
+    fn set(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
         if let SetPoint::Pressure { pressure_pa } = set_point {
             let config = self.known_config()?;
             let least_pa = config.ambient.pressure_pa;
@@ -179,114 +159,58 @@ impl LiveBoard {
         self.set_any(set_point)
     }
 
-    fn set_any(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
-        self.driving |= set_point != SetPoint::Vent;
-        match self.line.ask(HostCommand::Set(set_point), "set point")? {
-            Answer::Done { step } => Ok(step),
-            _ => Err(BoardError::Silent { asked: "set point" }),
+    fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.live.done(HostCommand::TelemetryDivider(steps), "telemetry")?;
+        self.every = steps;
+        Ok(())
+    }
+
+    fn start(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        self.live.driving = true;
+        self.live.done(HostCommand::Start(set_point), "start").map(drop)
+    }
+
+    fn send(&mut self, set_point: SetPoint) -> Result<u8, BoardError> {
+        self.live.send(HostCommand::Set(set_point), set_point == SetPoint::Vent)
+    }
+
+    fn poll(&mut self) -> Result<Option<Telemetry>, BoardError> {
+        if let Some(telemetry) = self.live.line.take_telemetry() {
+            return Ok(Some(telemetry));
         }
-    }
-
-    /// The configuration in use, requested again if it may have changed.
-    fn known_config(&mut self) -> Result<Config, BoardError> {
-        let status = self.last_status();
-        let in_use = |config: &Config| {
-            status.is_none_or(|status| status.config_checksum == checksum(config))
-        };
-        match self.config.filter(in_use) {
-            Some(config) => Ok(config),
-            None => self.config(),
+        if self.live.last_sent.elapsed() > ALIVE {
+            self.live.last_sent = Instant::now();
+            self.live.line.send(HostCommand::Alive)?;
         }
+        self.live.line.poll()?;
+        Ok(self.live.line.take_telemetry())
     }
 
-    /// Restarts the core, with this set point in its step 0.
-    pub fn start(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        self.driving = true;
-        self.line.ask(HostCommand::Start(set_point), "start").map(drop)
+    fn fresh_telemetry(&mut self) -> Result<Telemetry, BoardError> {
+        self.fresh(|_| true)
     }
 
-    /// Sends a set point without waiting for the answer.
-    pub fn send(&mut self, set_point: SetPoint) -> Result<u8, BoardError> {
-        self.driving |= set_point != SetPoint::Vent;
-        self.last_sent = Instant::now();
-        self.line.send(HostCommand::Set(set_point))
-    }
-
-    /// Whether unread telemetry has arrived: what was read is not the latest.
-    pub fn is_behind(&self) -> bool {
-        self.line.is_behind()
-    }
-
-    /// Returns the refusal of a request that was only sent, if there is one.
-    pub fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
-        self.line.check(sequence)
-    }
-
-    /// Vents; returns when the telemetry confirms it.
-    pub fn stop(&mut self) -> Result<(), BoardError> {
+    fn stop(&mut self) -> Result<(), BoardError> {
         self.vent()?;
         let vents =
             |telemetry: &Telemetry| matches!(telemetry.mode, Mode::Vent | Mode::StartupCheck);
         self.fresh(vents).map(drop)
     }
 
-    /// As [`Self::stop`], but reads no telemetry, for callers that read all of it themselves.
-    pub fn vent(&mut self) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::Stop, "stop")?;
-        self.driving = false;
-        Ok(())
+    fn step(telemetry: &Telemetry) -> u32 {
+        telemetry.step
     }
 
-    /// Clears the latched faults whose cause is gone; returns the remaining ones.
-    pub fn clear(&mut self) -> Result<Faults, BoardError> {
-        self.forget_faults()?;
-        Ok(self.fresh_telemetry()?.faults)
+    fn is_checking(telemetry: &Telemetry) -> bool {
+        telemetry.mode == Mode::StartupCheck
     }
 
-    /// As [`Self::clear`], but reads no telemetry, for callers that read all of it themselves.
-    pub fn forget_faults(&mut self) -> Result<(), BoardError> {
-        self.line.ask(HostCommand::ClearFaults, "clear")?;
-        self.driving = false;
-        Ok(())
+    fn pressure_pa(telemetry: &Telemetry) -> f32 {
+        telemetry.pressure_pa
     }
 
-    /// The present telemetry, however much older telemetry is unread.
-    pub fn fresh_telemetry(&mut self) -> Result<Telemetry, BoardError> {
-        self.fresh(|_| true)
-    }
-
-    /// The first telemetry from now on that `wanted` accepts. The wait is shorter than for rare
-    /// frames.
-    fn fresh(&mut self, wanted: impl Fn(&Telemetry) -> bool) -> Result<Telemetry, BoardError> {
-        let every = self.every;
-        self.telemetry_anew(every.min(VIEW_DIVIDER))?;
-        let fresh = self.line.wait(|link| link.take_telemetry().filter(&wanted), "telemetry");
-        if every != self.every {
-            self.telemetry_anew(every)?;
-        }
-        fresh
-    }
-
-    /// The next telemetry that has arrived; sends keep-alive messages, and waits some milliseconds.
-    pub fn poll(&mut self) -> Result<Option<Telemetry>, BoardError> {
-        if let Some(telemetry) = self.line.take_telemetry() {
-            return Ok(Some(telemetry));
-        }
-        if self.last_sent.elapsed() > ALIVE {
-            self.last_sent = Instant::now();
-            self.line.send(HostCommand::Alive)?;
-        }
-        self.line.poll()?;
-        Ok(self.line.take_telemetry())
-    }
-}
-
-impl Drop for LiveBoard {
-    fn drop(&mut self) {
-        if self.driving {
-            // If the line is gone, the board vents by its own timeout.
-            let _ = self.line.ask(HostCommand::Stop, "stop");
-        }
+    fn venting(telemetry: &Telemetry) -> Faults {
+        telemetry.faults.of(VENTING)
     }
 }
 
@@ -396,7 +320,7 @@ mod tests {
         assert!(board.fresh_telemetry().unwrap().step <= NOW + 100);
         board.stop().unwrap();
         // The stream continues as before.
-        let next = board.line.wait(|link| link.take_telemetry(), "telemetry").unwrap();
+        let next = board.live.line.wait(|link| link.take_telemetry(), "telemetry").unwrap();
         assert!(next.step.is_multiple_of(u32::from(u16::MAX)), "{}", next.step);
     }
 }

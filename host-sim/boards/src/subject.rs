@@ -1,13 +1,52 @@
 //! A board of one muscle or of a joint, as programs for both need it.
 
-use super::live::LiveBoard;
-use super::live_joint::LiveJoint;
-use model_core::control::Mode;
-use model_core::joint::{JointConfig, JointMode, JointSetPoint, JointTelemetry};
-use model_core::safety::supervisor::VENTING;
-use model_core::{Config, Faults, SetPoint, Telemetry};
-use thermyo_protocol::{Status, Timing, Version};
+use super::line::Line;
+use model_core::Faults;
+use std::time::Instant;
+use thermyo_protocol::{Answer, Event, HostCommand, LastReset, Status, Timing, Version};
 use thermyo_simulation::board::BoardError;
+
+/// The line to a board. The board is vented when this is dropped while it drives.
+pub struct Live {
+    pub(super) line: Line,
+    pub(super) version: Version,
+    pub(super) last_sent: Instant,
+    pub(super) driving: bool,
+}
+
+impl Live {
+    pub(super) fn new(line: Line, version: Version) -> Self {
+        Self { line, version, last_sent: Instant::now(), driving: false }
+    }
+
+    /// Sends a request that is carried out or refused; returns the step from which on it holds.
+    pub(super) fn done(
+        &mut self,
+        command: HostCommand,
+        asked: &'static str,
+    ) -> Result<u32, BoardError> {
+        match self.line.ask(command, asked)? {
+            Answer::Done { step } => Ok(step),
+            _ => Err(BoardError::Silent { asked }),
+        }
+    }
+
+    /// Sends a set point without waiting for the answer; returns the number of the request.
+    pub(super) fn send(&mut self, set_point: HostCommand, vents: bool) -> Result<u8, BoardError> {
+        self.driving |= !vents;
+        self.last_sent = Instant::now();
+        self.line.send(set_point)
+    }
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        if self.driving {
+            // If the line is gone, the board vents by its own timeout.
+            let _ = self.line.ask(HostCommand::Stop, "stop");
+        }
+    }
+}
 
 /// A live board, and what its telemetry states.
 pub trait Subject: Sized + Send + 'static {
@@ -21,30 +60,80 @@ pub trait Subject: Sized + Send + 'static {
     /// [`BoardError`], if there is no answer, another protocol, or another image.
     fn open(port: &str) -> Result<Self, BoardError>;
 
-    fn version(&self) -> Version;
+    fn live(&self) -> &Live;
 
-    fn status(&mut self) -> Result<Status, BoardError>;
+    fn live_mut(&mut self) -> &mut Live;
 
-    fn timing(&mut self) -> Result<Timing, BoardError>;
+    fn version(&self) -> Version {
+        self.live().version
+    }
+
+    fn port(&self) -> &str {
+        self.live().line.name()
+    }
+
+    fn status(&mut self) -> Result<Status, BoardError> {
+        self.live_mut().line.ask_status()
+    }
+
+    /// Latest status that the board sent without a request.
+    fn last_status(&self) -> Option<Status> {
+        self.live().line.status()
+    }
+
+    fn timing(&mut self) -> Result<Timing, BoardError> {
+        self.live_mut().line.timing()
+    }
+
+    fn last_reset(&mut self) -> Result<LastReset, BoardError> {
+        self.live_mut().line.last_reset()
+    }
+
+    /// Restarts and venting faults, the latest first.
+    fn history(&mut self) -> Result<Vec<Event>, BoardError> {
+        self.live_mut().line.history()
+    }
 
     /// The configuration in use.
     fn config(&mut self) -> Result<Self::Config, BoardError>;
 
-    /// Sends a configuration and its name.
+    /// Sends a configuration and its name; the board accepts or refuses it as a whole.
+    ///
+    /// # Errors
+    /// [`BoardError::Config`] with the value that is out of its range; [`BoardError::OtherChip`];
+    /// [`BoardError::Damaged`] if the board's configuration differs afterwards.
     fn configure(&mut self, config: &Self::Config, name: &str) -> Result<Status, BoardError>;
 
     /// Saves the configuration in use in flash.
-    fn save(&mut self) -> Result<(), BoardError>;
+    fn save(&mut self) -> Result<(), BoardError> {
+        self.live_mut().done(HostCommand::Save, "save").map(drop)
+    }
 
-    /// Arms up to this absolute pressure \[Pa\], or as far as configured.
+    /// Deletes the saved configuration.
+    fn forget(&mut self) -> Result<(), BoardError> {
+        self.live_mut().done(HostCommand::Forget, "forget").map(drop)
+    }
+
+    /// Arms up to this absolute pressure \[Pa\], in either muscle, or as far as configured.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`] outside of what the configuration allows.
     fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError>;
 
     /// Sends a set point; returns the step from which on it holds.
+    ///
+    /// # Errors
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`], also below ambient, where it would vent.
     fn set(&mut self, set_point: Self::SetPoint) -> Result<u32, BoardError>;
 
     /// Clears the latched faults whose cause is gone, without reading telemetry.
-    fn forget_faults(&mut self) -> Result<(), BoardError>;
+    fn forget_faults(&mut self) -> Result<(), BoardError> {
+        self.live_mut().done(HostCommand::ClearFaults, "clear")?;
+        self.live_mut().driving = false;
+        Ok(())
+    }
 
+    /// Sets the number of steps per telemetry frame.
     fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError>;
 
     /// Restarts the core, with this set point in its step 0.
@@ -54,17 +143,27 @@ pub trait Subject: Sized + Send + 'static {
     fn send(&mut self, set_point: Self::SetPoint) -> Result<u8, BoardError>;
 
     /// Returns the refusal of a request that was only sent, if there is one.
-    fn check(&mut self, sequence: u8) -> Result<(), BoardError>;
+    fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
+        self.live_mut().line.check(sequence)
+    }
 
+    /// The next telemetry that has arrived; keeps the board's set point alive, and waits some milliseconds.
     fn poll(&mut self) -> Result<Option<Self::Telemetry>, BoardError>;
 
-    /// Whether unread telemetry has arrived.
-    fn is_behind(&self) -> bool;
+    /// The present telemetry, however much older telemetry is unread.
+    fn fresh_telemetry(&mut self) -> Result<Self::Telemetry, BoardError>;
 
-    fn last_status(&self) -> Option<Status>;
+    /// Whether unread telemetry has arrived: what was read is not the latest.
+    fn is_behind(&self) -> bool {
+        self.live().line.is_behind()
+    }
 
     /// Vents, without reading telemetry.
-    fn vent(&mut self) -> Result<(), BoardError>;
+    fn vent(&mut self) -> Result<(), BoardError> {
+        self.live_mut().done(HostCommand::Stop, "stop")?;
+        self.live_mut().driving = false;
+        Ok(())
+    }
 
     /// Vents; returns when it is confirmed.
     fn stop(&mut self) -> Result<(), BoardError>;
@@ -78,139 +177,4 @@ pub trait Subject: Sized + Send + 'static {
 
     /// Faults that vent.
     fn venting(telemetry: &Self::Telemetry) -> Faults;
-}
-
-/// The methods that both boards have by the same name.
-macro_rules! methods_of {
-    ($board:ty) => {
-        fn open(port: &str) -> Result<Self, BoardError> {
-            <$board>::open(port)
-        }
-
-        fn version(&self) -> Version {
-            <$board>::version(self)
-        }
-
-        fn status(&mut self) -> Result<Status, BoardError> {
-            <$board>::status(self)
-        }
-
-        fn timing(&mut self) -> Result<Timing, BoardError> {
-            <$board>::timing(self)
-        }
-
-        fn config(&mut self) -> Result<Self::Config, BoardError> {
-            <$board>::config(self)
-        }
-
-        fn configure(&mut self, config: &Self::Config, name: &str) -> Result<Status, BoardError> {
-            <$board>::configure(self, config, name)
-        }
-
-        fn save(&mut self) -> Result<(), BoardError> {
-            <$board>::save(self)
-        }
-
-        fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError> {
-            <$board>::arm(self, most_pa)
-        }
-
-        fn set(&mut self, set_point: Self::SetPoint) -> Result<u32, BoardError> {
-            <$board>::set(self, set_point)
-        }
-
-        fn forget_faults(&mut self) -> Result<(), BoardError> {
-            <$board>::forget_faults(self)
-        }
-
-        fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
-            <$board>::telemetry_every(self, steps)
-        }
-
-        fn start(&mut self, set_point: Self::SetPoint) -> Result<(), BoardError> {
-            <$board>::start(self, set_point)
-        }
-
-        fn send(&mut self, set_point: Self::SetPoint) -> Result<u8, BoardError> {
-            <$board>::send(self, set_point)
-        }
-
-        fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
-            <$board>::check(self, sequence)
-        }
-
-        fn poll(&mut self) -> Result<Option<Self::Telemetry>, BoardError> {
-            <$board>::poll(self)
-        }
-
-        fn is_behind(&self) -> bool {
-            <$board>::is_behind(self)
-        }
-
-        fn last_status(&self) -> Option<Status> {
-            <$board>::last_status(self)
-        }
-
-        fn stop(&mut self) -> Result<(), BoardError> {
-            <$board>::stop(self)
-        }
-    };
-}
-
-impl Subject for LiveBoard {
-    type Config = Config;
-    type Telemetry = Telemetry;
-    type SetPoint = SetPoint;
-
-    methods_of!(LiveBoard);
-
-    fn vent(&mut self) -> Result<(), BoardError> {
-        Self::vent(self)
-    }
-
-    fn step(telemetry: &Telemetry) -> u32 {
-        telemetry.step
-    }
-
-    fn is_checking(telemetry: &Telemetry) -> bool {
-        telemetry.mode == Mode::StartupCheck
-    }
-
-    fn pressure_pa(telemetry: &Telemetry) -> f32 {
-        telemetry.pressure_pa
-    }
-
-    fn venting(telemetry: &Telemetry) -> Faults {
-        telemetry.faults.of(VENTING)
-    }
-}
-
-impl Subject for LiveJoint {
-    type Config = JointConfig;
-    type Telemetry = JointTelemetry;
-    type SetPoint = JointSetPoint;
-
-    methods_of!(LiveJoint);
-
-    fn vent(&mut self) -> Result<(), BoardError> {
-        self.stop()
-    }
-
-    fn step(telemetry: &JointTelemetry) -> u32 {
-        telemetry.step()
-    }
-
-    fn is_checking(telemetry: &JointTelemetry) -> bool {
-        telemetry.mode == JointMode::StartupCheck
-    }
-
-    fn pressure_pa(telemetry: &JointTelemetry) -> f32 {
-        let [a, b] = telemetry.muscles.map(|muscle| muscle.pressure_pa);
-        a.max(b)
-    }
-
-    fn venting(telemetry: &JointTelemetry) -> Faults {
-        let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.of(VENTING));
-        a.with(b).with(telemetry.faults.of_failure())
-    }
 }

@@ -18,9 +18,6 @@ pub struct Joint {
 
 impl Joint {
     /// Plant and core at time zero, at the angle of the first set point.
-    ///
-    /// # Errors
-    /// [`ModelError`] for a scenario that cannot be run.
     pub fn new(loaded: &JointLoaded, kind: Kind, importer: &Inputs) -> Result<Self, ModelError> {
         let mut inputs = loaded.inputs(0.0);
         match kind {

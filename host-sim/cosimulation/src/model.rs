@@ -27,9 +27,6 @@ pub struct Model {
 
 impl Model {
     /// The unit with the resources in a folder.
-    ///
-    /// # Errors
-    /// [`ModelError`], for a scenario that cannot be run.
     pub fn load(resources: &Path) -> Result<Self, ModelError> {
         let kind =
             Kind::ALL.into_iter().find(|kind| resources.join(kind.scenario_file()).is_file());
@@ -38,9 +35,6 @@ impl Model {
     }
 
     /// A scenario as a unit, at rest at time zero.
-    ///
-    /// # Errors
-    /// [`ModelError`], for a scenario that cannot be run.
     pub fn new(scenario: impl Into<Scenario>, kind: Kind) -> Result<Self, ModelError> {
         let scenario = scenario.into();
         let inputs = scenario.inputs(kind);

@@ -37,9 +37,6 @@ enum Driver {
 
 impl Muscle {
     /// Plant and board at time zero.
-    ///
-    /// # Errors
-    /// [`ModelError`] for a scenario that cannot be run.
     pub fn new(loaded: &Loaded, kind: Kind, inputs: &Inputs) -> Result<Self, ModelError> {
         let mut rig = Rig::new(loaded)?;
         let config = core_config(&loaded.believed);

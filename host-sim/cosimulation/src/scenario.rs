@@ -83,9 +83,6 @@ impl Scenario {
     }
 
     /// Puts it into operation.
-    ///
-    /// # Errors
-    /// [`ModelError`] for a scenario that cannot be run.
     pub fn start(&self, kind: Kind, inputs: &Inputs) -> Result<Box<dyn Running>, ModelError> {
         match self {
             Self::Muscle(loaded) => Ok(Box::new(Muscle::new(loaded, kind, inputs)?)),

@@ -107,9 +107,6 @@ fn gravity_unknown(loaded: &JointLoaded) -> JointLoaded {
 }
 
 /// The table.
-///
-/// # Errors
-/// Of the first case that cannot be run.
 pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
     let nominal = nominal().map_err(|_| RunError::Build(BuildError::NoEnd))?;
     let heavy = heavy(&nominal);

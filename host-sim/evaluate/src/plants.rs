@@ -33,9 +33,6 @@ const SWINGS_ZONES: f64 = 6.0;
 const CROSSINGS: usize = 8;
 
 /// A random plant in words, and its scenario.
-///
-/// # Errors
-/// The problem that `check` finds.
 pub fn random(seed: u64, number: u64) -> (String, Result<(Loaded, usize), InputError>) {
     let mut draw = Draw::new(seed.wrapping_mul(1_000_003).wrapping_add(number));
     let volume_m3 = draw.factor(VOLUMES_M3);

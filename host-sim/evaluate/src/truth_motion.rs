@@ -37,9 +37,6 @@ const FEWEST: usize = 10;
 const VESSEL_PERCENT: f64 = 1.0;
 
 /// Every case below a folder of the layout in `docs/background/validation.md`.
-///
-/// # Errors
-/// For a record that cannot be used.
 pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, InputError> {
     let dynamic = folder.join("dynamic");
     let mut lines = Vec::new();

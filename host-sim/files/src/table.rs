@@ -81,18 +81,12 @@ pub fn read_whole(path: &Path) -> Result<Table, InputError> {
 /// Reads a CSV file as [`read_record`] if its column names are those of a record, else as
 /// [`read_table`]: in a table made by hand a fault is a mistake, not a power cut, and a last line
 /// without an end is a row.
-///
-/// # Errors
-/// As [`read_record`] and [`read_table`].
 pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Table, InputError> {
     Table::parse_either(&read_bytes(path)?, path, made_by_hand)
 }
 
 impl Table {
     /// As [`read_either`], from the content of a file; `file` is its name in messages.
-    ///
-    /// # Errors
-    /// As [`read_either`].
     pub fn parse_either(
         bytes: &[u8],
         file: &Path,

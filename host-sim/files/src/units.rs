@@ -245,9 +245,6 @@ impl Wanted {
     }
 
     /// As [`Self::read`], but the unit has to be there.
-    ///
-    /// # Errors
-    /// As [`Self::read`].
     pub fn read_with_unit(self, text: &str) -> Result<f64, Unread> {
         let (number, unit) = split(text.trim());
         let unit = plain(unit);

@@ -20,6 +20,7 @@ use std::time::{Duration, Instant};
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
 use thermyo_boards::port::EMULATED;
 use thermyo_boards::service;
+use thermyo_boards::subject::Subject;
 use thermyo_scenario::short;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::parse;

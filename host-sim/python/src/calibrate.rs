@@ -9,6 +9,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_simulation::board;
 use thermyo_studies::calibrate::{self, Calibrated, Dialogue, Sensor, wait};
 

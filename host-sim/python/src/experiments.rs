@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use std::cell::RefCell;
 use std::path::Path;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_protocol::Refusal;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, from_config};

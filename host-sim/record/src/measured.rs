@@ -172,9 +172,6 @@ impl Measured {
     }
 
     /// As [`Self::new`], with times since the first row, which may be any.
-    ///
-    /// # Errors
-    /// As [`Self::new`].
     pub fn since_first(table: &Table, known: &[&str]) -> Result<Self, InputError> {
         Self::read(table, known, true)
     }

@@ -1,9 +1,6 @@
 //! `trace.csv`: one row per logged step, streamed while the run goes on.
 
-use crate::sinks::Sinks;
 use model_core::{Sample, Telemetry};
-use std::io::{self, Write};
-use thermyo_files::rows::Rows;
 use thermyo_plant::Truth;
 
 /// The columns, in order. Scripts rely on the first fifteen; `thermyo replay` and the report need
@@ -140,13 +137,8 @@ impl Row {
     }
 }
 
-/// Writes rows as CSV; every number is the shortest text that reads back to the same value.
-pub struct TraceWriter<W: Write> {
-    rows: Rows<W>,
-    beside: Sinks,
-}
-
-/// Cells as a line of the file; NaN (unknown) becomes an empty cell.
+/// Cells as a line of the file: every number is the shortest text that reads back to the same value, and NaN (unknown)
+/// an empty cell.
 pub fn cells_text(cells: impl IntoIterator<Item = f64>) -> String {
     let mut line = String::with_capacity(512);
     let mut buffer = zmij::Buffer::new();
@@ -160,28 +152,4 @@ pub fn cells_text(cells: impl IntoIterator<Item = f64>) -> String {
         }
     }
     line
-}
-
-impl<W: Write> TraceWriter<W> {
-    /// Starts with the header.
-    pub fn new(out: W) -> io::Result<Self> {
-        let rows = Rows::new(out, &COLUMNS.join(","))?;
-        Ok(Self { rows, beside: Sinks::default() })
-    }
-
-    /// Adds sinks for its rows.
-    #[must_use]
-    pub fn beside(self, beside: Sinks) -> Self {
-        Self { beside, ..self }
-    }
-
-    pub fn write(&mut self, cells: &[f64; COLUMNS.len()]) -> io::Result<()> {
-        self.rows.push(&cells_text(*cells))?;
-        self.beside.row(cells)
-    }
-
-    /// Flushes all rows.
-    pub fn finish(self) -> io::Result<()> {
-        self.rows.finish().map(drop).and(self.beside.finish())
-    }
 }

@@ -178,9 +178,6 @@ impl Study {
     }
 
     /// Identifies `keys` of a board's configuration from a table; results go to a folder of `out`.
-    ///
-    /// # Errors
-    /// As [`Sought::scenario`].
     pub fn identify(
         &mut self,
         config: Config,

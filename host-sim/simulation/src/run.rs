@@ -129,9 +129,6 @@ pub struct Run {
 
 impl Run {
     /// Plant and board at time zero.
-    ///
-    /// # Errors
-    /// [`RunError`] for a scenario that cannot be run.
     pub fn start(
         loaded: &Loaded,
         board: &mut dyn Board,

@@ -4,9 +4,11 @@ use super::{Console, Failure};
 use model_core::Config;
 use serde_json::{Value, json};
 use std::path::Path;
+use thermyo_boards::subject::Subject;
 use thermyo_files::input::write_new;
 use thermyo_files::units::UnitSystem;
 use thermyo_protocol::{ConfigSource, Event, Image, LastReset, Status, Timing, Version};
+use thermyo_simulation::board::BoardError;
 
 /// A board's answers about itself, whatever it drives.
 pub(super) struct Overview {
@@ -27,6 +29,17 @@ pub(super) fn armed(
     to.done(&json!({ "armed_pa": armed_pa, "vents_pa": vents_pa }), &words)
 }
 
+/// Saves the configuration in use.
+pub(super) fn save(board: &mut impl Subject, to: &mut Console<'_>) -> Result<(), Failure> {
+    board.save()?;
+    shown_as("saved: ", &board.status()?, to)
+}
+
+/// Prints a board's configuration after these words.
+pub(super) fn shown_as(words: &str, status: &Status, to: &mut Console<'_>) -> Result<(), Failure> {
+    to.done(&configuration_json(status), &format!("{words}{}\n", configuration(status)))
+}
+
 /// A board without a fault, after `clear`.
 pub(super) fn cleared(armed_pa: Option<f32>) -> String {
     let until = if armed_pa.is_some() { "a set point comes: it is armed" } else { "it is armed" };
@@ -34,6 +47,15 @@ pub(super) fn cleared(armed_pa: Option<f32>) -> String {
 }
 
 impl Overview {
+    pub fn of(board: &mut impl Subject) -> Result<Self, BoardError> {
+        Ok(Self {
+            version: board.version(),
+            status: board.status()?,
+            timing: board.timing()?,
+            last_reset: board.last_reset()?,
+        })
+    }
+
     pub fn json(&self, port: &str) -> Value {
         json!({
             "port": port,
@@ -78,7 +100,7 @@ fn started_by(last_reset: LastReset) -> String {
     }
 }
 
-pub(super) fn configuration_json(status: &Status) -> Value {
+fn configuration_json(status: &Status) -> Value {
     json!({
         "config_name": status.config_name.as_str(),
         "config_checksum": status.config_checksum,
@@ -86,7 +108,7 @@ pub(super) fn configuration_json(status: &Status) -> Value {
     })
 }
 
-pub(super) fn configuration(status: &Status) -> String {
+fn configuration(status: &Status) -> String {
     let name = match status.config_name.as_str() {
         "" => "no name",
         name => name,

@@ -2,10 +2,11 @@
 
 use super::log::LogArgs;
 use super::progress::Bar;
-use super::{Console, Failure, interrupt, pretty, read_to_compare};
+use super::{Console, Failure, interrupt, pretty, read_to_compare, title_of};
 use clap::Args;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_logs::topics::MUSCLE;
@@ -110,7 +111,7 @@ fn drive_and_record(
         stopped_of_s: (ended == Ended::Stopped).then_some(duration_s),
         ..gathered.finish(board.port(), &status, &timing)
     };
-    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
+    let title = title_of(&args.profile);
     files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
     let summed = Summed {
         json: pretty(&summary),

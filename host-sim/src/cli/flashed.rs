@@ -1,13 +1,11 @@
 //! `thermyo board`: queries and commands to a flashed board, or to the emulated one.
 
-use super::board_status::{
-    Overview, armed, cleared, config_file, configuration, configuration_json, history,
-};
-use super::drive::{DriveArgs, drive_profile};
-use super::joint_board::JointTask;
+use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
+use super::board_task::{ArmArgs, BoardTask, ConfigTask};
+use super::drive::drive_profile;
 use super::muscle::{line, vents};
-use super::{Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, tune};
-use clap::{Args, Subcommand};
+use super::{Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, title_of};
+use clap::Args;
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
 use serde_json::json;
@@ -15,6 +13,7 @@ use std::path::{Path, PathBuf};
 use thermyo_boards::emulated::Port;
 use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_boards::{port, service};
 use thermyo_protocol::Refusal;
 use thermyo_setup::core_config::core_config;
@@ -39,83 +38,6 @@ pub(super) struct BoardCommand {
     task: BoardTask,
 }
 
-#[derive(Debug, Subcommand)]
-enum BoardTask {
-    /// Print identity, configuration, faults and state of the board
-    Info,
-    /// Arm the board: set points are accepted until something vents it
-    Arm(ArmArgs),
-    /// Send a set point, show the muscle, and vent in the end
-    Set(set::SetArgs),
-    /// Vent
-    Stop,
-    /// Clear latched faults whose cause is gone
-    Clear,
-    /// Read, write, save or delete the configuration
-    #[command(subcommand)]
-    Config(ConfigTask),
-    /// Print restarts and venting faults, the latest first
-    History,
-    /// Calibrate a sensor at two points with a reference instrument
-    Calibrate(calibrate::CalibrateArgs),
-    /// Drive a profile and record it like a simulated run: trace.csv, summary.json, report.html
-    Drive(DriveArgs),
-    /// Plug in the emulated board again, with the muscle of a scenario, or with the joint of one and its image
-    Plug {
-        /// Scenario file (TOML) [default: the muscle of the default keys]
-        scenario: Option<PathBuf>,
-    },
-    /// Unplug the emulated board
-    Unplug,
-}
-
-#[derive(Debug, Args)]
-struct ArmArgs {
-    /// Highest absolute pressure of a set point, such as 2bar or 200000 (Pa) [default: the limit in
-    /// the configuration]
-    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = tune::pressure)]
-    max_pressure: Option<f64>,
-}
-
-#[derive(Debug, Subcommand)]
-enum ConfigTask {
-    /// Write the configuration to a scenario file
-    Read {
-        /// Scenario file that does not exist yet
-        file: PathBuf,
-    },
-    /// Send the core's part of a scenario; the board vents and is not armed
-    Write {
-        /// Scenario file (TOML)
-        file: PathBuf,
-    },
-    /// Save the configuration in flash
-    Save,
-    /// Delete the saved configuration
-    Forget,
-}
-
-impl BoardTask {
-    /// The same for a joint's board; none for what needs no board.
-    fn of_joint(self) -> Option<JointTask> {
-        Some(match self {
-            Self::Info => JointTask::Info,
-            Self::Arm(ArmArgs { max_pressure }) => JointTask::Arm { max_pressure },
-            Self::Set(args) => JointTask::Set(args),
-            Self::Stop => JointTask::Stop,
-            Self::Clear => JointTask::Clear,
-            Self::Drive(args) => JointTask::Drive(args),
-            Self::History => JointTask::History,
-            Self::Config(ConfigTask::Read { file }) => JointTask::Read { file },
-            Self::Config(ConfigTask::Write { file }) => JointTask::Write { file },
-            Self::Config(ConfigTask::Save) => JointTask::Save,
-            Self::Config(ConfigTask::Forget) => JointTask::Forget,
-            Self::Calibrate(args) => JointTask::Calibrate(args),
-            Self::Plug { .. } | Self::Unplug => return None,
-        })
-    }
-}
-
 pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Failure> {
     let BoardCommand { port, json, quiet, si, task } = command;
     let to = to.as_asked(FormatArgs { json, quiet }).in_units(UnitArgs { si });
@@ -124,7 +46,6 @@ pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Fai
     }
     let mut board = match LiveBoard::open(&port) {
         Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
-            let Some(task) = task.of_joint() else { return Ok(()) };
             return joint_board::run(&port, task, to);
         }
         Err(BoardError::Taken { port }) if matches!(task, BoardTask::Stop) => {
@@ -215,12 +136,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
 }
 
 fn info(board: &mut LiveBoard, to: &mut Console<'_>) -> Result<(), Failure> {
-    let overview = Overview {
-        version: board.version(),
-        status: board.status()?,
-        timing: board.timing()?,
-        last_reset: board.last_reset()?,
-    };
+    let overview = Overview::of(board)?;
     let telemetry = board.fresh_telemetry()?;
     let mut json = overview.json(board.port());
     json["faults"] = telemetry.faults.to_string().into();
@@ -275,9 +191,7 @@ fn configure(board: &mut LiveBoard, task: ConfigTask, to: &mut Console<'_>) -> R
             let loaded = load(&file, to)?;
             warn_of_another_muscle(board.port(), &file, &loaded, to);
             let config = core_config(&loaded.believed);
-            let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            let status = board.configure(&config, &name)?;
-            to.done(&configuration_json(&status), &format!("{}\n", configuration(&status)))
+            shown_as("", &board.configure(&config, &title_of(&file))?, to)
         }
         ConfigTask::Read { file } => {
             let config = board.config()?;
@@ -286,12 +200,7 @@ fn configure(board: &mut LiveBoard, task: ConfigTask, to: &mut Console<'_>) -> R
             let text = thermyo_setup::render(&scenario.scenario);
             config_file((&file, &text, scenario.exact), &status, to)
         }
-        ConfigTask::Save => {
-            board.save()?;
-            let status = board.status()?;
-            let words = format!("saved: {}\n", configuration(&status));
-            to.done(&configuration_json(&status), &words)
-        }
+        ConfigTask::Save => save(board, to),
         ConfigTask::Forget => {
             board.forget()?;
             to.done(&json!({ "saved": false }), "the saved configuration is deleted\n")

@@ -1,14 +1,12 @@
 //! `thermyo board PORT` where the board drives a joint.
 
-use super::board_status::{
-    Overview, armed, cleared, config_file, configuration, configuration_json, history,
-};
-use super::calibrate::CalibrateArgs;
+use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
+use super::board_task::{ArmArgs, BoardTask, ConfigTask};
 use super::drive::{DriveArgs, Summed, drove, ended, say_record};
 use super::joint::faulty;
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
-use super::{Console, Failure, calibrate, interrupt, pretty};
+use super::{Console, Failure, calibrate, interrupt, pretty, title_of};
 use crate::commands::joint::line;
 use model_core::Faults;
 use model_core::joint::{JointError, JointField, JointMode, JointSetPoint, JointTelemetry, Motion};
@@ -16,6 +14,7 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use thermyo_boards::emulated::{EmulatedBoard, Exchange, STEP_NS};
 use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::subject::Subject;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::trace::{FILE, board_columns};
@@ -28,21 +27,6 @@ use thermyo_studies::drive::{Ended, joint};
 
 /// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
-
-pub(super) enum JointTask {
-    Info,
-    Arm { max_pressure: Option<f64> },
-    Set(SetArgs),
-    Stop,
-    Clear,
-    History,
-    Calibrate(CalibrateArgs),
-    Drive(DriveArgs),
-    Read { file: PathBuf },
-    Write { file: PathBuf },
-    Save,
-    Forget,
-}
 
 /// The joint of a scenario at an emulated board's pins: each call runs a millisecond of both. It begins
 /// where the drive begins.
@@ -58,11 +42,11 @@ pub(super) fn at_pins(
     })
 }
 
-pub(super) fn run(port: &str, task: JointTask, to: &mut Console<'_>) -> Result<(), Failure> {
+pub(super) fn run(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(), Failure> {
     let mut board = LiveJoint::open(port)?;
     match task {
-        JointTask::Info => info(&mut board, to),
-        JointTask::Arm { max_pressure } => {
+        BoardTask::Info => info(&mut board, to),
+        BoardTask::Arm(ArmArgs { max_pressure }) => {
             board
                 .arm(max_pressure.map(|pa| pa as f32))
                 .map_err(|error| refused(error, to.units))?;
@@ -71,32 +55,28 @@ pub(super) fn run(port: &str, task: JointTask, to: &mut Console<'_>) -> Result<(
             let of = "absolute, in either muscle";
             armed((armed_pa, &config, of), to)
         }
-        JointTask::Set(args) => set(&mut board, &args, to),
-        JointTask::Stop => {
+        BoardTask::Set(args) => set(&mut board, &args, to),
+        BoardTask::Stop => {
             board.stop()?;
             to.done(&json!({ "mode": "vent" }), "both muscles vent\n")
         }
-        JointTask::Clear => clear(&mut board, to),
-        JointTask::Drive(args) => {
+        BoardTask::Clear => clear(&mut board, to),
+        BoardTask::Drive(args) => {
             let mut record = None;
             let driven = drive_and_record(&mut board, &args, &mut record, to);
             say_record(&driven, record, to);
             driven
         }
-        JointTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, to),
-        JointTask::History => history(&board.history()?, to),
-        JointTask::Read { file } => read(&mut board, &file, to),
-        JointTask::Write { file } => write(&mut board, &file, to),
-        JointTask::Save => {
-            board.save()?;
-            let status = board.status()?;
-            let words = format!("saved: {}\n", configuration(&status));
-            to.done(&configuration_json(&status), &words)
-        }
-        JointTask::Forget => {
+        BoardTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, to),
+        BoardTask::History => history(&board.history()?, to),
+        BoardTask::Config(ConfigTask::Read { file }) => read(&mut board, &file, to),
+        BoardTask::Config(ConfigTask::Write { file }) => write(&mut board, &file, to),
+        BoardTask::Config(ConfigTask::Save) => save(&mut board, to),
+        BoardTask::Config(ConfigTask::Forget) => {
             board.forget()?;
-            show_configuration(&mut board, to)
+            shown_as("", &board.status()?, to)
         }
+        BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
 }
 
@@ -118,9 +98,7 @@ fn write(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(),
         );
         return Err(Failure::Usage(usage));
     };
-    let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    board.configure(&loaded.config(), &name)?;
-    show_configuration(board, to)
+    shown_as("", &board.configure(&loaded.config(), &title_of(file))?, to)
 }
 
 fn read(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
@@ -128,12 +106,6 @@ fn read(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(), 
     let scenario = thermyo_joint::to_scenario(&config)?;
     let exact = scenario.config() == config;
     config_file((file, &thermyo_joint::render(&scenario), exact), &status, to)
-}
-
-fn show_configuration(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
-    let status = board.status()?;
-    let words = format!("{}\n", configuration(&status));
-    to.done(&configuration_json(&status), &words)
 }
 
 /// Faults that are shown, of both muscles and of the joint.
@@ -171,12 +143,7 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
 }
 
 fn info(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
-    let overview = Overview {
-        version: board.version(),
-        status: board.status()?,
-        timing: board.timing()?,
-        last_reset: board.last_reset()?,
-    };
+    let overview = Overview::of(board)?;
     let telemetry = board.fresh_telemetry()?;
     let mut json = overview.json(board.port());
     json["faults"] = shown(&telemetry);
@@ -310,7 +277,7 @@ fn drive_and_record(
     bar.clear();
     let ended = ended(outcome, recorder, (FILE, &mut files), record, to)?;
     let (status, timing) = (board.status()?, board.timing()?);
-    let title = args.profile.file_stem().unwrap_or_default().to_string_lossy();
+    let title = title_of(&args.profile);
     let stopped_of_s = (ended == Ended::Stopped).then_some(duration_s);
     let (summary, page) =
         gathered.finish((&title, &driven), (board.port(), &status, &timing), stopped_of_s);

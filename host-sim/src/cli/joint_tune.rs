@@ -5,6 +5,7 @@ use super::tune::{Done, TuneArgs, interrupted};
 use super::{Console, Failure, interrupt, title_of, unbuilt};
 use model_core::joint::{JointConfig, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::subject::Subject;
 use thermyo_joint::JointLoaded;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::joint_tune::{

@@ -9,6 +9,7 @@ use clap::{Args, Subcommand};
 use model_core::{Config, SetPointError};
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_files::output::OutputDir;
 use thermyo_protocol::Refusal;
 use thermyo_setup::Loaded;

@@ -4,6 +4,7 @@
 
 mod board;
 mod board_status;
+mod board_task;
 mod calibrate;
 mod compare;
 mod console;
@@ -69,7 +70,7 @@ use thermyo_record::board_trace::Recorder;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::measured::{self, Measured, check_absolute, of_unknown_column};
 use thermyo_record::summary::Summary;
-use thermyo_record::trace::{COMPARABLE, Row, TraceWriter};
+use thermyo_record::trace::{COLUMNS, COMPARABLE, Row};
 use thermyo_runs::reproduce;
 use thermyo_runs::run_page::RunRecorder;
 use thermyo_scenario::{PlantKind, Scenario};
@@ -644,10 +645,10 @@ fn record(
     let file = out.file("trace.csv")?;
     let beside = logs.open(out, topics::MUSCLE)?;
     let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
-    let mut writer = TraceWriter::new(file).map_err(unwritable)?.beside(beside);
+    let mut writer = Recorder::with_columns(file, &COLUMNS).map_err(unwritable)?.beside(beside);
     let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, quiet);
     let mut observer = |row: &Row| {
-        writer.write(&row.cells())?;
+        writer.push(&row.cells())?;
         each(row);
         bar.set_position((row.truth.time_s * 1000.0) as u64);
         interrupt::check()
@@ -655,7 +656,7 @@ fn record(
     interrupt::watch();
     let result = run::run(loaded, board, measured, &mut observer);
     bar.clear();
-    let written = writer.finish().map_err(unwritable);
+    let written = writer.finish().map(drop).map_err(unwritable);
     let summary = result.map_err(|error| match error {
         // The emulated board gets the signal too, and may exit first.
         _ if interrupt::is_requested() => Failure::Interrupted,

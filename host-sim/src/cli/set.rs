@@ -9,6 +9,7 @@ use model_core::{Config, Faults, SetPoint};
 use serde_json::json;
 use std::io::{self, IsTerminal};
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_files::units::UnitSystem;
 use thermyo_plant::chamber;
 use thermyo_protocol::Refusal;

@@ -7,6 +7,7 @@ use model_core::{Config, Telemetry};
 use serde::Serialize;
 use std::path::PathBuf;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_files::output::OutputDir;
 use thermyo_identify::motion;
 use thermyo_setup::Loaded;

@@ -37,9 +37,6 @@ const MOST_REQUESTS: usize = 100;
 const STEPS: [u16; 16] = [1, 2, 5, 9, 10, 11, 20, 30, 49, 50, 70, 100, 200, 400, 1000, 3000];
 
 /// Lives one life; returns its steps.
-///
-/// # Panics
-/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let mut life = Life::new(&mut bytes);

@@ -10,9 +10,6 @@ use thermyo_protocol::{Decoder, MAX_FRAME, Message, Request, encode};
 const MOST_FRAMES: usize = 64;
 
 /// Sends a stream; returns its frames, those of garbage included.
-///
-/// # Panics
-/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     match byte(&mut bytes) % 4 {

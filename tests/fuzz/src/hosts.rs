@@ -71,9 +71,6 @@ struct Hosts {
 }
 
 /// Lives one life of both hosts; returns its steps.
-///
-/// # Panics
-/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let mut hosts = Hosts { prompt: byte(&mut bytes).is_multiple_of(2), ..Hosts::default() };

@@ -17,9 +17,6 @@ const MOST_KEYS: usize = 24;
 const ORIGIN: &str = "nowhere/scenario.toml";
 
 /// Loads a scenario; returns 1.
-///
-/// # Panics
-/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let text = match byte(&mut bytes) % 4 {

@@ -39,9 +39,6 @@ static RUN: LazyLock<(TempDir, PathBuf)> = LazyLock::new(|| {
 });
 
 /// Reads a table; returns 1.
-///
-/// # Panics
-/// When a property is violated.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let scenario = any::one_of(&mut bytes, &SCENARIOS);

@@ -25,9 +25,6 @@ static SAMPLE: Static<Option<JointSample>> = Static(UnsafeCell::new(None));
 static TELEMETRY: Static<Option<JointTelemetry>> = Static(UnsafeCell::new(None));
 
 /// Content of the buffer.
-///
-/// # Panics
-/// When it is something else.
 fn taken<T: for<'de> serde::Deserialize<'de>>() -> T {
     // SAFETY: no reference to it outlives a call.
     let buffer = unsafe { &*BUFFER.0.get() };

@@ -2,6 +2,7 @@
 //! the required reaction.
 
 use super::muscle::{Draw, Task};
+use ChannelFault::{Drifting, Frozen, Noisy, Open, Shorted};
 use Reaction::{NotStated, Shown, ShownOrVents, Vents, VentsInVain};
 use model_core::{Command, Duty, Faults, Telemetry};
 use thermyo_plant::Truth;
@@ -173,7 +174,7 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
         fault(
             "pressure sensor open",
             "code 32760",
-            |_, _, w| w.pressure = ChannelFault::Open,
+            |_, _, w| w.pressure = Open,
             PRESSURE,
             0.011,
             Vents,
@@ -181,7 +182,7 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
         fault(
             "pressure sensor shorted",
             "code 0",
-            |_, _, w| w.pressure = ChannelFault::Shorted,
+            |_, _, w| w.pressure = Shorted,
             PRESSURE,
             0.011,
             Vents,
@@ -189,7 +190,7 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
         fault(
             "pressure sensor frozen",
             "the code of that moment",
-            |_, _, w| w.pressure = ChannelFault::Frozen,
+            |_, _, w| w.pressure = Frozen,
             PRESSURE.with(FLOW),
             0.1,
             Vents,
@@ -198,7 +199,7 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
         fault(
             "pressure sensor noisy",
             "5 % of the range",
-            |_, _, w| w.pressure = ChannelFault::Noisy,
+            |_, _, w| w.pressure = Noisy,
             PRESSURE,
             0.05,
             Vents,
@@ -208,7 +209,7 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
             "10 to 30 kPa/s",
             |draw, _, w| {
                 let rate_per_s = draw.factor([1.0e4, 3.0e4]);
-                w.pressure = ChannelFault::Drifting { rate_per_s };
+                w.pressure = Drifting { rate_per_s };
             },
             PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
             40.0,
@@ -220,7 +221,7 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
             "10 to 30 kPa/s",
             |draw, _, w| {
                 let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
-                w.pressure = ChannelFault::Drifting { rate_per_s };
+                w.pressure = Drifting { rate_per_s };
             },
             PRESSURE.with(FLOW).with(FORCE),
             f64::INFINITY,
@@ -232,45 +233,24 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
 
 fn of_the_gas_sensor() -> Vec<Fault> {
     vec![
-        fault(
-            "gas sensor open",
-            "code 32760",
-            |_, _, w| w.gas = ChannelFault::Open,
-            GAS,
-            0.001,
-            Shown,
-        ),
-        fault(
-            "gas sensor shorted",
-            "code 0",
-            |_, _, w| w.gas = ChannelFault::Shorted,
-            GAS,
-            0.001,
-            Shown,
-        ),
+        fault("gas sensor open", "code 32760", |_, _, w| w.gas = Open, GAS, 0.001, Shown),
+        fault("gas sensor shorted", "code 0", |_, _, w| w.gas = Shorted, GAS, 0.001, Shown),
         fault(
             "gas sensor frozen",
             "the code of that moment",
-            |_, _, w| w.gas = ChannelFault::Frozen,
+            |_, _, w| w.gas = Frozen,
             GAS,
             12.0,
             Shown,
         )
         .seen(Counted::Always, &Task::MOVING, 14.0),
-        fault(
-            "gas sensor noisy",
-            "5 % of the range",
-            |_, _, w| w.gas = ChannelFault::Noisy,
-            GAS,
-            0.05,
-            Shown,
-        ),
+        fault("gas sensor noisy", "5 % of the range", |_, _, w| w.gas = Noisy, GAS, 0.05, Shown),
         fault(
             "gas sensor drifting",
             "0.5 to 3 K/s, up or down",
             |draw, _, w| {
                 let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
-                w.gas = ChannelFault::Drifting { rate_per_s };
+                w.gas = Drifting { rate_per_s };
             },
             GAS,
             20.0,
@@ -282,18 +262,11 @@ fn of_the_gas_sensor() -> Vec<Fault> {
 
 fn of_the_length_sensor() -> Vec<Fault> {
     vec![
-        fault(
-            "length sensor open",
-            "code 32760",
-            |_, _, w| w.length = ChannelFault::Open,
-            LENGTH,
-            0.001,
-            Shown,
-        ),
+        fault("length sensor open", "code 32760", |_, _, w| w.length = Open, LENGTH, 0.001, Shown),
         fault(
             "length sensor shorted",
             "code 0",
-            |_, _, w| w.length = ChannelFault::Shorted,
+            |_, _, w| w.length = Shorted,
             LENGTH,
             0.001,
             Shown,
@@ -301,7 +274,7 @@ fn of_the_length_sensor() -> Vec<Fault> {
         fault(
             "length sensor frozen",
             "the code of that moment",
-            |_, _, w| w.length = ChannelFault::Frozen,
+            |_, _, w| w.length = Frozen,
             LENGTH,
             0.2,
             Shown,
@@ -310,7 +283,7 @@ fn of_the_length_sensor() -> Vec<Fault> {
         fault(
             "length sensor noisy",
             "5 % of the range",
-            |_, _, w| w.length = ChannelFault::Noisy,
+            |_, _, w| w.length = Noisy,
             LENGTH,
             0.05,
             Shown,
@@ -321,7 +294,7 @@ fn of_the_length_sensor() -> Vec<Fault> {
             |draw, s, w| {
                 let rest_m = s.muscle.rest_length_m;
                 let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
-                w.length = ChannelFault::Drifting { rate_per_s };
+                w.length = Drifting { rate_per_s };
             },
             LENGTH.with(FORCE).with(FLOW),
             20.0,

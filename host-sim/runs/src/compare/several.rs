@@ -49,9 +49,6 @@ pub struct Recorded {
 
 impl Recorded {
     /// The record in `table`, read from the file `trace`.
-    ///
-    /// # Errors
-    /// As [`Run::new`].
     pub fn of_trace(name: &str, trace: &Path, table: &Table) -> Result<Self, InputError> {
         let run = Run::new(name, kind_of(trace), table)?;
         let control = control_of(trace, run.subject);
@@ -59,9 +56,6 @@ impl Recorded {
     }
 
     /// A record of which nothing else is known.
-    ///
-    /// # Errors
-    /// As [`Run::new`].
     pub fn alone(name: &str, table: &Table) -> Result<Self, InputError> {
         Ok(Self { run: Run::new(name, None, table)?, control: Value::Null })
     }

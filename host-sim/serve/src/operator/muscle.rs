@@ -24,6 +24,7 @@ use std::slice;
 use std::sync::Arc;
 use std::time::Instant;
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;

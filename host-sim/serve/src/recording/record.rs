@@ -26,9 +26,6 @@ pub trait Record: Sized + Send + 'static {
     fn scenario(&self) -> String;
 
     /// Writes a row.
-    ///
-    /// # Errors
-    /// Of the file.
     fn write(
         &mut self,
         recorder: &mut Recorder,

@@ -4,6 +4,7 @@ use super::{DriveError, Ended, drive};
 use crate::tune::Bench;
 use model_core::{Config, Telemetry};
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_protocol::checksum;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;

@@ -4,6 +4,7 @@ use super::experiment::{Bench, BenchError, Course};
 use crate::drive::{self, DriveError, Ended, follow};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::subject::Subject;
 use thermyo_joint::{JointLoaded, SET_POINT_INTERVAL_S};
 use thermyo_protocol::joint_checksum;
 use thermyo_simulation::board::BoardError;

@@ -8,6 +8,7 @@ use model_core::{Config, Telemetry};
 use std::cell::Cell;
 use std::io::{self, Write};
 use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_files::rows::Rows as Lines;
 use thermyo_identify::stops::{Row, Rows, Stop};
 use thermyo_protocol::Status;
@@ -148,9 +149,6 @@ impl RowBench for LiveRows<'_> {
 
 impl<'a> LiveRows<'a> {
     /// Arms the board up to the plan's highest pressure, if asked to.
-    ///
-    /// # Errors
-    /// When the board refuses.
     pub fn arm(
         board: &'a mut LiveBoard,
         config: Config,
