@@ -18,7 +18,7 @@ use crate::board_support::Bench;
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
 /// Longest wait of a test \[s\], even on a busy machine: it detects hanging and is not a figure.
-pub(crate) const HANGS_S: f64 = 60.0;
+const HANGS_S: f64 = 60.0;
 
 /// A server, which is stopped with its board.
 pub(crate) struct Served {
@@ -152,22 +152,24 @@ impl Page {
     }
 
     /// Waits for a condition; returns the waiting time.
-    pub(crate) fn until(
-        &mut self,
-        what: &str,
-        limit_s: f64,
-        done: impl Fn(&Self) -> bool,
-    ) -> Duration {
+    pub(crate) fn until(&mut self, what: &str, done: impl Fn(&Self) -> bool) -> Duration {
         let start = Instant::now();
         // It may have been behind.
         self.say(json!({ "seen": self.received }));
         while !done(self) {
             let events: Vec<&Value> =
                 self.state["events"].as_array().into_iter().flatten().map(|e| &e["text"]).collect();
-            assert!(start.elapsed().as_secs_f64() < limit_s, "{what}: {} {events:?}", self.frame);
+            assert!(start.elapsed().as_secs_f64() < HANGS_S, "{what}: {} {events:?}", self.frame);
             self.hear(true);
         }
         start.elapsed()
+    }
+
+    /// Waits until this page steers a board that is configured.
+    pub(crate) fn configured(&mut self) {
+        self.until("configured", |page| {
+            page.own["steers"] == true && page.state["configuration"]["configured"] == true
+        });
     }
 
     fn pressure_pa(&self) -> f64 {
@@ -187,17 +189,15 @@ impl Page {
 
     /// Configures the muscle, arms, and holds a pressure.
     pub(crate) fn drive(&mut self, pressure_pa: f64) {
-        self.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
+        self.until("a state", |page| page.state.is_object() && page.own["steers"] == true);
         if self.state["configuration"]["configured"] == false {
             self.order(json!({ "configure": null }));
         }
-        self.until("configuration", HANGS_S, |page| {
-            page.state["configuration"]["configured"] == true
-        });
+        self.until("configuration", |page| page.state["configuration"]["configured"] == true);
         self.order(json!({ "arm": { "most_pa": null } }));
-        self.until("armed", HANGS_S, |page| page.state["armed_pa"].is_number());
+        self.until("armed", |page| page.state["armed_pa"].is_number());
         self.order(json!({ "set": { "Pressure": { "pressure_pa": pressure_pa } } }));
-        self.until("the pressure follows", HANGS_S, |page| {
+        self.until("the pressure follows", |page| {
             let driven = page.frame["set_point"]["Pressure"]["pressure_pa"] == pressure_pa;
             driven && (page.pressure_pa() - pressure_pa).abs() < 2e3
         });
@@ -235,7 +235,7 @@ fn assert_no_file_is_shown(served: &Served, page: &mut Page) {
     fs::write(&file, "a-line-of-the-file,7\n").unwrap();
     let text = format!("[drive]\nkind = \"pressure\"\nprofile_csv = \"{}\"\n", file.display());
     page.order(json!({ "configure": { "name": "sent.toml", "text": text } }));
-    page.until("a file is refused", HANGS_S, |page| {
+    page.until("a file is refused", |page| {
         page.happened("sent.toml:") && page.happened("must be left out")
     });
     assert!(!page.happened("a-line-of-the-file"), "{}", page.state["events"]);
@@ -248,7 +248,7 @@ fn assert_a_flood_is_logged_once(second: &mut Page) {
         second.order(json!("save"));
     }
     second.say(json!("vent"));
-    second.until("heard to its end", HANGS_S, |page| page.happened("Vent was pressed on a page"));
+    second.until("heard to its end", |page| page.happened("Vent was pressed on a page"));
     let times = |page: &Page, what: &str| {
         let events = page.state["events"].as_array().unwrap().iter();
         events.filter(|event| event["text"].as_str().unwrap().contains(what)).count()
@@ -262,37 +262,35 @@ fn assert_a_flood_is_logged_once(second: &mut Page) {
 fn a_page_steers_and_another_watches() {
     let mut served = Served::new("emulated");
     let mut first = served.page();
-    first.until("a state", HANGS_S, |page| page.state.is_object());
+    first.until("a state", |page| page.state.is_object());
     first.order(json!({ "arm": { "most_pa": null } }));
-    first.until("refused", HANGS_S, |page| page.happened("the board does not know its muscle"));
+    first.until("refused", |page| page.happened("the board does not know its muscle"));
     first.say(json!({ "fire": 1 }));
-    first.until("garbage", HANGS_S, |page| page.happened("not understood"));
+    first.until("garbage", |page| page.happened("not understood"));
     first.drive(1.3e5);
     first.order(json!({ "set": { "Pressure": { "pressure_pa": 9e6 } } }));
-    first.until("out of range", HANGS_S, |page| page.happened("must be from 101.33 kPa"));
+    first.until("out of range", |page| page.happened("must be from 101.33 kPa"));
     first.order(json!({ "set": { "Pressure": { "pressure_pa": -3000 } } }));
-    first.until("below ambient", HANGS_S, |page| {
-        page.happened("a pressure of -3 kPa: must be from")
-    });
+    first.until("below ambient", |page| page.happened("a pressure of -3 kPa: must be from"));
 
     assert_no_file_is_shown(&served, &mut first);
 
     let mut second = served.page();
-    second.until("a seat", HANGS_S, |page| page.own.is_object());
+    second.until("a seat", |page| page.own.is_object());
     assert_eq!(second.own["steers"], false);
     second.order(json!({ "set": { "Pressure": { "pressure_pa": 2e5 } } }));
-    second.until("watches", HANGS_S, |page| page.happened("another page steers"));
+    second.until("watches", |page| page.happened("another page steers"));
     assert!((second.pressure_pa() - 1.3e5).abs() < 5e3, "{}", second.frame);
 
     assert_a_flood_is_logged_once(&mut second);
 
     // From the page to the board and back. What is ordered before a vent is carried out is dropped.
-    first.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    first.until("vents", |page| page.frame["mode"] == "vent");
     let mut slowest = Duration::ZERO;
     for _ in 0..5 {
         first.drive(1.3e5);
         first.say(json!("vent"));
-        let vented = first.until("vent", HANGS_S, |page| page.frame["mode"] == "vent");
+        let vented = first.until("vent", |page| page.frame["mode"] == "vent");
         slowest = slowest.max(vented);
     }
     println!("vented {slowest:?} after the page said so, at worst of five");
@@ -300,14 +298,14 @@ fn a_page_steers_and_another_watches() {
     first.drive(1.3e5);
     // It is up to date before the other page goes.
     let began = Instant::now();
-    second.until("driven", HANGS_S, |page| {
+    second.until("driven", |page| {
         began.elapsed() > Duration::from_millis(500) && page.frame["mode"] != "vent"
     });
     drop(first);
-    let until_vented = second.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    let until_vented = second.until("vents", |page| page.frame["mode"] == "vent");
     println!("vented {until_vented:?} after the page was gone");
-    second.until("takes over", HANGS_S, |page| page.own["steers"] == true);
-    second.until("reported", HANGS_S, |page| page.happened("the page that steered was closed"));
+    second.until("takes over", |page| page.own["steers"] == true);
+    second.until("reported", |page| page.happened("the page that steered was closed"));
     second.drive(1.2e5);
 
     let text = served.end("-INT");
@@ -322,7 +320,7 @@ fn a_hangup_vents_and_writes_the_report() {
     let mut page = served.page();
     page.drive(1.3e5);
     page.order(json!("record"));
-    page.until("rows", HANGS_S, |page| page.state["recording"]["rows"].as_u64() > Some(0));
+    page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(0));
     let text = served.end("-HUP");
     assert!(text.starts_with("it vents\nreport: "), "{text}");
     let report = served.bench.path("out/serve/record-1/report.html");
@@ -360,10 +358,10 @@ fn half_open_connections_take_neither_the_page_nor_a_recording() {
         })
         .collect();
     page.order(json!("record"));
-    page.until("rows", HANGS_S, |page| page.state["recording"]["rows"].as_u64() > Some(100));
+    page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(100));
     assert_eq!(served.get(&served.path("page.js"), &host).0, 200);
     page.order(json!("finish"));
-    page.until("a result", HANGS_S, |page| page.state["results"][0]["name"] == "record-1");
+    page.until("a result", |page| page.state["results"][0]["name"] == "record-1");
     drop(strangers);
     let trace = fs::read_to_string(served.bench.path("out/serve/record-1/trace.csv")).unwrap();
     assert!(trace.lines().count() > 100, "{trace}");
@@ -379,7 +377,7 @@ fn a_vent_among_a_thousand_orders_a_second() {
     let mut steering = served.page();
     steering.drive(1.3e5);
     let mut venting = served.page();
-    venting.until("a seat", HANGS_S, |page| page.own["steers"] == false);
+    venting.until("a seat", |page| page.own["steers"] == false);
     let ends = Arc::new(AtomicBool::new(false));
     let flood = std::thread::spawn({
         let ends = Arc::clone(&ends);
@@ -406,9 +404,9 @@ fn a_vent_among_a_thousand_orders_a_second() {
         |page: &Page| page.frame["mode"].as_str().is_some_and(|mode| mode.starts_with("pressure"));
     let mut times: Vec<Duration> = (0..VENTS)
         .map(|_| {
-            venting.until("it drives", HANGS_S, drives);
+            venting.until("it drives", drives);
             venting.say(json!("vent"));
-            venting.until("it vents", HANGS_S, |page| !drives(page))
+            venting.until("it vents", |page| !drives(page))
         })
         .collect();
     ends.store(true, Ordering::Relaxed);
@@ -431,13 +429,12 @@ fn a_lost_link_is_shown_and_comes_back() {
     page.drive(1.3e5);
     assert_eq!(page.state["configuration"]["name"], "contraction");
     served.bench.ok("thermyo board emulated unplug");
-    let lost = page.until("lost", HANGS_S, |page| page.state["link"] == "lost");
+    let lost = page.until("lost", |page| page.state["link"] == "lost");
     served.bench.ok("thermyo board emulated plug");
-    let back = page.until("back", HANGS_S, |page| {
-        page.state["link"] == "connected" && page.frame["mode"] == "vent"
-    });
+    let back = page
+        .until("back", |page| page.state["link"] == "connected" && page.frame["mode"] == "vent");
     println!("shown as lost after {lost:?}, back {back:?} after it was plugged in");
-    page.until("it has forgotten its muscle", HANGS_S, |page| {
+    page.until("it has forgotten its muscle", |page| {
         page.state["faults"].as_array().unwrap().contains(&json!("not configured"))
     });
     page.drive(1.2e5);
@@ -450,7 +447,7 @@ fn a_slow_page_loses_frames_and_the_record_none() {
     page.drive(1.3e5);
     let mut slow = served.page();
     page.order(json!("record"));
-    page.until("it records", HANGS_S, |page| page.state["recording"].is_object());
+    page.until("it records", |page| page.state["recording"].is_object());
     let began = Instant::now();
     while page.state["recording"]["rows"].as_u64() < Some(3000) {
         assert!(began.elapsed().as_secs_f64() < HANGS_S, "{}", page.state["recording"]);
@@ -458,12 +455,12 @@ fn a_slow_page_loses_frames_and_the_record_none() {
         slow.hear(false);
     }
     assert!(slow.received < 40, "{} messages to a page that sees none", slow.received);
-    slow.until("reported", HANGS_S, |page| page.own["lost_frames"].as_u64() > Some(20));
+    slow.until("reported", |page| page.own["lost_frames"].as_u64() > Some(20));
     // A busy machine may delay this page too, but the slow page does not.
     assert!(page.own["lost_frames"].as_u64() < slow.own["lost_frames"].as_u64());
     page.say(json!("vent"));
     page.order(json!("finish"));
-    page.until("a result", HANGS_S, |page| page.state["results"][0]["name"] == "record-1");
+    page.until("a result", |page| page.state["results"][0]["name"] == "record-1");
     let host = served.host().to_owned();
     let (status, summary) = served.get(&served.path("results/record-1/summary.json"), &host);
     let summary: Value = serde_json::from_str(summary.split("\r\n\r\n").nth(1).unwrap()).unwrap();
@@ -481,10 +478,8 @@ fn a_slow_page_loses_frames_and_the_record_none() {
 
     // A page that controls but does not acknowledge counts as lost: the muscle is unattended.
     page.order(json!({ "set": { "Pressure": { "pressure_pa": 1.3e5 } } }));
-    slow.until("driven", HANGS_S, |page| {
-        page.frame["mode"].as_str().unwrap().starts_with("pressure")
-    });
-    slow.until("gone", HANGS_S, |page| page.frame["mode"] == "vent" && page.own["steers"] == true);
+    slow.until("driven", |page| page.frame["mode"].as_str().unwrap().starts_with("pressure"));
+    slow.until("gone", |page| page.frame["mode"] == "vent" && page.own["steers"] == true);
     assert!(slow.happened("does not answer"));
 }
 
@@ -492,48 +487,36 @@ fn a_slow_page_loses_frames_and_the_record_none() {
 fn a_sensor_is_calibrated_step_by_step() {
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
-    page.until("a state", HANGS_S, |page| page.state.is_object());
-    page.until("configured", HANGS_S, |page| page.state["configuration"]["configured"] == true);
+    page.until("a state", |page| page.state.is_object());
+    page.until("configured", |page| page.state["configuration"]["configured"] == true);
     let checksum = page.state["configuration"]["checksum"].clone();
     page.order(json!({ "calibrate": "pressure" }));
-    page.until("asked", HANGS_S, |page| page.state["guide"]["asks"] == "Pa");
+    page.until("asked", |page| page.state["guide"]["asks"] == "Pa");
     page.order(json!({ "reference": "one bar" }));
-    page.until("no number", HANGS_S, |page| {
-        page.state["guide"]["text"]
-            .as_str()
-            .unwrap()
-            .contains("the reference must be a number in Pa")
-    });
+    let guided = |page: &Page, what| page.state["guide"]["text"].as_str().unwrap().contains(what);
+    page.until("no number", |page| guided(page, "the reference must be a number in Pa"));
     // The first point is read vented, in the page's unit, and refused at once.
     page.drive(3.0e5);
     page.order(json!({ "reference": "101.3 kPa" }));
-    page.until("driven", HANGS_S, |page| {
-        page.state["guide"]["text"].as_str().unwrap().contains("it does not vent")
-    });
+    page.until("driven", |page| guided(page, "it does not vent"));
     page.order(json!({ "set": "Vent" }));
-    page.until("vented", HANGS_S, |page| {
-        page.frame["mode"] == "vent" && page.pressure_pa() < 1.03e5
-    });
+    page.until("vented", |page| page.frame["mode"] == "vent" && page.pressure_pa() < 1.03e5);
     page.order(json!({ "reference": "101.3" }));
-    page.until("another unit", HANGS_S, |page| {
-        page.state["guide"]["text"].as_str().unwrap().contains("reads 0.10 kPa and the sensor 10")
-    });
+    page.until("another unit", |page| guided(page, "reads 0.10 kPa and the sensor 10"));
     page.order(json!({ "reference": "101.325 kPa" }));
-    page.until("asked again", HANGS_S, |page| {
-        page.state["guide"]["text"].as_str().unwrap().contains("second point")
-    });
+    page.until("asked again", |page| guided(page, "second point"));
     page.drive(3.0e5);
     // A sensor with an error of 1 %.
     page.order(json!({ "reference": "303000" }));
-    page.until("put right", HANGS_S, |page| page.state["guide"]["over"] == true);
+    page.until("put right", |page| page.state["guide"]["over"] == true);
     let text = page.state["guide"]["text"].as_str().unwrap().to_owned();
     assert!(text.starts_with("Put right by") && text.contains(" kPa"), "{text}");
-    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    page.until("vents", |page| page.frame["mode"] == "vent");
     // The configuration before is one click away.
     assert_eq!(page.state["guide"]["chooses"], true);
-    page.until("calibrated", HANGS_S, |page| page.state["configuration"]["checksum"] != checksum);
+    page.until("calibrated", |page| page.state["configuration"]["checksum"] != checksum);
     page.order(json!("back"));
-    page.until("back", HANGS_S, |page| page.state["configuration"]["checksum"] == checksum);
+    page.until("back", |page| page.state["configuration"]["checksum"] == checksum);
     assert!(page.state["guide"].is_null(), "{}", page.state["guide"]);
 }
 
@@ -541,17 +524,16 @@ fn a_sensor_is_calibrated_step_by_step() {
 fn stops_are_measured_from_the_page_until_somebody_vents() {
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
-    page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
-    page.until("configured", HANGS_S, |page| page.state["configuration"]["configured"] == true);
+    page.configured();
     let progress = |page: &Page| page.state["guide"]["progress"].as_f64().unwrap_or(0.0);
     page.order(json!({ "stops": { "most_pa": 1.2e5 } }));
-    page.until("bounded", HANGS_S, |page| page.happened("warms the gas too little"));
+    page.until("bounded", |page| page.happened("warms the gas too little"));
     page.order(json!({ "stops": { "most_pa": 4.0e5 } }));
-    page.until("it moves", HANGS_S, |page| progress(page) > 0.001);
+    page.until("it moves", |page| progress(page) > 0.001);
     assert_eq!(page.state["guide"]["title"], "Stops");
     page.say(json!("vent"));
-    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
-    page.until("ended", HANGS_S, |page| page.state["guide"]["over"] == true);
+    page.until("vents", |page| page.frame["mode"] == "vent");
+    page.until("ended", |page| page.state["guide"]["over"] == true);
     let text = page.state["guide"]["text"].as_str().unwrap_or("").to_owned();
     assert!(text.starts_with("Nothing was measured: "), "{text}");
     assert!(!served.bench.path("out/serve/stops-1").exists());
@@ -561,39 +543,38 @@ fn stops_are_measured_from_the_page_until_somebody_vents() {
 fn a_muscle_is_tuned_from_the_page() {
     let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
-    page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
-    page.until("configured", HANGS_S, |page| page.state["configuration"]["configured"] == true);
+    page.configured();
     let checksum = page.state["configuration"]["checksum"].clone();
     let progress = |page: &Page| page.state["guide"]["progress"].as_f64().unwrap_or(0.0);
     let text = |page: &Page| page.state["guide"]["text"].as_str().unwrap_or("").to_owned();
 
     page.order(json!({ "tune": { "most_pa": 1e300 } }));
-    page.until("bounded", HANGS_S, |page| {
+    page.until("bounded", |page| {
         page.happened("of 1e300 Pa: must be from 101325 Pa (ambient) to ")
     });
 
     // To vent stops the tuning, without a result.
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
-    page.until("it moves", HANGS_S, |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);
+    page.until("it moves", |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);
     assert_eq!(page.state["guide"]["title"], "Tuning");
     page.order(json!("record"));
-    page.until("nothing beside it", HANGS_S, |page| page.happened("to vent ends that"));
+    page.until("nothing beside it", |page| page.happened("to vent ends that"));
     page.say(json!("vent"));
-    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
-    page.until("ended", HANGS_S, |page| page.state["guide"]["over"] == true);
+    page.until("vents", |page| page.frame["mode"] == "vent");
+    page.until("ended", |page| page.state["guide"]["over"] == true);
     assert_eq!(text(&page), "Nothing was tuned: Vent was pressed on a page; the board vents.");
     assert_eq!(page.state["results"], json!([]));
     assert!(!served.bench.path("out/serve/tune-1").exists());
 
     // A complete tuning: the board has other values, the page their report.
     page.order(json!("leave"));
-    page.until("left", HANGS_S, |page| page.state["guide"].is_null());
+    page.until("left", |page| page.state["guide"].is_null());
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
-    page.until("it runs", HANGS_S, |page| progress(page) > 0.0);
+    page.until("it runs", |page| progress(page) > 0.0);
     let over = |page: &Page| page.state["guide"]["over"] == true;
     while !over(&page) {
         let before = text(&page);
-        page.until("it goes on", HANGS_S, |page| over(page) || text(page) != before);
+        page.until("it goes on", |page| over(page) || text(page) != before);
     }
     assert!(
         text(&page).starts_with("with the tuned values a sine is followed "),
@@ -602,14 +583,14 @@ fn a_muscle_is_tuned_from_the_page() {
     );
     assert_eq!(page.state["guide"]["table"][0][0], "friction.force_n");
     assert_eq!(page.state["guide"]["result"], "tune-1");
-    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    page.until("vents", |page| page.frame["mode"] == "vent");
     // Values that make it worse are not left on the board.
     let adopted = page.state["guide"]["chooses"] == true;
     let has = |page: &Page| (page.state["configuration"]["checksum"] != checksum) == adopted;
-    page.until("the better values", HANGS_S, has);
+    page.until("the better values", has);
     if adopted {
         page.order(json!("back"));
-        page.until("back", HANGS_S, |page| page.state["configuration"]["checksum"] == checksum);
+        page.until("back", |page| page.state["configuration"]["checksum"] == checksum);
     }
     assert_the_tuning_is_written(&served, adopted);
 }
@@ -737,7 +718,7 @@ fn ten_minutes_lose_nothing() {
     let mut page = served.page();
     page.drive(1.3e5);
     page.order(json!("record"));
-    page.until("it records", HANGS_S, |page| page.state["recording"].is_object());
+    page.until("it records", |page| page.state["recording"].is_object());
     let (start, start_s) = (Instant::now(), used());
     let (mut early_mb, mut largest_mb, mut next_s) = (f64::NAN, 0.0_f64, 0.0);
     while start.elapsed().as_secs_f64() < duration_s {
@@ -756,7 +737,7 @@ fn ten_minutes_lose_nothing() {
     let share = (used() - start_s) / start.elapsed().as_secs_f64();
     let late_mb = resident_mb();
     page.order(json!("finish"));
-    page.until("a result", 60.0, |page| page.state["results"][0].is_object());
+    page.until("a result", |page| page.state["results"][0].is_object());
     println!(
         "{duration_s} s: {}; {:.1} % of a core; resident {early_mb:.1} MB after a quarter, {late_mb:.1} MB in the \
          end, {largest_mb:.1} MB at most; telemetry of {} steps lost; frames lost by the page: {}",

@@ -1,7 +1,7 @@
 //! `thermyo serve` of a joint, as pages use it, on the emulated board; and in headless Chromium.
 
 use crate::board_support::repository;
-use crate::serve::{HANGS_S, Page, Served};
+use crate::serve::{Page, Served};
 use serde_json::{Value, json};
 use std::fs;
 
@@ -18,8 +18,8 @@ fn angle(angle_rad: f64) -> Value {
 
 impl Page {
     fn configured_joint(&mut self) {
-        self.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
-        self.until("configured", HANGS_S, |page| {
+        self.until("a state", |page| page.state.is_object() && page.own["steers"] == true);
+        self.until("configured", |page| {
             page.state["configuration"]["configured"] == true && page.frame["mode"] == "vent"
         });
     }
@@ -27,16 +27,16 @@ impl Page {
     /// Arms, and holds an angle of 0.3 rad.
     fn drive_joint(&mut self) {
         self.order(json!({ "arm": { "most_pa": null } }));
-        self.until("armed", HANGS_S, |page| page.state["armed_pa"].is_number());
+        self.until("armed", |page| page.state["armed_pa"].is_number());
         self.order(angle(0.3));
-        self.until("the angle follows", HANGS_S, |page| {
+        self.until("the angle follows", |page| {
             let driven = page.frame["set_point"]["Angle"].is_object();
             driven && (page.cell(ANGLE) - 0.3).abs() < 0.02
         });
     }
 
     fn vents(&mut self) {
-        self.until("it vents", HANGS_S, |page| page.frame["mode"] == "vent");
+        self.until("it vents", |page| page.frame["mode"] == "vent");
     }
 }
 
@@ -44,49 +44,47 @@ impl Page {
 fn a_joint_is_steered_and_recorded_from_the_page() {
     let served = Served::plugged(SCENARIO, "", "emulated");
     let mut page = served.page();
-    page.until("a state", HANGS_S, |page| page.state.is_object() && page.own["steers"] == true);
+    page.until("a state", |page| page.state.is_object() && page.own["steers"] == true);
     assert!(served.get(&served.path(""), served.host()).1.contains("data-kind=\"joint\""));
     let configuration = page.state["configuration"].clone();
     assert_eq!(configuration["joint"]["lock_s"], 0.0, "{configuration}");
     assert_eq!(configuration["own"], Value::Null, "{configuration}");
     page.order(json!({ "arm": { "most_pa": null } }));
-    page.until("refused", HANGS_S, |page| page.happened("has no configuration"));
+    page.until("refused", |page| page.happened("has no configuration"));
     let text = fs::read_to_string(repository().join(SCENARIO)).unwrap();
     page.order(json!({ "configure": { "name": "muscle.toml", "text": "[muscle]\n" } }));
-    page.until("no joint", HANGS_S, |page| {
-        page.happened("muscle.toml: cannot be read: it has no [joint]")
-    });
+    page.until("no joint", |page| page.happened("muscle.toml: cannot be read: it has no [joint]"));
     page.order(json!({ "configure": { "name": "joint_board.toml", "text": text } }));
     page.configured_joint();
     assert_orders_for_one_muscle_are_refused(&mut page);
 
     page.order(angle(0.3));
-    page.until("not armed", HANGS_S, |page| page.happened("the joint is not armed"));
+    page.until("not armed", |page| page.happened("the joint is not armed"));
     page.order(json!("record"));
-    page.until("it records", HANGS_S, |page| page.state["recording"].is_object());
+    page.until("it records", |page| page.state["recording"].is_object());
     page.drive_joint();
     page.order(angle(3.0));
-    page.until("out of range", HANGS_S, |page| page.happened("angle_rad = 3: must be from"));
+    page.until("out of range", |page| page.happened("angle_rad = 3: must be from"));
     page.order(json!({ "set_joint": "Lock" }));
-    page.until("never locks", HANGS_S, |page| page.happened("joint.lock_s = 0"));
-    page.until("stiff", HANGS_S, |page| (page.cell(STIFFNESS) - 14.0).abs() < 1.5);
+    page.until("never locks", |page| page.happened("joint.lock_s = 0"));
+    page.until("stiff", |page| (page.cell(STIFFNESS) - 14.0).abs() < 1.5);
 
     let mut second = served.page();
-    second.until("a seat", HANGS_S, |page| page.own.is_object());
+    second.until("a seat", |page| page.own.is_object());
     second.order(angle(-0.3));
-    second.until("watches", HANGS_S, |page| page.happened("another page steers"));
+    second.until("watches", |page| page.happened("another page steers"));
     second.say(json!("vent"));
     second.vents();
-    page.until("said", HANGS_S, |page| page.happened("both muscles vent"));
+    page.until("said", |page| page.happened("both muscles vent"));
     page.order(json!("finish"));
-    page.until("a result", HANGS_S, |page| page.state["results"][0]["name"] == "record-1");
+    page.until("a result", |page| page.state["results"][0]["name"] == "record-1");
     assert_the_record_is_a_joints(&served, &page);
 
     page.drive_joint();
-    second.until("driven", HANGS_S, |page| page.frame["mode"] != "vent");
+    second.until("driven", |page| page.frame["mode"] != "vent");
     drop(page);
     second.vents();
-    second.until("reported", HANGS_S, |page| page.happened("the page that steered was closed"));
+    second.until("reported", |page| page.happened("the page that steered was closed"));
 }
 
 /// Each gets one message, and the board stays as it is.
@@ -107,7 +105,7 @@ fn assert_orders_for_one_muscle_are_refused(page: &mut Page) {
     .enumerate()
     {
         page.order(order.clone());
-        page.until(&order.to_string(), HANGS_S, |page| times(page) == i + 1);
+        page.until(&order.to_string(), |page| times(page) == i + 1);
     }
     assert_eq!(page.state["study"], Value::Null);
     assert_eq!(page.frame["mode"], "vent");
@@ -147,13 +145,13 @@ fn a_joint_locks_from_the_page_and_a_hangup_vents_it() {
     assert_eq!(page.state["configuration"]["own"], "locking");
     page.drive_joint();
     page.order(json!({ "set_joint": "Lock" }));
-    page.until("it locks", HANGS_S, |page| page.frame["mode"] == "locked");
+    page.until("it locks", |page| page.frame["mode"] == "locked");
     assert_eq!(page.frame["set_point"], "Lock");
     page.say(json!("vent"));
     page.vents();
     page.drive_joint();
     page.order(json!("record"));
-    page.until("rows", HANGS_S, |page| page.state["recording"]["rows"].as_u64() > Some(0));
+    page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(0));
     let text = served.end("-HUP");
     assert!(text.starts_with("it vents\nreport: "), "{text}");
     let info = served.bench.vented();

@@ -1,7 +1,7 @@
 //! Identification and comparison of records on the page of `thermyo serve`.
 
 use crate::board_support::repository;
-use crate::serve::{HANGS_S, Page, Served};
+use crate::serve::{Page, Served};
 use crate::static_map::{grid, map};
 use serde_json::{Value, json};
 use std::fmt::Write as _;
@@ -31,19 +31,13 @@ impl Served {
 }
 
 impl Page {
-    fn configured(&mut self) {
-        self.until("configured", HANGS_S, |page| {
-            page.own["steers"] == true && page.state["configuration"]["configured"] == true
-        });
-    }
-
     fn identify(&mut self, data: &Value, sought: &str, keys: &[&str]) {
         self.order(json!({ "identify": { "data": data, "sought": sought, "keys": keys } }));
     }
 
     /// Waits for the end of the study; returns its text.
     fn studied(&mut self, what: &str) -> String {
-        self.until("over", HANGS_S, |page| {
+        self.until("over", |page| {
             page.state["study"]["over"] == true && page.text().contains(what)
         });
         self.text()
@@ -54,7 +48,7 @@ impl Page {
     }
 
     fn refused(&mut self, why: &str) {
-        self.until(why, HANGS_S, |page| {
+        self.until(why, |page| {
             page.state["study"]["refused"].as_str().is_some_and(|text| text.contains(why))
         });
     }
@@ -76,7 +70,7 @@ fn identified_values_are_applied_and_taken_back() {
     page.configured();
     let checksum = page.state["configuration"]["checksum"].clone();
     let mut watcher = served.page();
-    watcher.until("it watches", HANGS_S, |page| page.own["steers"] == false);
+    watcher.until("it watches", |page| page.own["steers"] == false);
 
     // The message of the command, with file, line and column.
     let wrong = served.keeps("wrong.csv", &thicker().replace("\n0.3,", "\n300,"));
@@ -101,20 +95,20 @@ fn identified_values_are_applied_and_taken_back() {
 
     // Not by a page that watches, and not while the muscle is driven.
     watcher.order(json!("apply"));
-    page.until("refused", HANGS_S, |page| page.happened("another page steers"));
+    page.until("refused", |page| page.happened("another page steers"));
     page.drive(2.0e5);
     page.order(json!("apply"));
     page.refused("vent first");
     assert_eq!(page.state["configuration"]["checksum"], checksum);
     page.order(json!({ "set": "Vent" }));
-    page.until("vents", HANGS_S, |page| page.frame["mode"] == "vent");
+    page.until("vents", |page| page.frame["mode"] == "vent");
     page.order(json!("apply"));
-    page.until("applied", HANGS_S, |page| {
+    page.until("applied", |page| {
         let study = &page.state["study"];
         page.state["configuration"]["checksum"] != checksum && study["chooses"] == true
     });
     page.order(json!("back"));
-    page.until("back", HANGS_S, |page| page.state["configuration"]["checksum"] == checksum);
+    page.until("back", |page| page.state["configuration"]["checksum"] == checksum);
     assert!(page.state["study"].is_null(), "{}", page.state["study"]);
 }
 
@@ -141,17 +135,17 @@ fn the_board_is_steered_while_a_fit_goes_on_until_it_is_cancelled() {
     let keys = ["heat.inner_w_m2_k", "wall.heat_capacity_j_k", "sensor.gas.time_constant_s"];
     page.identify(&data, "heat", &keys);
     let works = |page: &Page| page.state["study"]["progress"].is_number();
-    page.until("it works", HANGS_S, works);
+    page.until("it works", works);
     page.drive(1.5e5);
     page.drive(2.5e5);
     page.identify(&data, "heat", &keys);
-    page.until("one at a time", HANGS_S, |page| page.happened("wait for it, or cancel it"));
+    page.until("one at a time", |page| page.happened("wait for it, or cancel it"));
     assert!(works(&page), "it has ended too early for this test: {}", page.state["study"]);
     page.order(json!("close"));
     page.studied("Cancelled: nothing was kept.");
     assert!(!served.bench.path("out/serve/identify-1").exists());
     page.order(json!("close"));
-    page.until("closed", HANGS_S, |page| page.state["study"].is_null());
+    page.until("closed", |page| page.state["study"].is_null());
 }
 
 #[test]
@@ -173,9 +167,9 @@ fn two_records_are_compared_as_the_command_does() {
 
     // A recording of the session is a record too.
     page.order(json!("record"));
-    page.until("rows", HANGS_S, |page| page.state["recording"]["rows"].as_u64() > Some(200));
+    page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(200));
     page.order(json!("finish"));
-    page.until("recorded", HANGS_S, |page| page.state["results"][0]["name"] == "record-1");
+    page.until("recorded", |page| page.state["results"][0]["name"] == "record-1");
     assert_eq!(page.state["results"][0]["trace"], true);
     page.order(json!({ "compare": [first, { "result": "record-1" }] }));
     page.studied("record-1 less first.csv");
