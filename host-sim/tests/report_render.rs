@@ -340,9 +340,8 @@ fn the_run_page_is_well_formed_whole_and_small() {
 #[test]
 fn a_wide_table_labels_each_cell() {
     let table = |columns: &[&str], row: &[&str]| {
-        let texts = |all: &[&str]| all.iter().map(|text| (*text).to_owned()).collect();
-        let table =
-            Table { caption: String::new(), columns: texts(columns), rows: vec![texts(row)] };
+        let row = row.iter().map(|text| (*text).to_owned()).collect();
+        let table = Table::new("", columns, [row]);
         Page::new("", "", "").section(Section::new("").table(table)).render()
     };
     let few = table(&["Quantity", "Value", "Unit"], &["1", "2", "m"]);
@@ -545,11 +544,7 @@ fn a_chart_alone_is_a_whole_document() {
 #[test]
 fn text_is_escaped_everywhere() {
     let nasty = "<b>&\"'</b>";
-    let table = Table {
-        caption: nasty.into(),
-        columns: vec![nasty.into()],
-        rows: vec![vec![nasty.into()]],
-    };
+    let table = Table::new(nasty, &[nasty], [vec![nasty.to_owned()]]);
     let chart = Chart::new(Axis::new(nasty, nasty))
         .panel(
             Panel::new(Axis::new(nasty, nasty))

@@ -109,11 +109,7 @@ pub fn figures(lines: &[CaseFigures]) -> Table {
             vec![line.case.clone(), figure.name.to_owned(), value, figure.target(), mark.to_owned()]
         })
     });
-    Table {
-        caption: "Targets and figures".to_owned(),
-        columns: ["Case", "Figure", "Value", "Target", ""].map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    }
+    Table::new("Targets and figures", &["Case", "Figure", "Value", "Target", ""], rows)
 }
 
 /// Start of a page: number and names of the missed targets.

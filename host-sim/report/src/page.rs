@@ -65,6 +65,18 @@ pub struct Table {
 const NARROW_HEADS: usize = 34;
 
 impl Table {
+    pub fn new(
+        caption: &str,
+        columns: &[&str],
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Self {
+        Self {
+            caption: caption.to_owned(),
+            columns: columns.iter().map(|column| (*column).to_owned()).collect(),
+            rows: rows.into_iter().collect(),
+        }
+    }
+
     fn is_wide(&self) -> bool {
         let letters: usize = self.columns.iter().map(|column| column.chars().count()).sum();
         self.columns.len() > 3 || letters > NARROW_HEADS

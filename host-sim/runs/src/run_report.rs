@@ -214,11 +214,7 @@ impl RunReport<'_> {
         Some(
             Section::new("Against the measurement")
                 .figure(chart.figure("Run and measurement", &caption))
-                .table(Table {
-                    caption: "Difference of the run to the measurement".to_owned(),
-                    columns: columns.map(str::to_owned).to_vec(),
-                    rows,
-                }),
+                .table(Table::new("Difference of the run to the measurement", &columns, rows)),
         )
     }
 
@@ -456,11 +452,8 @@ impl RunReport<'_> {
                 let (value, unit) = quantity(row.value, &row.unit);
                 vec![row.label.clone(), value, unit]
             };
-            Section::new("Summary").table(Table {
-                caption: String::new(),
-                columns: ["Quantity", "Value", "Unit"].map(String::from).to_vec(),
-                rows: self.summary.iter().map(row).collect(),
-            })
+            let rows = self.summary.iter().map(row);
+            Section::new("Summary").table(Table::new("", &["Quantity", "Value", "Unit"], rows))
         })
     }
 

@@ -62,32 +62,20 @@ impl Calibration {
 
     /// The outcome of the task; `chooses` where the board has another calibration.
     pub fn outcome(&self, text: &str, chooses: bool) -> Guided {
-        Guided::Over(state::Guide {
-            title: title(self.sensor),
-            text: format!("{text}\n{}", self.notes),
-            chooses,
-            over: true,
-            ..state::Guide::default()
-        })
+        let text = format!("{text}\n{}", self.notes);
+        Guided::Over(state::Guide { chooses, ..state::Guide::over(title(self.sensor), text) })
     }
 }
 
-fn title(sensor: Sensor) -> String {
-    let name = match sensor {
-        Sensor::Pressure => "pressure",
-        Sensor::Length => "length",
-        Sensor::Gas => "gas temperature",
-    };
-    format!("Calibration: {name}")
+fn title(sensor: Sensor) -> &'static str {
+    match sensor {
+        Sensor::Pressure => "Calibration: pressure",
+        Sensor::Length => "Calibration: length",
+        Sensor::Gas => "Calibration: gas temperature",
+    }
 }
 
 impl Guided {
-    /// A task that ended without a result.
-    pub fn failed(title: &str, text: String) -> Self {
-        let title = title.to_owned();
-        Self::Over(state::Guide { title, text, over: true, ..state::Guide::default() })
-    }
-
     pub fn state(&self) -> state::Guide {
         match self {
             Self::Over(over) => over.clone(),

@@ -156,7 +156,7 @@ pub struct ResultLink {
 /// Progress of a guided task.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Guide {
-    pub title: String,
+    pub title: &'static str,
     /// Instruction or outcome.
     pub text: String,
     /// Values in rows of name, before and after.
@@ -170,6 +170,13 @@ pub struct Guide {
     pub result: Option<String>,
     /// The task has ended.
     pub over: bool,
+}
+
+impl Guide {
+    /// A task that has ended.
+    pub fn over(title: &'static str, text: String) -> Self {
+        Self { title, text, over: true, ..Self::default() }
+    }
 }
 
 /// An identification or comparison, under way or over.

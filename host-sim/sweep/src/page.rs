@@ -201,8 +201,7 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
             .iter()
             .zip(&reaches)
             .map(|((name, ..), lines)| vec![(*name).to_owned(), lines[0].text(study.unit(main))]);
-        let columns = ["Gas temperature from", "Within the limit"].map(str::to_owned).to_vec();
-        let table = Table { caption, columns, rows: rows.collect() };
+        let table = Table::new(&caption, &["Gas temperature from", "Within the limit"], rows);
         return section.table(table).paragraph(interpolated);
     }
     let row = |(i, line): (usize, Vec<usize>)| {
@@ -234,11 +233,7 @@ fn how(outcome: &Outcome) -> Section {
         vec![axis(study, i), count, range.shown(first), range.shown(last), scale.to_owned()]
     });
     let columns = ["Key", "Values", "From", "To", "Scale"];
-    let mut section = Section::new("Runs").table(Table {
-        caption: String::new(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    });
+    let mut section = Section::new("Runs").table(Table::new("", &columns, rows));
     let mut text = format!(
         "Shard {}: {} of {} points, each a run of its own; errors count from 10 s on, or over the second \
          half of a run shorter than 20 s.",

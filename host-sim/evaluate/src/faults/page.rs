@@ -8,11 +8,9 @@ use thermyo_setup::Loaded;
 pub fn page(nominal: &Loaded, lines: &[CaseFigures]) -> String {
     let lead = "Injected faults: detection time and reaction, and false alarms of healthy muscles.";
     let columns = ["Fault", "Injected", "While", "Found as", "Within", "Then"];
-    let definitions = Table {
-        caption: "Faults, 100 runs each with random muscles".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: cases::all().iter().map(row).collect(),
-    };
+    let rows = cases::all();
+    let rows = rows.iter().map(row);
+    let definitions = Table::new("Faults, 100 runs each with random muscles", &columns, rows);
     opened(Page::new("Faults, evaluated", lead, &thermyo_setup::render(nominal)), lines)
         .section(Section::new("Figures").table(figures(lines)))
         .section(Section::new("Definitions").table(definitions))

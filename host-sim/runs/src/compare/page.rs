@@ -59,12 +59,11 @@ fn panel(runs: &[Run], column: &str) -> Option<Panel> {
 }
 
 fn differences(compared: &[Compared]) -> Section {
-    let columns = ["Quantity", "RMS", "Mean", "Largest"].map(str::to_owned).to_vec();
+    let columns = ["Quantity", "RMS", "Mean", "Largest"];
     compared.iter().fold(Section::new("Differences"), |section, compared| {
         let caption =
             format!("{} less {}, at {} rows of both", compared.run, compared.with, compared.rows);
-        let rows = rows(compared).into_iter().map(|row| row.to_vec()).collect();
-        section.table(Table { caption, columns: columns.clone(), rows })
+        section.table(Table::new(&caption, &columns, rows(compared).into_iter().map(Vec::from)))
     })
 }
 

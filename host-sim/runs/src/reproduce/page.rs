@@ -246,17 +246,10 @@ fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
     let row = |what: &str, of: &dyn Fn(&SensorVerdict) -> String| {
         vec![what.to_owned(), of(foil), of(averaging), of(wall)]
     };
-    Table {
-        caption: "Figures that decide between them".to_owned(),
-        columns: [
-            "",
-            "in the gas, in the middle",
-            "in the gas, averaging over the length",
-            "in the wall",
-        ]
-        .map(str::to_owned)
-        .to_vec(),
-        rows: vec![
+    Table::new(
+        "Figures that decide between them",
+        &["", "in the gas, in the middle", "in the gas, averaging over the length", "in the wall"],
+        [
             row("swing shown, relative to the gas", &|v| format!("{:.1} %", v.gain * 100.0)),
             row("delay at the stroke's frequency", &|v| format!("{:.2} s", v.delay_s)),
             row("best correlation with the gas", &|v| format!("{:.2}", v.correlation)),
@@ -277,7 +270,7 @@ fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
                 "takes none".to_owned(),
             ],
         ],
-    }
+    )
 }
 
 fn cycle(findings: &Findings) -> Section {
@@ -364,13 +357,11 @@ fn equations(findings: &Findings) -> Section {
              full energy balance with heat to the wall and the inflow's own temperature. All are driven by \
              the same core.",
         ))
-        .table(Table {
-            caption: "Distance from the plant over the last stroke".to_owned(),
-            columns: ["", "gas temperature, RMS", "gas temperature, swing", "largest pressure"]
-                .map(str::to_owned)
-                .to_vec(),
+        .table(Table::new(
+            "Distance from the plant over the last stroke",
+            &["", "gas temperature, RMS", "gas temperature, swing", "largest pressure"],
             rows,
-        })
+        ))
         .paragraph(
             "What the paper shows: eq. (9) bridges the adiabatic (6) and the isothermal form (8) with three \
              coefficients. What this shows: eq. (8) cannot move the temperature at all, and (6) moves it far too \
@@ -396,12 +387,11 @@ fn coefficients(findings: &Findings, section: Section) -> Section {
         let (value, error) = (found.value, found.standard_error);
         vec![(*name).to_owned(), (*paper).to_owned(), format!("{value:.3} ± {error:.3}")]
     });
-    section.table(Table {
-        caption: "Coefficients of eq. (9), fitted to this plant's pressure, stroke by stroke"
-            .to_owned(),
-        columns: ["", "the paper", "fitted to the plant"].map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    })
+    section.table(Table::new(
+        "Coefficients of eq. (9), fitted to this plant's pressure, stroke by stroke",
+        &["", "the paper", "fitted to the plant"],
+        rows,
+    ))
 }
 
 /// Quantities that the paper's text does not have.
@@ -467,10 +457,9 @@ fn estimate(findings: &Findings, summary: &Summary) -> Section {
     let signals = &findings.signals;
     let end_s = signals.time_s.last().copied().unwrap_or(0.0);
     let from_s = end_s - DETAIL_STROKES * findings.period_s;
-    let low: Vec<f64> =
-        signals.estimate_k.iter().zip(&signals.estimate_sd_k).map(|(t, sd)| t - 2.0 * sd).collect();
-    let high: Vec<f64> =
-        signals.estimate_k.iter().zip(&signals.estimate_sd_k).map(|(t, sd)| t + 2.0 * sd).collect();
+    let estimates = signals.estimate_k.iter().zip(&signals.estimate_sd_k);
+    let (low, high): (Vec<f64>, Vec<f64>) =
+        estimates.map(|(t, sd)| (t - 2.0 * sd, t + 2.0 * sd)).unzip();
     let panel = Panel::new(kelvin("Gas temperature"))
         .height(280.0)
         .band("± 2 standard deviations", Colour::Estimate, &signals.time_s, &low, &high)
@@ -500,22 +489,16 @@ fn estimate(findings: &Findings, summary: &Summary) -> Section {
 }
 
 fn checks(findings: &Findings) -> Section {
-    Section::new("Every statement, checked").table(Table {
-        caption: String::new(),
-        columns: ["statement", "figure", "target", ""].map(str::to_owned).to_vec(),
-        rows: findings
-            .checks
-            .iter()
-            .map(|check| {
-                vec![
-                    check.what.to_owned(),
-                    check.figure.clone(),
-                    check.target.to_owned(),
-                    if check.holds { "✓" } else { "✗" }.to_owned(),
-                ]
-            })
-            .collect(),
-    })
+    let rows = findings.checks.iter().map(|check| {
+        vec![
+            check.what.to_owned(),
+            check.figure.clone(),
+            check.target.to_owned(),
+            if check.holds { "✓" } else { "✗" }.to_owned(),
+        ]
+    });
+    let columns = ["statement", "figure", "target", ""];
+    Section::new("Every statement, checked").table(Table::new("", &columns, rows))
 }
 
 /// Volume \[ml\] and pressure \[kPa\] over some rows.

@@ -275,18 +275,35 @@ impl Operator<LiveBoard> {
             Order::Stops { most_pa } => self.measure_stops(most_pa, wanted)?,
             Order::Calibrate(sensor) => {
                 self.linked()?;
-                if self.recording.is_some() {
-                    return Err(RECORDS);
-                }
-                if self.known.status.config_source == ConfigSource::Defaults {
-                    return Err(BoardError::Refused(Refusal::NotConfigured).into());
-                }
+                self.records_nothing()?;
+                self.is_configured()?;
                 let calibration = Calibration::new(sensor.into(), self.known.config);
                 self.tasks.guided = Some(Guided::Calibration(Box::new(calibration)));
             }
             _ => return Err(BoardError::Refused(Refusal::OtherImage { joint: false }).into()),
         }
         Ok(())
+    }
+
+    fn records_nothing(&self) -> Result<(), NotDone> {
+        if self.recording.is_some() { Err(RECORDS) } else { Ok(()) }
+    }
+
+    fn is_configured(&self) -> Result<(), NotDone> {
+        match self.known.status.config_source {
+            ConfigSource::Defaults => Err(BoardError::Refused(Refusal::NotConfigured).into()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Lends the board to work that reads its telemetry itself.
+    fn lend<T>(&mut self, work: impl FnOnce(&mut Self, &mut LiveBoard) -> T) -> Result<T, NotDone> {
+        let mut board = self.board.take().ok_or(NO_LINK)?;
+        let done = work(self, &mut board);
+        self.tasks.tuning = None;
+        self.board = Some(board);
+        self.heard = Instant::now();
+        Ok(done)
     }
 
     /// Shows a refusal where the study is shown.
@@ -301,9 +318,7 @@ impl Operator<LiveBoard> {
         if self.tasks.study.works() {
             return Err(ONE_STUDY);
         }
-        if self.known.status.config_source == ConfigSource::Defaults {
-            return Err(BoardError::Refused(Refusal::NotConfigured).into());
-        }
+        self.is_configured()?;
         self.tasks.study.close();
         let data = Content::of(data, &self.shared).ok_or(NO_SOURCE)?;
         self.tasks.study.identify(self.known.config, (sought, keys), data, &self.out)?;
@@ -324,9 +339,7 @@ impl Operator<LiveBoard> {
     /// Gives the board the identified values.
     fn apply(&mut self) -> Result<(), NotDone> {
         let Fit { before, after } = self.tasks.study.fit().cloned().ok_or(NO_FIT)?;
-        if self.recording.is_some() {
-            return Err(RECORDS);
-        }
+        self.records_nothing()?;
         if self.set_point != Some(SetPoint::Vent) {
             return Err(DRIVEN);
         }
@@ -342,32 +355,26 @@ impl Operator<LiveBoard> {
     }
 
     fn tune(&mut self, most_pa: f64, wanted: &dyn Fn() -> bool) -> Result<(), NotDone> {
-        if self.recording.is_some() {
-            return Err(RECORDS);
-        }
-        if self.known.status.config_source == ConfigSource::Defaults {
-            return Err(BoardError::Refused(Refusal::NotConfigured).into());
-        }
+        self.records_nothing()?;
+        self.is_configured()?;
         let most_pa = tune::highest_pa(&self.known.config, Some(most_pa))?;
         let known = from_config::to_scenario(&self.known.config)?.scenario;
-        let mut board = self.board.take().ok_or(NO_LINK)?;
-        self.shared.log(Weight::Plain, "tuning begins");
         let name = self.known.status.config_name;
         let shared = Arc::clone(&self.shared);
         let ends = || shared.orders.vent_wanted().is_some() || wanted();
-        let bench = LiveBench::new(&mut board, name.as_str(), most_pa, &ends);
-        let tuned = tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
-            let text = format!(
-                "Run {}: {:.0} of {:.0} s. To vent ends it.",
-                part.number, part.time_s, part.duration_s
-            );
-            self.show_progress("Tuning", text, part.time_s / part.duration_s);
-            self.see(telemetry);
-            self.show();
-        });
-        self.tasks.tuning = None;
-        self.board = Some(board);
-        self.heard = Instant::now();
+        let tuned = self.lend(|operator, board| {
+            operator.shared.log(Weight::Plain, "tuning begins");
+            let bench = LiveBench::new(board, name.as_str(), most_pa, &ends);
+            tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
+                let text = format!(
+                    "Run {}: {:.0} of {:.0} s. To vent ends it.",
+                    part.number, part.time_s, part.duration_s
+                );
+                operator.show_progress("Tuning", text, part.time_s / part.duration_s);
+                operator.see(telemetry);
+                operator.show();
+            })
+        })?;
         if tuned.as_ref().is_ok_and(|tuned| tuned.findings.adopted) {
             self.remember();
         }
@@ -391,51 +398,37 @@ impl Operator<LiveBoard> {
         } else {
             "The board has its former values again, and vents."
         };
+        let text = format!("{}\n{has}", tuned.findings.verdict());
         self.tasks.guided = Some(Guided::Over(Guide {
-            title: "Tuning".to_owned(),
-            text: format!("{}\n{has}", tuned.findings.verdict()),
             table: tuned.findings.rows(),
             chooses: adopted,
             result: Some(name),
-            over: true,
-            ..Guide::default()
+            ..Guide::over("Tuning", text)
         }));
         Ok(())
     }
 
     fn measure_stops(&mut self, most_pa: f64, wanted: &dyn Fn() -> bool) -> Result<(), NotDone> {
-        if self.recording.is_some() {
-            return Err(RECORDS);
-        }
-        if self.known.status.config_source == ConfigSource::Defaults {
-            return Err(BoardError::Refused(Refusal::NotConfigured).into());
-        }
+        self.records_nothing()?;
+        self.is_configured()?;
         let config = self.known.config;
         let loaded = from_config::to_scenario(&config)?.scenario;
         let most_pa = tune::highest_pa(&config, Some(most_pa))?;
         let plan = Plan::new(&loaded, &config, &Asked::usual(most_pa), None)?;
-        let mut board = self.board.take().ok_or(NO_LINK)?;
-        self.shared.log(Weight::Plain, "stops are measured");
         let mut record = Record::default();
         let whole_s = plan.driven.plant.run.duration_s;
-        let outcome = LiveRows::arm(&mut board, config, &plan, true)
-            .map_err(RunError::from)
-            .and_then(|mut bench| {
-                bench.measure(&plan, &mut record, &mut |telemetry| {
-                    let time_s = f64::from(telemetry.step) * plan.driven.plant.run.step_s;
-                    self.show_progress(
-                        "Stops",
-                        format!("{time_s:.0} of {whole_s:.0} s. To vent ends it."),
-                        time_s / whole_s,
-                    );
-                    self.see(telemetry);
-                    self.show();
-                    self.shared.orders.vent_wanted().is_some() || wanted()
-                })
-            });
-        self.tasks.tuning = None;
-        self.board = Some(board);
-        self.heard = Instant::now();
+        let outcome = self.lend(|operator, board| {
+            operator.shared.log(Weight::Plain, "stops are measured");
+            let mut bench = LiveRows::arm(board, config, &plan, true)?;
+            bench.measure(&plan, &mut record, &mut |telemetry| {
+                let time_s = f64::from(telemetry.step) * plan.driven.plant.run.step_s;
+                let text = format!("{time_s:.0} of {whole_s:.0} s. To vent ends it.");
+                operator.show_progress("Stops", text, time_s / whole_s);
+                operator.see(telemetry);
+                operator.show();
+                operator.shared.orders.vent_wanted().is_some() || wanted()
+            })
+        })?;
         self.learn_anew();
         let why = match outcome {
             Ok(()) => None,
@@ -446,9 +439,7 @@ impl Operator<LiveBoard> {
             Err(error) => Some(error.to_string()),
         };
         if let Some(why) = why {
-            let text = format!("Nothing was measured: {why}.");
-            self.shared.log(Weight::Refused, text.clone());
-            self.tasks.guided = Some(Guided::failed("Stops", text));
+            self.failed("Stops", format!("Nothing was measured: {why}."));
             return Ok(());
         }
         let findings = stops::measured(&record, &plan, &loaded, &self.target.name());
@@ -468,22 +459,17 @@ impl Operator<LiveBoard> {
         self.shared.log(Weight::Plain, format!("stops measured: {}", folder.display()));
         let text = "gas temperature at stops, heat transfer".to_owned();
         self.shared.add_result(Outcome { name: name.clone(), folder, text, trace: true });
-        self.tasks.guided = Some(Guided::Over(Guide {
-            title: "Stops".to_owned(),
-            text: findings.text(UnitSystem::Practical),
-            result: Some(name),
-            over: true,
-            ..Guide::default()
-        }));
+        let over = Guide::over("Stops", findings.text(UnitSystem::Practical));
+        self.tasks.guided = Some(Guided::Over(Guide { result: Some(name), ..over }));
         Ok(())
     }
 
-    fn show_progress(&mut self, title: &str, text: String, progress: f64) {
+    fn show_progress(&mut self, title: &'static str, text: String, progress: f64) {
         if self.shared.orders.refuse() {
             self.shared.log(Weight::Refused, "the board is at work: to vent ends that");
         }
-        let (title, progress) = (title.to_owned(), Some(progress));
-        self.tasks.tuning = Some(Guide { title, text, progress, ..Guide::default() });
+        self.tasks.tuning =
+            Some(Guide { title, text, progress: Some(progress), ..Guide::default() });
     }
 
     fn not_tuned(&mut self, error: TuneError) {
@@ -493,9 +479,12 @@ impl Operator<LiveBoard> {
             }
             (error, _) => error.to_string(),
         };
-        let text = format!("Nothing was tuned: {why}.");
+        self.failed("Tuning", format!("Nothing was tuned: {why}."));
+    }
+
+    fn failed(&mut self, title: &'static str, text: String) {
         self.shared.log(Weight::Refused, text.clone());
-        self.tasks.guided = Some(Guided::failed("Tuning", text));
+        self.tasks.guided = Some(Guided::Over(Guide::over(title, text)));
     }
 }
 

@@ -3,7 +3,8 @@
 use super::balance::Point;
 use super::findings::Estimate;
 use super::{Figures, Identified, Record, Tuned, Values};
-use thermyo_files::number::{MISSING, significant};
+use crate::tune;
+use thermyo_files::number::significant;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table, Tile};
@@ -68,24 +69,7 @@ fn degrees(value_rad: f64) -> f64 {
 }
 
 fn values(values: &Values) -> Section {
-    let columns = ["Parameter", "After", "Error", "Unit", "Before", "From"];
-    let rows = values.parameters.iter().map(|parameter| {
-        let error = parameter.standard_error.map(|error| significant(error, 2));
-        vec![
-            parameter.path.to_owned(),
-            significant(parameter.after, 4),
-            error.unwrap_or_else(|| MISSING.to_owned()),
-            parameter.unit.to_owned(),
-            significant(parameter.before, 4),
-            parameter.remark.clone(),
-        ]
-    });
-    let table = Table {
-        caption: "The core's configuration, in SI".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    };
-    Section::new("Values").table(table).paragraph(
+    tune::values(&values.parameters, "Error").paragraph(
         "An error is the standard error of the scatter, correlated as it is, together with what the configured \
          muscles may be off: 3 % of one force area, 20 % of the elastic forces, 3 kPa of one pressure.",
     )
@@ -164,11 +148,12 @@ fn followed(tuned: &Tuned) -> Section {
         "Check, before and after",
         "A sine of 1 Hz, then a step and a rest; the error is measured less set point.",
     );
-    Section::new("Check").figure(figure).table(Table {
-        caption: "The same motion with both".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: vec![row("before", &check.before), row("after", &check.after)],
-    })
+    let rows = [row("before", &check.before), row("after", &check.after)];
+    Section::new("Check").figure(figure).table(Table::new(
+        "The same motion with both",
+        &columns,
+        rows,
+    ))
 }
 
 pub fn check_chart(tuned: &Tuned) -> Chart {

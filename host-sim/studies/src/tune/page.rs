@@ -3,7 +3,7 @@
 
 use super::experiment::during;
 use super::force::Point;
-use super::{Figures, Tuned};
+use super::{Figures, Parameter, Tuned};
 use thermyo_files::number::{MISSING, significant};
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -31,16 +31,21 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
         ))
         .tile(Tile::new("The same after", check.after.sine_rms_percent, "%"))
         .tile(Tile::new("Residual force, RMS", findings.force_rms_n, "N"))
-        .section(values(tuned))
+        .section(values(&findings.parameters, "Standard error").paragraph(
+            "Standard errors are of the scatter, correlated as it is. What the balance of forces leaves out \
+             comes on top, some 0.5 % of them. The conductance is an effective one, with tube and regulator; \
+             heat transfer that is configured 30 % wrong makes it 3 % wrong.",
+        ))
         .section(forces(tuned))
         .section(valves(tuned))
         .section(followed(tuned))
         .render()
 }
 
-fn values(tuned: &Tuned) -> Section {
-    let columns = ["Parameter", "After", "Standard error", "Unit", "Before", "From"];
-    let rows = tuned.findings.parameters.iter().map(|parameter| {
+/// Values before and after; `error` is the head of the column of their errors.
+pub fn values(parameters: &[Parameter], error: &str) -> Section {
+    let columns = ["Parameter", "After", error, "Unit", "Before", "From"];
+    let rows = parameters.iter().map(|parameter| {
         let error = parameter.standard_error.map(|error| significant(error, 2));
         vec![
             parameter.path.to_owned(),
@@ -51,16 +56,7 @@ fn values(tuned: &Tuned) -> Section {
             parameter.remark.clone(),
         ]
     });
-    let table = Table {
-        caption: "The core's configuration, in SI".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    };
-    Section::new("Values").table(table).paragraph(
-        "Standard errors are of the scatter, correlated as it is. What the balance of forces leaves out \
-         comes on top, some 0.5 % of them. The conductance is an effective one, with tube and regulator; \
-         heat transfer that is configured 30 % wrong makes it 3 % wrong.",
-    )
+    Section::new("Values").table(Table::new("The core's configuration, in SI", &columns, rows))
 }
 
 /// Points of one direction and speed, by contraction.
@@ -158,18 +154,16 @@ fn followed(tuned: &Tuned) -> Section {
     let check = &tuned.findings.check;
     let columns =
         ["", "Sine, RMS [% of stroke]", "At rest [% of stroke]", "Settled [s]", "Overshoot [%]"];
-    Section::new("Check").figure(check_figure(tuned)).table(Table {
-        caption: "The same motion with both".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: vec![row("before", &check.before), row("after", &check.after)],
-    })
-}
-
-fn check_figure(tuned: &Tuned) -> Figure {
-    check_chart(tuned).figure(
+    let rows = [row("before", &check.before), row("after", &check.after)];
+    let figure = check_chart(tuned).figure(
         "Check, before and after",
         "A sine of 0.5 Hz, then two steps; of steps the error below shows where they come to rest.",
-    )
+    );
+    Section::new("Check").figure(figure).table(Table::new(
+        "The same motion with both",
+        &columns,
+        rows,
+    ))
 }
 
 pub fn check_chart(tuned: &Tuned) -> Chart {
