@@ -1,5 +1,9 @@
 //! The full muscle: the working cycle, conservation, order, its parts.
 
+use crate::plant_runs::{
+    FILLING, SHUT, VENTING, assert_conserves, bare_sensor_rms_k, built, extremes, hold,
+    working_cycle,
+};
 use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use std::f64::consts::PI;
@@ -8,15 +12,6 @@ use thermyo_plant::flow::{Iso6358, Streams};
 use thermyo_plant::gas::{IdealGas, air_conductivity, air_viscosity};
 use thermyo_plant::{Actuation, Plant, Truth};
 use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
-
-fn cycle(scenario: &Scenario, steps: usize) -> Box<dyn Plant> {
-    let drive = MassFlow::new(scenario);
-    let mut plant = thermyo_plant::build(scenario, None).unwrap();
-    for _ in 0..steps {
-        plant.advance(drive.actuation(&plant.truth())).unwrap();
-    }
-    plant
-}
 
 /// Takes slip and creep away, for what is about something else.
 pub fn elastic(mut scenario: Scenario) -> Scenario {
@@ -27,29 +22,15 @@ pub fn elastic(mut scenario: Scenario) -> Scenario {
 
 #[test]
 fn the_working_cycle() {
-    let scenario = muscle(PlantModel::Full);
-    let drive = MassFlow::new(&scenario);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-    let mut pressure = (f64::MAX, f64::MIN);
-    let mut gas = (f64::MAX, f64::MIN);
-    let mut shortest = f64::MAX;
-    let (mut square, mut foil, mut outer) = (0.0, 0.0, vec![0.0; scenario.muscle.zones]);
-    const STEPS: usize = 100_000;
-    // The last ten strokes, for means.
-    const LATE: usize = 50_000;
-    for i in 0..STEPS {
-        let truth = plant.truth();
-        pressure = (truth.pressure_pa.min(pressure.0), truth.pressure_pa.max(pressure.1));
-        gas = (truth.gas_temperature_k.min(gas.0), truth.gas_temperature_k.max(gas.1));
-        shortest = truth.length_m.min(shortest);
-        square += (truth.sensor_gas_k - truth.gas_temperature_k).powi(2);
-        if i >= LATE {
-            foil += truth.sensor_gas_k / (STEPS - LATE) as f64;
-        }
-        plant.advance(drive.actuation(&truth)).unwrap();
-    }
-    outer.copy_from_slice(&plant.axial_wall_k());
-    let rms = (square / STEPS as f64).sqrt();
+    let (plant, truths) = working_cycle(PlantModel::Full);
+    let pressure = extremes(&truths, |truth| truth.pressure_pa);
+    let gas = extremes(&truths, |truth| truth.gas_temperature_k);
+    let (shortest, _) = extremes(&truths, |truth| truth.length_m);
+    // Of the last ten strokes.
+    let late = &truths[50_000..];
+    let foil = late.iter().map(|truth| truth.sensor_gas_k).sum::<f64>() / late.len() as f64;
+    let outer = plant.axial_wall_k();
+    let rms = bare_sensor_rms_k(&truths);
     let contraction = 1.0 - shortest / 0.3;
     println!("pressure {pressure:.0?} Pa, contraction {contraction:.3}, gas {gas:.1?} K");
     println!("bare sensor {rms:.2} K RMS, foil mean {foil:.2} K");
@@ -68,33 +49,8 @@ fn the_working_cycle() {
 
 #[test]
 fn mass_and_energy_are_conserved_over_100_s() {
-    let models =
-        [HeatModel::Adiabatic, HeatModel::Isothermal, HeatModel::Constant, HeatModel::Correlation];
-    for heat in models {
-        for load in [LoadKind::Isotonic, LoadKind::Isometric, LoadKind::Mass] {
-            let mut scenario = muscle(PlantModel::Full);
-            scenario.heat.model = heat;
-            scenario.load.kind = load;
-            let plant = cycle(&scenario, 100_000);
-            let ledger = plant.ledger();
-            let case = format!("{heat:?} {load:?}");
-            println!(
-                "{case}: {:.1e} {:.1e} {:.1e}",
-                ledger.mass_balance_error(),
-                ledger.energy_balance_error(),
-                ledger.wall_balance_error()
-            );
-            assert!(ledger.mass_in_kg > 0.005, "{case}");
-            assert!(ledger.mass_balance_error() < 1e-9, "{case}");
-            assert!(ledger.energy_balance_error() < 1e-6, "{case}");
-            assert!(ledger.wall_balance_error() < 1e-9, "{case}");
-        }
-    }
+    assert_conserves(PlantModel::Full, 0.005);
 }
-
-const INLET_OPEN: Actuation = Actuation { inlet: 1.0, outlet: 0.0 };
-const OUTLET_OPEN: Actuation = Actuation { inlet: 0.0, outlet: 1.0 };
-const CLOSED: Actuation = Actuation { inlet: 0.0, outlet: 0.0 };
 
 /// For any valid friction, heat transfer and wall, the plant's steps are short enough.
 #[test]
@@ -119,7 +75,7 @@ fn the_ends_of_the_ranges_run() {
             let mut scenario = muscle(model);
             set(&mut scenario);
             let drive = MassFlow::new(&scenario);
-            let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+            let mut plant = built(&scenario);
             for step in 0..300 {
                 let advanced = plant.advance(drive.actuation(&plant.truth()));
                 assert!(advanced.is_ok(), "{name}, {model:?}, step {step}: {advanced:?}");
@@ -129,13 +85,6 @@ fn the_ends_of_the_ranges_run() {
             assert!(closes, "{name}, {model:?}: {ledger:?}");
         }
     }
-}
-
-fn hold(plant: &mut dyn Plant, actuation: Actuation, steps: usize) -> Truth {
-    for _ in 0..steps {
-        plant.advance(actuation).unwrap();
-    }
-    plant.truth()
 }
 
 /// Filling at a fixed length through an ideal valve and a wide tube volume: no process is faster
@@ -161,8 +110,8 @@ fn integration_is_of_fourth_order() {
     scenario.tube.volume_m3 = 3.0e-5;
     let mut pressure = |step: f64| {
         scenario.run.step_s = step;
-        let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-        hold(&mut *plant, INLET_OPEN, (0.008 / step).round() as usize).pressure_pa
+        let mut plant = built(&scenario);
+        hold(&mut *plant, FILLING, (0.008 / step).round() as usize).pressure_pa
     };
     let exact = pressure(1.25e-5);
     let (coarse, fine) = ((pressure(1e-4) - exact).abs(), (pressure(5e-5) - exact).abs());
@@ -178,7 +127,7 @@ fn differences(step_s: f64) -> [f64; 4] {
     let built = |step_s: f64| {
         let mut scenario = muscle(PlantModel::Full);
         scenario.run.step_s = step_s;
-        (thermyo_plant::build(&scenario, None).unwrap(), (0.001 / step_s).round() as usize)
+        (built(&scenario), (0.001 / step_s).round() as usize)
     };
     let ((mut plant, steps), (mut exact, exact_steps)) = (built(step_s), built(1e-5));
     let (mut squares, mut largest) = ([0.0_f64; 3], 0.0_f64);
@@ -187,7 +136,7 @@ fn differences(step_s: f64) -> [f64; 4] {
         let actuation = match ms / 250 % 4 {
             0 => Actuation { inlet: 0.237, outlet: 0.0 },
             2 => Actuation { inlet: 0.0, outlet: 0.341 },
-            _ => CLOSED,
+            _ => SHUT,
         };
         let ours = hold(&mut *plant, actuation, steps);
         let exact = hold(&mut *exact, actuation, exact_steps);
@@ -309,8 +258,8 @@ fn agrees_with_an_independent_solver() {
     let mut solver = Dop853::new(system, 0.0, 0.3, 0.001, initial, 1e-11, 1e-13);
     solver.integrate().unwrap();
     let end = *solver.y_out().last().unwrap();
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-    let truth = hold(&mut *plant, INLET_OPEN, 300);
+    let mut plant = built(&scenario);
+    let truth = hold(&mut *plant, FILLING, 300);
     for (name, ours, theirs) in [
         ("mass", truth.mass_kg, end[0]),
         ("energy", truth.pressure_pa * volume / (gas.k - 1.0), end[1]),
@@ -329,15 +278,15 @@ fn the_closed_end_is_compressed_isentropically() {
     scenario.heat.model = HeatModel::Adiabatic;
     scenario.load.kind = LoadKind::Isometric;
     scenario.muscle.zones = 20;
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-    let truth = hold(&mut *plant, INLET_OPEN, 60);
+    let mut plant = built(&scenario);
+    let truth = hold(&mut *plant, FILLING, 60);
     let gas = plant.axial_gas_k();
     let isentrope = 298.0 * (truth.pressure_pa / 120_000.0).powf(0.4 / 1.4);
     assert!(isentrope > 330.0, "{truth:?}");
     assert!((gas[19] / isentrope - 1.0).abs() < 0.01, "{gas:?} for {isentrope}");
     assert!(gas[0] < gas[19] - 5.0, "{gas:?}");
     // Without flow the gas temperature evens out.
-    hold(&mut *plant, CLOSED, 300_000);
+    hold(&mut *plant, SHUT, 300_000);
     let gas = plant.axial_gas_k();
     assert!((gas[19] - gas[0]).abs() < 0.5, "{gas:?}");
 }
@@ -345,7 +294,7 @@ fn the_closed_end_is_compressed_isentropically() {
 #[test]
 fn the_load_rests_on_the_stop_until_it_is_lifted() {
     let scenario = muscle(PlantModel::Full);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let mut plant = built(&scenario);
     let mut lifted_at = None;
     for _ in 0..500 {
         let truth = hold(&mut *plant, Actuation { inlet: 0.2, outlet: 0.0 }, 1);
@@ -360,7 +309,7 @@ fn the_load_rests_on_the_stop_until_it_is_lifted() {
     let lifted_at = lifted_at.expect("it must lift");
     assert!((pressure(115.0)..pressure(150.0)).contains(&lifted_at), "{lifted_at} Pa");
     // Vented, it comes back to the stop and stays there.
-    let truth = hold(&mut *plant, OUTLET_OPEN, 3000);
+    let truth = hold(&mut *plant, VENTING, 3000);
     assert_eq!((truth.length_m, truth.speed_m_s), (0.3, 0.0));
 }
 
@@ -378,8 +327,8 @@ fn a_slack_muscle_does_not_hold_its_load() {
         scenario.friction.stribeck_force_n = 0.0;
         scenario.muscle.bladder_stiffness_n_m = 1500.0;
         scenario.plant.initial_pressure_pa = 101_325.0;
-        let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-        let truths: Vec<Truth> = (0..200).map(|_| hold(&mut *plant, INLET_OPEN, 1)).collect();
+        let mut plant = built(&scenario);
+        let truths: Vec<Truth> = (0..200).map(|_| hold(&mut *plant, FILLING, 1)).collect();
         let step = scenario.run.step_s;
         // Positive in contraction.
         let speed: Vec<f64> = truths.iter().map(|truth| -truth.speed_m_s).collect();
@@ -408,11 +357,11 @@ fn a_slack_muscle_does_not_hold_its_load() {
 fn a_load_of_no_force_may_fly_away() {
     let mut scenario = muscle(PlantModel::Full);
     scenario.load.force_n = 0.0;
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let mut plant = built(&scenario);
     for _ in 0..3 {
-        let filled = hold(&mut *plant, Actuation { inlet: 1.0, outlet: 0.0 }, 1000);
+        let filled = hold(&mut *plant, FILLING, 1000);
         assert!((0.19..0.22).contains(&filled.length_m), "{} m", filled.length_m);
-        let vented = hold(&mut *plant, OUTLET_OPEN, 3000);
+        let vented = hold(&mut *plant, VENTING, 3000);
         assert!((0.25..=0.3).contains(&vented.length_m), "{} m", vented.length_m);
     }
 }
@@ -420,7 +369,7 @@ fn a_load_of_no_force_may_fly_away() {
 /// Width of the loop of force over length \[N\]: the same length takes more pressure on the way in than
 /// on the way out.
 fn loop_width_n(scenario: &Scenario) -> f64 {
-    let mut plant = thermyo_plant::build(scenario, None).unwrap();
+    let mut plant = built(scenario);
     let crossing = |plant: &mut dyn Plant, actuation: Actuation, contracting: bool| loop {
         let truth = hold(plant, actuation, 1);
         if (truth.length_m < 0.27) == contracting {
@@ -458,7 +407,7 @@ fn the_books_of_work_close() {
     scenario.muscle.slip_pressure_factor = 0.7;
     // The ledger does not have what the bristles store.
     (scenario.friction.force_n, scenario.friction.stribeck_force_n) = (0.0, 0.0);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let mut plant = built(&scenario);
     let start = plant.truth();
     for cycle in 0..6 {
         hold(&mut *plant, Actuation { inlet: 0.3, outlet: 0.0 }, 300 + 40 * cycle);
@@ -488,9 +437,7 @@ fn the_books_of_work_close() {
 fn droop_and_dead_time_slow_the_filling() {
     let mut scenario = muscle(PlantModel::Full);
     scenario.load.kind = LoadKind::Isometric;
-    let pressure = |scenario: &Scenario| {
-        hold(&mut *thermyo_plant::build(scenario, None).unwrap(), INLET_OPEN, 50).pressure_pa
-    };
+    let pressure = |scenario: &Scenario| hold(&mut *built(scenario), FILLING, 50).pressure_pa;
     let nominal = pressure(&scenario);
     scenario.supply.droop_pa_s_kg = 0.0;
     let stiff = pressure(&scenario);

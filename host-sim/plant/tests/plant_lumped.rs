@@ -1,6 +1,9 @@
 //! The lumped muscle: the working cycle, conservation, order, an independent solver.
 
 use crate::plant_full::elastic;
+use crate::plant_runs::{
+    FILLING, VENTING, assert_conserves, bare_sensor_rms_k, built, extremes, hold, working_cycle,
+};
 use crate::plant_support::{MassFlow, muscle};
 use ode_solvers::{Dop853, SVector, System};
 use thermyo_plant::chamber::braid::Geometry;
@@ -9,77 +12,25 @@ use thermyo_plant::gas::IdealGas;
 use thermyo_plant::{Actuation, Truth};
 use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
-/// Smallest and largest of a quantity.
-#[derive(Debug, Clone, Copy)]
-struct Range(f64, f64);
-
-impl Range {
-    const EMPTY: Self = Self(f64::INFINITY, f64::NEG_INFINITY);
-
-    fn add(&mut self, x: f64) {
-        *self = Self(self.0.min(x), self.1.max(x));
-    }
-}
-
 #[test]
 fn the_working_cycle() {
-    let scenario = muscle(PlantModel::Lumped);
-    let drive = MassFlow::new(&scenario);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-    let (mut pressure, mut length, mut gas) = (Range::EMPTY, Range::EMPTY, Range::EMPTY);
-    let mut square = 0.0;
-    for _ in 0..100_000 {
-        let truth = plant.truth();
-        pressure.add(truth.pressure_pa);
-        length.add(truth.length_m);
-        gas.add(truth.gas_temperature_k);
-        square += (truth.sensor_gas_k - truth.gas_temperature_k).powi(2);
-        plant.advance(drive.actuation(&truth)).unwrap();
-    }
-    let rms = (square / 100_000.0f64).sqrt();
+    let (plant, truths) = working_cycle(PlantModel::Lumped);
+    let pressure = extremes(&truths, |truth| truth.pressure_pa);
+    let length = extremes(&truths, |truth| truth.length_m);
+    let gas = extremes(&truths, |truth| truth.gas_temperature_k);
+    let rms = bare_sensor_rms_k(&truths);
     let contraction = 1.0 - length.0 / 0.3;
     println!("pressure {pressure:?} Pa, contraction {contraction:.3}, gas {gas:?} K");
     println!("bare sensor {rms:.2} K RMS, wall {:.2} K", plant.truth().wall_temperature_k);
     assert!((1.0e5..1.3e5).contains(&pressure.0) && (3.5e5..4.7e5).contains(&pressure.1));
     assert!((0.25..0.31).contains(&contraction));
     assert!((8.0..13.0).contains(&rms));
-    let ledger = plant.ledger();
-    println!(
-        "balances: mass {:.1e}, energy {:.1e}, wall {:.1e}",
-        ledger.mass_balance_error(),
-        ledger.energy_balance_error(),
-        ledger.wall_balance_error()
-    );
 }
 
 #[test]
 fn mass_and_energy_are_conserved_over_100_s() {
     for model in [PlantModel::Lumped, PlantModel::Paper] {
-        for heat in [
-            HeatModel::Adiabatic,
-            HeatModel::Isothermal,
-            HeatModel::Constant,
-            HeatModel::Correlation,
-        ] {
-            for load in [LoadKind::Isotonic, LoadKind::Isometric, LoadKind::Mass] {
-                let mut scenario = muscle(model);
-                scenario.heat.model = heat;
-                scenario.load.kind = load;
-                let drive = MassFlow::new(&scenario);
-                let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-                for _ in 0..100_000 {
-                    plant.advance(drive.actuation(&plant.truth())).unwrap();
-                }
-                let ledger = plant.ledger();
-                let case = format!("{model:?} {heat:?} {load:?}");
-                assert!(ledger.mass_in_kg > 0.01, "{case}");
-                assert!(ledger.mass_balance_error() < 1e-9, "{case}");
-                let energy = ledger.energy_balance_error();
-                assert!(energy < 1e-6, "{case}: {energy}");
-                let wall = ledger.wall_balance_error();
-                assert!(wall < 1e-9, "{case}: {wall}");
-            }
-        }
+        assert_conserves(model, 0.01);
     }
 }
 
@@ -96,11 +47,7 @@ fn smooth() -> Scenario {
 const OPEN: Actuation = Actuation { inlet: 0.08, outlet: 0.02 };
 
 fn run(scenario: &Scenario, until: f64) -> Truth {
-    let mut plant = thermyo_plant::build(scenario, None).unwrap();
-    for _ in 0..(until / scenario.run.step_s).round() as u64 {
-        plant.advance(OPEN).unwrap();
-    }
-    plant.truth()
+    hold(&mut *built(scenario), OPEN, (until / scenario.run.step_s).round() as usize)
 }
 
 /// The same muscle from scratch: states m, U, T_w and the ways u of the creep's dashpots; the length by
@@ -193,7 +140,7 @@ impl System<f64, SVector<f64, 5>> for Independent {
 
 /// Largest relative difference of mass, energy and wall temperature after a second.
 fn difference(scenario: &Scenario) -> f64 {
-    let start = thermyo_plant::build(scenario, None).unwrap().truth();
+    let start = built(scenario).truth();
     let gas = IdealGas::new(&scenario.gas);
     let system = Independent {
         braid: Geometry::new(
@@ -258,7 +205,7 @@ fn integration_is_of_fourth_order() {
 fn friction_holds_the_length_and_heats_the_wall() {
     let mut scenario = elastic(muscle(PlantModel::Lumped));
     scenario.plant.initial_pressure_pa = 300_000.0;
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let mut plant = built(&scenario);
     let start = plant.truth();
     assert!(start.length_m < 0.29 && (start.friction_n - 15.0).abs() < 1e-6, "{start:?}");
     // Venting: the pull must fall through the whole band of 30 N before the braid slides back.
@@ -285,18 +232,14 @@ fn flow_reverses_through_an_open_valve() {
     scenario.load.kind = LoadKind::Isometric;
     scenario.plant.initial_pressure_pa = 600_000.0;
     scenario.supply.pressure_pa = 300_000.0;
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-    for _ in 0..5000 {
-        plant.advance(Actuation { inlet: 1.0, outlet: 0.0 }).unwrap();
-    }
-    assert!((plant.truth().pressure_pa / 300_000.0 - 1.0).abs() < 1e-3);
+    let mut plant = built(&scenario);
+    let truth = hold(&mut *plant, FILLING, 5000);
+    assert!((truth.pressure_pa / 300_000.0 - 1.0).abs() < 1e-3);
     assert!(plant.ledger().mass_out_kg > 1e-4);
     scenario.plant.initial_pressure_pa = 60_000.0;
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
-    for _ in 0..5000 {
-        plant.advance(Actuation { inlet: 0.0, outlet: 1.0 }).unwrap();
-    }
-    assert!((plant.truth().pressure_pa / 101_325.0 - 1.0).abs() < 1e-3);
+    let mut plant = built(&scenario);
+    let truth = hold(&mut *plant, VENTING, 5000);
+    assert!((truth.pressure_pa / 101_325.0 - 1.0).abs() < 1e-3);
     assert!(plant.ledger().mass_in_kg > 1e-5);
 }
 
@@ -307,7 +250,7 @@ fn a_wild_scenario_diverges_with_its_state() {
     scenario.paper.alpha_in = 1.4;
     scenario.paper.alpha_out = 1.0;
     let drive = MassFlow::new(&scenario);
-    let mut plant = thermyo_plant::build(&scenario, None).unwrap();
+    let mut plant = built(&scenario);
     let diverged = (0..100_000).find_map(|_| plant.advance(drive.actuation(&plant.truth())).err());
     let message = diverged.expect("it must diverge").to_string();
     assert!(message.contains("temperature = ") && message.contains(" s: "), "{message}");

@@ -1,5 +1,6 @@
 //! The vessel against closed forms, conservation and measured air.
 
+use crate::plant_runs::{SHUT, assert_books, built, hold};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 use thermyo_plant::{Actuation, Plant, Truth};
@@ -70,10 +71,7 @@ impl Case {
 }
 
 fn run(plant: &mut dyn Plant, steps: usize) -> Truth {
-    for _ in 0..steps {
-        plant.advance(Actuation::default()).unwrap();
-    }
-    plant.truth()
+    hold(plant, SHUT, steps)
 }
 
 fn relative(actual: f64, expected: f64) -> f64 {
@@ -92,7 +90,7 @@ proptest! {
         let t = case.step * steps as f64;
         let x = 1.0 + (case.k - 1.0) / 2.0 * t / case.tau;
         prop_assume!(x < x_end);
-        let truth = run(&mut *thermyo_plant::build(&s, None).unwrap(), steps);
+        let truth = run(&mut *built(&s), steps);
         let pressure = case.pressure * x.powf(-2.0 * case.k / (case.k - 1.0));
         prop_assert!(relative(truth.pressure_pa, pressure) < 1e-9, "{} for {pressure}", truth.pressure_pa);
         let temperature = case.temperature / (x * x);
@@ -107,7 +105,7 @@ proptest! {
         let steps = case.steps(choked_until);
         let t = case.step * steps as f64;
         prop_assume!(t < choked_until);
-        let mut plant = thermyo_plant::build(&s, None).unwrap();
+        let mut plant = built(&s);
         let truth = run(&mut *plant, steps);
         prop_assert!(relative(truth.pressure_pa, case.pressure * (-t / case.tau).exp()) < 1e-9);
         prop_assert_eq!(truth.gas_temperature_k, case.temperature);
@@ -131,7 +129,7 @@ proptest! {
         let steps = case.steps(choked_until);
         let t = case.step * steps as f64;
         prop_assume!(t < choked_until);
-        let truth = run(&mut *thermyo_plant::build(&s, None).unwrap(), steps);
+        let truth = run(&mut *built(&s), steps);
         let pressure = start + slope * t;
         prop_assert!(relative(truth.pressure_pa, pressure) < 1e-9);
         let mass = start * case.volume / (case.r * case.temperature) + flow * t;
@@ -165,11 +163,9 @@ proptest! {
 
     #[test]
     fn discharge_comes_to_rest(case in cases()) {
-        let s = case.scenario(DriveKind::Discharge, HeatModel::Isothermal);
-        let mut plant = thermyo_plant::build(&Scenario {
-            run: thermyo_scenario::Run { step_s: case.tau * 0.1, ..s.run },
-            ..s
-        }, None).unwrap();
+        let mut s = case.scenario(DriveKind::Discharge, HeatModel::Isothermal);
+        s.run.step_s = case.tau * 0.1;
+        let mut plant = built(&s);
         let truth = run(&mut *plant, 400);
         prop_assert!(relative(truth.pressure_pa, 101_325.0) < 1e-6, "{}", truth.pressure_pa);
         prop_assert!(plant.ledger().mass_balance_error() < 1e-12);
@@ -186,21 +182,15 @@ fn heat_and_wall_are_conserved_over_100_s() {
             s.plant.initial_pressure_pa = 4.0e5;
             s.heat.model = heat;
             s.drive.kind = drive;
-            let mut plant = thermyo_plant::build(&s, None).unwrap();
+            let mut plant = built(&s);
             for i in 0..100_000 {
                 let filling = (i / 2500) % 2 == 0;
-                plant
-                    .advance(Actuation {
-                        inlet: if filling { 0.1 } else { 0.0 },
-                        outlet: if filling { 0.0 } else { 0.1 },
-                    })
-                    .unwrap();
+                let [inlet, outlet] = if filling { [0.1, 0.0] } else { [0.0, 0.1] };
+                plant.advance(Actuation { inlet, outlet }).unwrap();
             }
             let ledger = plant.ledger();
             assert!(ledger.heat_to_wall_j.abs() > 10.0, "{heat:?} {drive:?}: {ledger:?}");
-            assert!(ledger.mass_balance_error() < 1e-9);
-            assert!(ledger.energy_balance_error() < 1e-9, "{}", ledger.energy_balance_error());
-            assert!(ledger.wall_balance_error() < 1e-9, "{}", ledger.wall_balance_error());
+            assert_books(&ledger, 1e-9, &format!("{heat:?} {drive:?}"));
         }
     }
 }
@@ -267,7 +257,7 @@ fn measured_air_discharge() {
     let mut rms = |heat: HeatModel, lag: f64| {
         s.heat.model = heat;
         s.sensor.gas.time_constant_s = lag;
-        let mut plant = thermyo_plant::build(&s, None).unwrap();
+        let mut plant = built(&s);
         let (mut t2, mut n_t, mut p2, mut n_p) = (0.0, 0.0, 0.0, 0.0);
         for (time, gas, pressure) in &measured {
             while plant.truth().time_s < time - 0.5 * s.run.step_s {
@@ -315,7 +305,7 @@ fn gas_that_starts_warm_cools_to_its_wall() {
     s.heat.inner_w_m2_k = 30.0;
     s.heat.outer_w_m2_k = 0.0;
     s.vessel.wall_heat_capacity_j_k = 1.0e9;
-    let mut plant = thermyo_plant::build(&s, None).unwrap();
+    let mut plant = built(&s);
     assert_eq!(plant.truth().wall_temperature_k, 298.0);
     let mass_kg = 4.0e5 * s.vessel.volume_m3 / (s.gas.gas_constant_j_kg_k * 340.0);
     assert!((plant.truth().mass_kg / mass_kg - 1.0).abs() < 1e-12);
