@@ -116,11 +116,7 @@ fn a_load_faster_than_the_lead_comes_to_rest() {
     let points = vec![(0.0, 0.17), (2.0, 0.17), (2.001, 0.047), (6.0, 0.047)];
     let wide = wide.driven(DriveKind::Contraction, points);
     let mut last = 0.0;
-    let mut observer = |row: &Row| {
-        last = 1.0 - row.truth.length_m / 0.1856;
-        Ok(())
-    };
-    let summary = run::run(&wide, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    let summary = run::on_core(&wide, |row| last = 1.0 - row.truth.length_m / 0.1856).unwrap();
     assert_eq!(summary.limit_cycle, None);
     assert_within("contraction", last, (0.0445, 0.0495));
 }
@@ -141,7 +137,7 @@ fn held_pressure(text: &str, pressure_pa: f64) -> (f64, f64) {
     let held = parse(&text, "a held pressure".as_ref()).unwrap();
     let held = held.driven(DriveKind::Pressure, vec![(0.0, pressure_pa), (6.0, pressure_pa)]);
     let (mut off_kpa, mut driven, mut rows) = (0.0, 0.0, 0.0);
-    let mut observer = |row: &Row| {
+    run::on_core(&held, |row| {
         if row.truth.time_s > 3.0 {
             off_kpa += 1e-3 * (row.truth.pressure_pa - pressure_pa);
             let command = row.telemetry.command;
@@ -149,9 +145,8 @@ fn held_pressure(text: &str, pressure_pa: f64) -> (f64, f64) {
                 f64::from(u8::from(command.inlet > Duty::ZERO || command.outlet > Duty::ZERO));
             rows += 1.0;
         }
-        Ok(())
-    };
-    run::run(&held, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    })
+    .unwrap();
     (off_kpa / rows, driven / rows)
 }
 
@@ -265,19 +260,8 @@ fn friction_is_followed_into_the_cold_and_the_warmth() {
     }
 }
 
-/// Rows of a run on the core in this process.
-fn rows(loaded: &Loaded) -> Vec<thermyo_record::trace::Row> {
-    let mut rows = Vec::new();
-    let mut observer = |row: &thermyo_record::trace::Row| {
-        rows.push(*row);
-        Ok(())
-    };
-    thermyo_simulation::run::run(loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
-    rows
-}
-
 /// Highest pressure of the plant between two times \[Pa\].
-fn peak_pa(rows: &[thermyo_record::trace::Row], from_s: f64, until_s: f64) -> f64 {
+fn peak_pa(rows: &[Row], from_s: f64, until_s: f64) -> f64 {
     let within = rows.iter().filter(|row| (from_s..until_s).contains(&row.truth.time_s));
     within.map(|row| row.truth.pressure_pa).fold(0.0, f64::max)
 }
@@ -299,7 +283,7 @@ fn the_working_cycle_stays_where_it_is() {
                 .with_model(model);
                 loaded.believed.supply.pressure_pa = supply_pa;
                 loaded.believed.valve.conductance_m3_s_pa *= conductance;
-                let rows = rows(&loaded);
+                let rows = run::rows(&loaded).unwrap();
                 let (early_pa, late_pa) = (peak_pa(&rows, 3.0, 6.0), peak_pa(&rows, 27.0, 30.0));
                 let climb = late_pa / early_pa - 1.0;
                 let what =
@@ -324,7 +308,7 @@ fn an_unreachable_contraction_stops_below_the_limit() {
             s.run.duration_s = 5.0;
         })
         .with_model(model);
-        let rows = rows(&Loaded { drive_profile: None, ..loaded });
+        let rows = run::rows(&Loaded { drive_profile: None, ..loaded }).unwrap();
         let peak_pa = peak_pa(&rows, 0.0, 6.0);
         assert!((6.5e5..6.7e5).contains(&peak_pa), "{peak_pa} Pa");
         let last = rows.last().unwrap().telemetry;

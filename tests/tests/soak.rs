@@ -1,10 +1,7 @@
 //! A day of board time: the core alone, on the codes of one recorded working cycle, over and over.
 
-use thermyo_simulation::board::CoreBoard;
-
 use model_core::{Command, Config, Core, Estimate, Sample, SetPoint};
 use std::time::Instant;
-use thermyo_record::trace::Row;
 use thermyo_scenario::PlantModel;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run;
@@ -31,12 +28,11 @@ fn recorded(model: PlantModel) -> (Config, Vec<Step>) {
     loaded.plant.run.log_every = 1;
     loaded.plant.run.duration_s = WARM_S;
     let mut steps = Vec::new();
-    let mut observer = |row: &Row| {
+    run::on_core(&loaded, |row| {
         let model_core::Telemetry { sample, command, .. } = row.telemetry;
         steps.push(Step { sample, command, gas_k: row.truth.gas_temperature_k });
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    })
+    .unwrap();
     (core_config(&loaded.believed), steps.split_off(steps.len() - CYCLE))
 }
 
@@ -100,7 +96,7 @@ fn hours_k(hours: usize) -> Vec<(f64, f64)> {
     let mut loaded = thermyo_evaluate::nominal().unwrap().with_model(PlantModel::Lumped);
     loaded.plant.run.duration_s = hours as f64 * HOUR_S;
     let mut sums = vec![(0.0, 0.0, 0.0); hours];
-    let mut observer = |row: &Row| {
+    run::on_core(&loaded, |row| {
         let hour = (row.truth.time_s / HOUR_S) as usize;
         // The first 500 s are the estimator's to learn in.
         if let Some(sum) = sums.get_mut(hour)
@@ -112,9 +108,8 @@ fn hours_k(hours: usize) -> Vec<(f64, f64)> {
             sum.2 += 1.0;
         }
         assert_eq!(row.telemetry.faults, model_core::Faults::NONE, "{} s", row.truth.time_s);
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    })
+    .unwrap();
     sums.iter().map(|(squares, sd, count)| ((squares / count).sqrt(), sd / count)).collect()
 }
 

@@ -13,7 +13,6 @@ use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{ChannelFault, DriveKind, FaultWindow, HeatModel, LoadKind, PlantModel};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
@@ -240,7 +239,7 @@ impl Errors {
 /// Errors of one run from `from_s` on; `seen` is called with every row.
 fn run(loaded: &Loaded, from_s: f64, mut seen: impl FnMut(&Row)) -> Result<Errors, RunError> {
     let mut errors = Errors::default();
-    let mut observer = |row: &Row| {
+    run::on_core(loaded, |row| {
         let truth_k = row.truth.gas_temperature_k;
         seen(row);
         if row.truth.time_s >= from_s {
@@ -253,9 +252,7 @@ fn run(loaded: &Loaded, from_s: f64, mut seen: impl FnMut(&Row)) -> Result<Error
             errors.stated_squares_k2 += stated_k * stated_k;
             errors.within += u64::from(error.abs() <= 2.0 * stated_k);
         }
-        Ok(())
-    };
-    run::run(loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    })?;
     Ok(errors)
 }
 

@@ -7,10 +7,8 @@ use model_core::{Duty, Faults};
 use std::f64::consts::PI;
 use thermyo_compute::parallel::{self, Watch};
 use thermyo_files::input::InputError;
-use thermyo_record::trace::Row;
 use thermyo_scenario::{DriveKind, Scenario};
 use thermyo_setup::{Loaded, parse_with_warnings};
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run::{self, RunError};
 
 /// Number of plants, by default.
@@ -176,7 +174,7 @@ fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
     };
     let mut outcome = Outcome { warned: warnings > 0, ..Outcome::default() };
     let (mut values, mut driven) = (Vec::new(), false);
-    let mut observer = |row: &Row| {
+    let result = run::on_core(loaded, |row| {
         let truth = &row.truth;
         outcome.false_alarm |= row.telemetry.faults.intersects(Faults::NO_INFLOW);
         let command = row.telemetry.command;
@@ -186,16 +184,14 @@ fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
             outcome.swings |= driven && swings(&values, zone);
             values.clear();
             driven = false;
-            return Ok(());
+            return;
         }
         driven |= command.inlet > Duty::ZERO || command.outlet > Duty::ZERO;
         values.push(match loaded.plant.drive.kind {
             DriveKind::Contraction => 1.0 - truth.length_m / rest_m,
             _ => truth.pressure_pa,
         });
-        Ok(())
-    };
-    let result = run::run(loaded, &mut CoreBoard::default(), None, &mut observer);
+    });
     match result {
         Ok(summary) => {
             outcome.mass_ppm = 1e6 * summary.mass_balance_error;

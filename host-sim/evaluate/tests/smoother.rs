@@ -3,10 +3,8 @@
 use model_core::{AdcCode, Estimate, Telemetry};
 use thermyo_evaluate::smoother;
 use thermyo_evaluate::smoother::Best;
-use thermyo_record::trace::Row;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 
 struct Recorded {
@@ -24,12 +22,11 @@ impl Recorded {
         let mut loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
         loaded.believed.heat.scale *= heat;
         let (mut telemetry, mut truth_k) = (Vec::new(), Vec::new());
-        let mut observer = |row: &Row| {
+        run::on_core(&loaded, |row| {
             telemetry.push(row.telemetry);
             truth_k.push(row.truth.gas_temperature_k);
-            Ok(())
-        };
-        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        })
+        .unwrap();
         Self { loaded, telemetry, truth_k }
     }
 

@@ -81,13 +81,12 @@ fn a_stopped_identification_returns_its_finished_searches() {
     let names = ["flow_in_kg_s", "flow_out_kg_s", "pressure_pa"];
     let mut columns =
         names.map(|name| Column { name: name.to_owned(), points: Vec::new(), lines: Vec::new() });
-    let mut each = |row: &Row| {
+    run::on_core(&loaded, |row| {
         let truth = &row.truth;
         let values = [truth.flow_in_kg_s, truth.flow_out_kg_s, truth.pressure_pa];
         columns.iter_mut().zip(values).for_each(|(c, v)| c.points.push((truth.time_s, v)));
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut each).unwrap();
+    })
+    .unwrap();
 
     let measured = Measured { columns: columns.to_vec() };
     let ended = identify(&loaded, name, &measured, Path::new("data.csv"), &After::new(5));

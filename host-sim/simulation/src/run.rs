@@ -4,7 +4,7 @@
 //! plant --Truth--> front end, ADC --Sample--> board (core) --Command--> plant, once per step
 //! ```
 
-use crate::board::{Board, BoardError, BoardStep};
+use crate::board::{Board, BoardError, BoardStep, CoreBoard};
 use crate::rig::{MeanFlows, Rig};
 use model_core::control::Mode;
 use model_core::forward_model::Model;
@@ -104,6 +104,21 @@ pub fn run(
     while run.step(board, observer)? {}
     let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
     run.finish(board, wall_clock_s)
+}
+
+/// Runs a scenario on the core in this process; `each` gets its rows.
+pub fn on_core(loaded: &Loaded, mut each: impl FnMut(&Row)) -> Result<Summary, RunError> {
+    run(loaded, &mut CoreBoard::default(), None, &mut |row: &Row| {
+        each(row);
+        Ok(())
+    })
+}
+
+/// The rows of a scenario on the core in this process.
+pub fn rows(loaded: &Loaded) -> Result<Vec<Row>, RunError> {
+    let mut rows = Vec::new();
+    on_core(loaded, |row| rows.push(*row))?;
+    Ok(rows)
 }
 
 /// A run in progress, step by step.

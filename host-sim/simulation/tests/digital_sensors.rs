@@ -2,7 +2,6 @@
 //! chip vents.
 
 use thermyo_record::summary::Summary;
-use thermyo_simulation::board::CoreBoard;
 
 use model_core::{Command, Faults};
 use thermyo_simulation::run;
@@ -25,15 +24,14 @@ fn run_with(sensor: &str) -> Ran {
     );
     let loaded = thermyo_setup::parse(&text, "digital.toml".as_ref()).unwrap();
     let (mut faults, mut found_s, mut vents) = (Faults::NONE, None, false);
-    let mut observer = |row: &thermyo_record::trace::Row| {
+    let summary = run::on_core(&loaded, |row| {
         faults = faults.with(row.telemetry.faults);
         if row.telemetry.faults != Faults::NONE {
             found_s.get_or_insert(row.truth.time_s);
         }
         vents = row.telemetry.command == Command::VENT;
-        Ok(())
-    };
-    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    })
+    .unwrap();
     Ran { summary, faults, found_s, vents }
 }
 

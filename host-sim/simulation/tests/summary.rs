@@ -3,9 +3,7 @@
 use thermyo_files::units::UnitSystem;
 use thermyo_plant::Ledger;
 use thermyo_record::summary::{Accumulator, Ending};
-use thermyo_record::trace::Row;
 use thermyo_record::tracking::{Controlled, Reference};
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 
 #[test]
@@ -13,12 +11,7 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
     let text = "[run]\nduration_s = 1.0\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n[drive]\n\
                 kind = \"pressure\"\n";
     let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
-    let mut rows = Vec::new();
-    let mut observer = |row: &Row| {
-        rows.push(*row);
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    let rows = run::rows(&loaded).unwrap();
     let ended_at = |steps: usize| {
         let mut accumulator =
             Accumulator::new(loaded.plant.run.duration_s, Reference::of(&loaded.plant), None);
@@ -56,16 +49,14 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
 fn control(text: &str) -> serde_json::Value {
     let text = format!("[run]\nlog_every = 1\n{text}");
     let loaded = thermyo_setup::parse(&text, "test".as_ref()).unwrap();
-    let mut observer = |_: &Row| Ok(());
-    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    let summary = run::on_core(&loaded, |_| ()).unwrap();
     serde_json::to_value(summary.control.unwrap()).unwrap()
 }
 
 /// The warning about a loop that swings, of a run.
 fn unrest(text: &str) -> Option<String> {
     let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
-    let mut observer = |_: &Row| Ok(());
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap().unrest()
+    run::on_core(&loaded, |_| ()).unwrap().unrest()
 }
 
 #[test]
@@ -86,8 +77,7 @@ fn an_estimate_that_is_worse_than_it_states_is_reported() {
     let text = "[run]\nduration_s = 10\n[muscle]\ndiameter_m = 0.004\nrest_length_m = 0.05\n\
                 dead_volume_m3 = 1e-7\n[load]\nforce_n = 3\n";
     let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
-    let mut observer = |_: &Row| Ok(());
-    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    let summary = run::on_core(&loaded, |_| ()).unwrap();
     let warning = summary.overconfidence().unwrap();
     assert!(warning.contains("its RMS error is ") && warning.contains(" K, and it states "));
 }

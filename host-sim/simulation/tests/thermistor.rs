@@ -1,7 +1,6 @@
 //! A thermistor in place of the Pt1000: the estimate is as good if it is configured right.
 
 use thermyo_record::summary::Summary;
-use thermyo_simulation::board::CoreBoard;
 
 use model_core::Faults;
 use thermyo_simulation::run;
@@ -13,11 +12,7 @@ fn run_with(sensor: &str) -> (Summary, Faults) {
     );
     let loaded = thermyo_setup::parse(&text, "thermistor.toml".as_ref()).unwrap();
     let mut faults = Faults::NONE;
-    let mut observer = |row: &thermyo_record::trace::Row| {
-        faults = faults.with(row.telemetry.faults);
-        Ok(())
-    };
-    let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+    let summary = run::on_core(&loaded, |row| faults = faults.with(row.telemetry.faults)).unwrap();
     (summary, faults)
 }
 

@@ -6,10 +6,8 @@ use super::muscle::{self, Draw, Task};
 use crate::{CaseFigures, Figure};
 use model_core::Faults;
 use thermyo_files::shipped;
-use thermyo_record::trace::Row;
 use thermyo_scenario::PlantModel;
 use thermyo_setup::{Loaded, parse};
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
@@ -91,11 +89,7 @@ pub fn shown(healthy: &Healthy) -> Result<Faults, RunError> {
     let mut loaded = healthy.loaded.clone();
     loaded.plant.run.log_every = 1;
     let mut shown = Faults::NONE;
-    let mut observer = |row: &Row| {
-        shown = shown.with(row.telemetry.faults);
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    run::on_core(&loaded, |row| shown = shown.with(row.telemetry.faults))?;
     Ok(shown)
 }
 

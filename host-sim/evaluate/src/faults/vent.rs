@@ -4,10 +4,8 @@ use super::muscle::{self, Draw, Task};
 use super::trial::VENTED_PA;
 use super::{MUSCLES, VENTED_S};
 use crate::{CaseFigures, Figure};
-use thermyo_record::trace::Row;
 use thermyo_scenario::{DriveKind, PlantModel};
 use thermyo_setup::Loaded;
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
@@ -50,16 +48,14 @@ pub fn vent(muscle: &Loaded) -> Result<Vented, RunError> {
     loaded.plant.faults.own.emergency_stop = true;
     loaded.plant.faults.own.from_s = STOP_S;
     let (mut volume_m3, mut time_s) = (0.0, 0.0);
-    let mut observer = |row: &Row| {
+    run::on_core(&loaded, |row| {
         let since_s = row.truth.time_s - STOP_S;
         if since_s < 0.0 {
             volume_m3 = row.truth.volume_m3;
         } else if row.truth.pressure_pa > VENTED_PA {
             time_s = since_s;
         }
-        Ok(())
-    };
-    run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    })?;
     let per_volume_s_pa = loaded.plant.valve.conductance_m3_s_pa / volume_m3;
     Ok(Vented { time_s, per_volume_s_pa })
 }

@@ -20,7 +20,6 @@ use thermyo_record::summary::Summary;
 use thermyo_record::trace::Row;
 use thermyo_scenario::{HeatModel, Paper, PlantModel};
 use thermyo_setup::Loaded;
-use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
@@ -301,11 +300,7 @@ impl Study {
 
 fn simulate(name: &'static str, loaded: &Loaded) -> Result<Variant, RunError> {
     let mut signals = Signals::default();
-    let mut observer = |row: &Row| {
-        signals.add(row);
-        Ok(())
-    };
-    let summary = run::run(loaded, &mut CoreBoard::default(), None, &mut observer)?;
+    let summary = run::on_core(loaded, |row| signals.add(row))?;
     Ok(Variant { name, signals, summary })
 }
 

@@ -129,7 +129,6 @@ mod tests {
     use thermyo_protocol::{Status, Timing};
     use thermyo_record::board_trace;
     use thermyo_setup::core_config::core_config;
-    use thermyo_simulation::board::CoreBoard;
     use thermyo_simulation::run;
 
     #[test]
@@ -139,14 +138,13 @@ mod tests {
         let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
         let config = core_config(&loaded.believed);
         let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::new());
-        let mut observer = |row: &Row| {
+        run::on_core(&loaded, |row| {
             // A board sends only telemetry.
             let row = board_trace::row(row.truth.time_s, &config, &row.telemetry);
             gathered.add(&row);
             drawn.add(&row);
-            Ok(())
-        };
-        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
+        })
+        .unwrap();
         let summary = gathered.finish("here", &Status::AT_START, &Timing::default());
         let page = page("steps", &loaded, &drawn, &summary);
         let (_, lead) = page.split_once("class=\"lead\">").unwrap();
