@@ -25,7 +25,6 @@ fn configured() -> Bench {
     bench
 }
 
-/// A bench with a configured joint.
 fn configured_joint() -> Bench {
     firmware(Variant::Joint).unwrap();
     let bench = Bench::new();

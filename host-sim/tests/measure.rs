@@ -2,7 +2,6 @@
 
 use crate::command_support::{Folder, Said, thermyo};
 
-/// Measures on a scenario.
 fn measured(folder: &Folder, scenario: &str, more: &[&str]) -> Said {
     let (file, out) = (folder.scenario(scenario), folder.name("out"));
     thermyo(&[&["measure", "stop", &file, "--out", &out, "--json", "--quiet"], more].concat())

@@ -81,7 +81,6 @@ pub fn commands(telemetry: &Telemetry) -> Commands {
     telemetry.commands()
 }
 
-/// The commands by muscles.
 pub fn each(commands: Commands) -> [Command; MUSCLES] {
     commands
 }

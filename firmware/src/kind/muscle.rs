@@ -63,7 +63,6 @@ pub fn commands(telemetry: &Telemetry) -> Commands {
     telemetry.command
 }
 
-/// The commands by muscles.
 pub fn each(commands: Commands) -> [Commands; MUSCLES] {
     [commands]
 }

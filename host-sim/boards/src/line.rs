@@ -43,9 +43,6 @@ impl Line {
 
     /// As [`Line::open`], but accepts any protocol version; use only the requests that all versions
     /// have.
-    ///
-    /// # Errors
-    /// [`BoardError`], if there is no answer.
     pub fn meet(name: &str) -> Result<(Self, Version), BoardError> {
         let began = Instant::now();
         loop {

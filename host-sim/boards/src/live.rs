@@ -12,7 +12,6 @@ use thermyo_protocol::{
 };
 use thermyo_simulation::board::BoardError;
 
-/// The board.
 pub struct LiveBoard {
     live: Live,
     /// Result of the last request for it.

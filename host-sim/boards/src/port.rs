@@ -11,7 +11,6 @@ pub trait Port: Read + Write + Send {}
 
 impl<P: Read + Write + Send> Port for P {}
 
-/// Opens a port by its name.
 pub fn open(name: &str) -> Result<Box<dyn Port>, BoardError> {
     match name {
         EMULATED => Ok(Box::new(service::connect()?)),

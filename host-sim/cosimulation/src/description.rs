@@ -23,9 +23,6 @@ pub fn token(model: &Model) -> String {
 }
 
 /// The description of a model; `name` is the scenario's.
-///
-/// # Errors
-/// None for a model that has been made.
 pub fn describe(model: &Model, name: &str) -> Result<String, ModelError> {
     let run = model.scenario().run();
     let what = match model.kind() {

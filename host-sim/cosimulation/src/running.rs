@@ -77,9 +77,6 @@ pub trait Running {
     /// For a set point out of its range; nothing has changed.
     fn take(&mut self, inputs: &Inputs) -> Result<(), ModelError>;
     /// Advances by one step, after which there have been `steps`.
-    ///
-    /// # Errors
-    /// [`ModelError`] for a plant that diverges.
     fn step(&mut self, steps: u64, inputs: &Inputs) -> Result<(), ModelError>;
     /// Cells of the trace now. Flows are means since the last call.
     fn look(&mut self) -> Vec<f64>;

@@ -34,9 +34,6 @@ impl From<JointLoaded> for Scenario {
 
 impl Scenario {
     /// Loads a file.
-    ///
-    /// # Errors
-    /// In one line: file, line, key, what is there and what is allowed.
     pub fn load(path: &Path) -> Result<Self, InputError> {
         match thermyo_joint::load(path)? {
             Some(joint) => Ok(joint.into()),

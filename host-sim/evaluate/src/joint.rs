@@ -54,9 +54,6 @@ struct Case {
 }
 
 /// The shipped joint.
-///
-/// # Errors
-/// None, but for a damaged program.
 pub fn nominal() -> Result<JointLoaded, InputError> {
     thermyo_joint::parse(shipped::text("joint.toml"), Path::new("scenarios/joint.toml"))
 }

@@ -83,9 +83,6 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, Tun
 }
 
 /// Runs every case on `full`, on all cores. When stopped, returns the lines of the finished cases.
-///
-/// # Errors
-/// The first case that was refused or could not be finished.
 pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TuneError> {
     let lines = parallel::map_watched(&CASES, watch, |(name, change)| line(nominal, name, *change));
     lines.into_iter().collect()

@@ -328,9 +328,6 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
 }
 
 /// Reads a whole text file of at most 16 MiB, as [`read_bytes`], without its byte order mark.
-///
-/// # Errors
-/// As [`read_bytes`], and when it is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
     let bytes = read_at_most(path, LARGEST_TEXT)?;
     if is_utf16(&bytes) {

@@ -288,9 +288,6 @@ impl Table {
     }
 
     /// Cells of a required column.
-    ///
-    /// # Errors
-    /// When there is no such column.
     pub fn column(&self, name: &str) -> Result<&[Option<f64>], InputError> {
         match self.columns.iter().find(|column| column.name == name) {
             Some(column) => Ok(&column.cells),
@@ -303,9 +300,6 @@ impl Table {
     }
 
     /// Numbers of a required column without empty cells.
-    ///
-    /// # Errors
-    /// When the column is missing, or one of its cells is empty.
     pub fn filled(&self, name: &str) -> Result<Vec<f64>, InputError> {
         self.column(name)?
             .iter()

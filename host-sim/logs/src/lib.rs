@@ -26,17 +26,11 @@ pub struct Logs {
 
 impl Logs {
     /// Whether the address can be reached; for commands that record later.
-    ///
-    /// # Errors
-    /// If it cannot be reached.
     pub fn check(&self) -> Result<(), InputError> {
         self.open_stream(MUSCLE).map(drop)
     }
 
     /// Starts the records, beside the trace in that folder.
-    ///
-    /// # Errors
-    /// When a file cannot be made, or the address cannot be reached.
     pub fn open(&self, out: &mut OutputDir, layout: Layout) -> Result<Sinks, InputError> {
         let mut sinks = Sinks::default();
         if let Some(stream) = self.open_stream(layout)? {

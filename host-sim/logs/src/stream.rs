@@ -64,9 +64,6 @@ pub struct Stream {
 
 impl Stream {
     /// Opens the socket. A receiver need not exist yet.
-    ///
-    /// # Errors
-    /// When the address cannot be reached.
     pub fn open(to: &StreamTo, layout: Layout) -> io::Result<Self> {
         let any: SocketAddr = match to.address {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),

@@ -367,7 +367,6 @@ impl<C: Chamber> Constants<C> {
         self.share * surface * (within / self.inner_j_k + outside / self.outer_j_k)
     }
 
-    /// The state at the start.
     fn state(&self, start: &Start, deflection: f64) -> Vec<f64> {
         let Start { pressure, gas_k, .. } = *start;
         let gas = &self.closure.gas;
@@ -584,7 +583,6 @@ impl<C: Chamber> Constants<C> {
         }
     }
 
-    /// All rates.
     fn rates(
         &self,
         y: &[f64],
@@ -828,9 +826,6 @@ pub struct Full<C> {
 
 impl<C: Chamber + Copy + Send> Full<C> {
     /// The full plant of a scenario with that chamber.
-    ///
-    /// # Errors
-    /// [`BuildError::TooFast`].
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let pull = Pull::new(scenario, chamber);
         let start = Start::of_chamber(scenario, &pull);

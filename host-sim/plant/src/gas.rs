@@ -14,7 +14,6 @@ pub struct IdealGas {
 }
 
 impl IdealGas {
-    /// The gas of a scenario.
     pub fn new(gas: &thermyo_scenario::Gas) -> Self {
         let (r, k) = (gas.gas_constant_j_kg_k, gas.heat_capacity_ratio);
         let cv = r / (k - 1.0);

@@ -87,7 +87,6 @@ pub struct ArmLedger {
     pub external_work_j: f64,
     /// Heat of viscous and dry friction of the bearing.
     pub friction_heat_j: f64,
-    /// Heat of the stops.
     pub stop_heat_j: f64,
     /// Everything that the arm took and gave, in size.
     pub handled_j: f64,
@@ -141,9 +140,6 @@ pub struct Joint {
 impl Joint {
     /// Two muscles at rest on an arm at that angle \[rad\]. Load, start length and step of the scenarios are the
     /// joint's.
-    ///
-    /// # Errors
-    /// [`BuildError`] of either muscle.
     pub fn new(arm: Arm, scenarios: [&Scenario; 2], angle_rad: f64) -> Result<Self, BuildError> {
         let (exchanges, exchange_s) = exchange(&arm, scenarios)?;
         let [a, b] = own(&arm, scenarios, angle_rad, exchange_s);
@@ -212,9 +208,6 @@ impl Joint {
     }
 
     /// Advances by one step of the scenario, with the openings of muscles a and b.
-    ///
-    /// # Errors
-    /// [`Diverged`] when a muscle leaves the range of its equations.
     pub fn advance(&mut self, actuation: [Actuation; 2]) -> Result<(), Diverged> {
         for _ in 0..self.exchanges {
             self.exchange(actuation)?;

@@ -199,9 +199,6 @@ pub trait Plant: Send {
     /// the same: their mean opening in a step.
     fn follow_pins(&mut self) {}
     /// Advances by one exchange step (`[run] step_s`).
-    ///
-    /// # Errors
-    /// [`Diverged`] when a state is not finite or leaves the range of the equations.
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
     /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the
     /// next step on; states are kept. A muscle may go on with another exchange step, of which the

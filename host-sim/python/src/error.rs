@@ -45,7 +45,6 @@ pub fn run(error: run::RunError) -> PyErr {
     }
 }
 
-/// As [`run`].
 pub fn joint(error: thermyo_joint::RunError) -> PyErr {
     match error {
         thermyo_joint::RunError::Build(_) | thermyo_joint::RunError::Config(_) => {

@@ -54,9 +54,6 @@ impl Violation {
 }
 
 /// Checks a number against limits that other keys set.
-///
-/// # Errors
-/// When it lies outside.
 pub fn within(path: &str, value: f64, (min, max): (f64, f64), why: &str) -> Result<(), Violation> {
     let allowed = limits(path).between(min, max);
     if allowed.contains(value) {

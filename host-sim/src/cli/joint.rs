@@ -31,7 +31,6 @@ pub(super) fn check(
     to.done(&json, &thermyo_joint::render(loaded))
 }
 
-/// Runs it.
 pub(super) fn run(
     loaded: &JointLoaded,
     args: &RunArgs,

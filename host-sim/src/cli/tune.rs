@@ -40,7 +40,6 @@ pub(super) enum TunePlan {
     Motion,
 }
 
-/// The record of a motion.
 const RECORD: &str = "motion.csv";
 /// Lower values are in another unit, such as bar \[Pa\].
 const LEAST_PA: f64 = 1.0e5;

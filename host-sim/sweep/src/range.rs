@@ -62,9 +62,6 @@ impl Range {
     }
 
     /// Sets the key to one of the values.
-    ///
-    /// # Errors
-    /// Where the key does not allow it.
     pub fn set(&self, scenario: &mut Swept, value: f64) -> Result<(), Problem> {
         let setting = match self.words.get(value as usize) {
             Some(word) => Setting::Word(word),

@@ -29,9 +29,6 @@ impl Swept {
     }
 
     /// A scenario from its text; `origin` is its name in messages.
-    ///
-    /// # Errors
-    /// In one line: file, line, key, what is there and what is allowed.
     pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
         if is_joint(text) {
             return Ok(Self::Joint(Box::new(JointDocument::parse(text, origin)?)));

@@ -45,7 +45,6 @@ impl Bench {
         Said::of(line, self.command(line).output().unwrap())
     }
 
-    /// Starts it.
     pub fn start(&self, line: &str) -> Child {
         self.command(line).spawn().unwrap()
     }

@@ -84,9 +84,6 @@ impl Record {
 
     /// Replays it on a board, a joint's in this process. `each` gets the cells of every step, until it returns that
     /// this is enough.
-    ///
-    /// # Errors
-    /// [`BoardError`] of the board.
     pub fn replay(
         &self,
         board: &mut dyn Board,

@@ -176,9 +176,6 @@ impl Study {
     }
 
     /// Runs the variants that are compared with the main run, and evaluates the checks.
-    ///
-    /// # Errors
-    /// When one of the variants cannot be run.
     pub fn finish(self, summary: &Summary) -> Result<Findings, RunError> {
         let period_s = self.loaded.plant.drive.period_s;
         let ratio = self.loaded.plant.gas.heat_capacity_ratio;

@@ -18,8 +18,6 @@ pub trait Record: Sized + Send + 'static {
     /// Whether the page can identify from it, and compare it.
     const STUDIED: bool;
 
-    /// # Errors
-    /// If no scenario expresses the configuration.
     fn new(config: &<Self::Board as Subject>::Config) -> Result<Self, InputError>;
 
     /// The scenario that gives the configuration.

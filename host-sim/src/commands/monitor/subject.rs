@@ -61,9 +61,6 @@ pub trait Subject {
     fn is_driven(telemetry: &Self::Telemetry) -> bool;
 
     /// Writes a row.
-    ///
-    /// # Errors
-    /// Of the file.
     fn record(
         recorder: &mut Recorder,
         config: &Self::Config,
@@ -89,9 +86,6 @@ pub trait Subject {
 }
 
 /// Whether the board at a port has the joint's image; one that does not answer counts as a muscle's.
-///
-/// # Errors
-/// [`BoardError`], if the port cannot be opened or the board has another protocol.
 pub fn joint_at(port: &str) -> Result<bool, BoardError> {
     match Line::open(port) {
         Ok((_, version)) => Ok(version.image == Image::Joint),
@@ -100,7 +94,6 @@ pub fn joint_at(port: &str) -> Result<bool, BoardError> {
     }
 }
 
-/// One muscle.
 pub struct Muscle;
 
 impl Subject for Muscle {

@@ -98,9 +98,6 @@ pub trait Gauge: Copy + Send {
     fn corrected(self, config: &Self::Config, gain: f64, offset: f64) -> Self::Config;
 
     /// Mean of the uncalibrated readings.
-    ///
-    /// # Errors
-    /// [`Implausible::Restless`].
     fn reading(self, config: &Self::Config, samples: &[Self::Sample]) -> Result<f64, Implausible> {
         let readings: Vec<f64> = samples.iter().map(|sample| self.read(config, sample)).collect();
         let count = readings.len().max(1) as f64;
@@ -116,9 +113,6 @@ pub trait Gauge: Copy + Send {
     }
 
     /// Refuses a point whose reference is far from the sensor's reading.
-    ///
-    /// # Errors
-    /// [`Implausible::Shift`].
     fn check_shift(self, config: &Self::Config, point: Point) -> Result<(), Implausible> {
         let most = MOST_SHIFT * self.range(config);
         // NaN is refused too.
@@ -132,9 +126,6 @@ pub trait Gauge: Copy + Send {
 
     /// The configuration with the sensor calibrated so that its readings match the reference at
     /// both points.
-    ///
-    /// # Errors
-    /// [`Implausible`].
     fn calibrated(
         self,
         config: &Self::Config,

@@ -102,7 +102,6 @@ pub struct Calibrated {
 
 /// Sensors of a dialogue's board.
 type GaugeOf<D> = <<D as Dialogue>::Board as Bench>::Gauge;
-/// Its telemetry.
 type TelemetryOf<D> = <<D as Dialogue>::Board as Subject>::Telemetry;
 
 #[derive(Debug, thiserror::Error)]

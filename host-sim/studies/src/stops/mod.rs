@@ -93,9 +93,6 @@ pub fn measured(record: &Record, plan: &Plan, loaded: &Loaded, board: &str) -> F
 }
 
 /// Writes what was measured into a folder; `title` is that of the page.
-///
-/// # Errors
-/// When a file cannot be written.
 pub fn write(
     files: &mut OutputDir,
     findings: &Findings,

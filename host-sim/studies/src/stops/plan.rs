@@ -83,9 +83,6 @@ pub struct Plan {
 
 impl Plan {
     /// A plan for a board of that configuration, armed up to `armed_pa` if it is armed already.
-    ///
-    /// # Errors
-    /// [`Refusal`].
     pub fn new(
         loaded: &Loaded,
         config: &Config,

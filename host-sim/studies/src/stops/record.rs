@@ -52,9 +52,6 @@ impl Record {
     }
 
     /// Writes `trace.csv`, with the measured temperature as a reference after each usable stop.
-    ///
-    /// # Errors
-    /// When it cannot be written.
     pub fn write<W: Write>(&self, out: W, stops: &[Stop]) -> io::Result<()> {
         let header = [every_column(), REFERENCE.to_vec()].concat().join(",");
         let mut lines = Lines::new(out, &header)?;

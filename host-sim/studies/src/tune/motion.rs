@@ -65,9 +65,6 @@ fn table(records: &[Record]) -> String {
 
 /// Finds the values in a record that is called `record_file` in messages. The scenario found has them
 /// in the core's configuration alone.
-///
-/// # Errors
-/// For a record that [`motion::identify`] refuses.
 pub fn motion_values(
     loaded: &Loaded,
     file: &Path,
