@@ -102,6 +102,10 @@ impl Subject for LiveBoard {
         &mut self.live
     }
 
+    fn checksum(config: &Config) -> u32 {
+        checksum(config)
+    }
+
     fn config(&mut self) -> Result<Config, BoardError> {
         match self.live.line.ask(HostCommand::ReadConfig, "configuration")? {
             Answer::Config(config) => {

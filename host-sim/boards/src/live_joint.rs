@@ -75,6 +75,10 @@ impl Subject for LiveJoint {
         &mut self.live
     }
 
+    fn checksum(config: &JointConfig) -> u32 {
+        joint_checksum(config)
+    }
+
     fn config(&mut self) -> Result<JointConfig, BoardError> {
         let muscles = [self.muscle_config(Side::A)?, self.muscle_config(Side::B)?];
         let asked = "configuration of the joint";

@@ -94,6 +94,8 @@ pub trait Subject: Sized + Send + 'static {
         self.live_mut().line.history()
     }
 
+    fn checksum(config: &Self::Config) -> u32;
+
     /// The configuration in use.
     fn config(&mut self) -> Result<Self::Config, BoardError>;
 

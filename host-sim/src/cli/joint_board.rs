@@ -23,7 +23,7 @@ use thermyo_logs::topics;
 use thermyo_protocol::Refusal;
 use thermyo_record::board_trace::Recorder;
 use thermyo_simulation::board::BoardError;
-use thermyo_studies::drive::{Ended, joint};
+use thermyo_studies::drive::{self, Ended, joint};
 
 /// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
@@ -268,7 +268,7 @@ fn drive_and_record(
     }
     let bar = Bar::new((duration_s * 1e3) as u64, to.format.quiet);
     let outcome =
-        joint::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
+        drive::follow(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
             let row = thermyo_joint::trace::record(&mut recorder, &config, status, telemetry)?;
             gathered.add(&row);
             bar.set_position((row.time_s * 1e3) as u64);

@@ -8,8 +8,9 @@ use thermyo_boards::live_joint::LiveJoint;
 use thermyo_boards::subject::Subject;
 use thermyo_joint::JointLoaded;
 use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive::LiveBench;
 use thermyo_studies::joint_tune::{
-    self, Bench, BenchError, Course, LiveBench, Simulated, TuneError, Tuned, duration_s,
+    self, Bench, BenchError, Course, Simulated, TuneError, Tuned, duration_s,
 };
 
 /// A bench that shows the driven time on a progress bar.

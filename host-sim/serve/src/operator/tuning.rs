@@ -2,6 +2,7 @@
 
 use model_core::{Config, Telemetry};
 use std::path::Path;
+use thermyo_boards::live::LiveBoard;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_setup::Loaded;
@@ -23,7 +24,7 @@ pub struct Part {
 }
 
 struct Watched<'a, 'b> {
-    bench: LiveBench<'a>,
+    bench: LiveBench<'a, LiveBoard>,
     show: &'b mut dyn FnMut(&Telemetry, Part),
     parts: u32,
 }
@@ -50,7 +51,7 @@ impl Bench for Watched<'_, '_> {
 pub fn tune(
     configured: &Loaded,
     highest_pa: f64,
-    bench: LiveBench<'_>,
+    bench: LiveBench<'_, LiveBoard>,
     show: &mut dyn FnMut(&Telemetry, Part),
 ) -> Result<Tuned, TuneError> {
     let mut watched = Watched { bench, show, parts: 0 };

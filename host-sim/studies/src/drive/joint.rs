@@ -1,10 +1,10 @@
 //! A run of a joint on a board that samples its own muscles and angle.
 
-use super::{Course, DriveError, Each, Ended, follow};
-use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
+use super::Course;
+use super::summary::Counted;
+use model_core::joint::{JointConfig, JointSetPoint};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
-use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::read_table;
 use thermyo_joint::page::PageRecorder;
@@ -73,20 +73,6 @@ impl Course<JointSetPoint> for JointLoaded {
     }
 }
 
-/// Drives a board and calls `each` with every step. The board vents afterwards in any case.
-/// `wanted` returns whether to stop early.
-///
-/// # Errors
-/// [`DriveError`], also where a fault vented.
-pub fn drive(
-    board: &mut LiveJoint,
-    driven: &JointLoaded,
-    wanted: &dyn Fn() -> bool,
-    each: Each<'_, JointTelemetry>,
-) -> Result<Ended, DriveError> {
-    follow(board, driven, wanted, each)
-}
-
 /// Content of `summary.json` of a joint's run on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Driven {
@@ -130,12 +116,7 @@ impl Driven {
 pub struct Gathered {
     accumulator: Accumulator,
     drawn: PageRecorder,
-    /// Number of the next step if none is lost; none at the start of a record that may begin at any
-    /// step.
-    next_step: Option<u32>,
-    rows: u64,
-    lost_steps: u64,
-    last_s: f64,
+    steps: Counted,
 }
 
 impl Gathered {
@@ -144,38 +125,24 @@ impl Gathered {
         Self {
             accumulator: Accumulator::new(driven.muscles[0].plant.run.step_s),
             drawn: PageRecorder::default(),
-            next_step: Some(0),
-            rows: 0,
-            lost_steps: 0,
-            last_s: 0.0,
+            steps: Counted::from_start(),
         }
     }
 
     /// For a record that may begin at any step.
     pub fn of_record(driven: &JointLoaded) -> Self {
-        Self { next_step: None, ..Self::new(driven) }
+        Self { steps: Counted::default(), ..Self::new(driven) }
     }
 
     pub fn add(&mut self, row: &Row) {
-        let step = row.telemetry.step();
-        // A board that restarts counts from 0 again.
-        let lost = self.next_step.and_then(|next| step.checked_sub(next));
-        self.lost_steps += u64::from(lost.unwrap_or_default());
-        self.next_step = Some(step.wrapping_add(1));
-        self.last_s = row.time_s;
-        self.rows += 1;
+        self.steps.add(row.telemetry.step(), row.time_s);
         self.accumulator.add(row);
         self.drawn.add(row);
     }
 
-    /// Number of steps so far.
-    pub fn rows(&self) -> u64 {
-        self.rows
-    }
-
     /// Time of the last step \[s\].
     pub fn duration_s(&self) -> f64 {
-        self.last_s
+        self.steps.last_s
     }
 
     /// Summary and page.
@@ -186,13 +153,13 @@ impl Gathered {
         stopped_of_s: Option<f64>,
     ) -> (Driven, String) {
         let summary = Driven {
-            duration_s: self.duration_s(),
+            duration_s: self.steps.last_s,
             stopped_of_s,
             board: port.to_owned(),
             config_name: status.config_name.as_str().to_owned(),
             config_checksum: status.config_checksum,
             figures: self.accumulator.figures(),
-            lost_steps: self.lost_steps,
+            lost_steps: self.steps.lost,
             timing: TimingFigures::from(timing),
         };
         let page = self.drawn.of_board(title, driven, &summary.lead(), &summary.figures);

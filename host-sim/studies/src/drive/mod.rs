@@ -13,7 +13,7 @@ mod page;
 mod summary;
 
 pub use bench::LiveBench;
-pub(crate) use course::Course;
+pub use course::Course;
 pub use page::{Drawn, page};
 pub use summary::{Driven, Gathered};
 
@@ -189,8 +189,8 @@ impl Course<SetPoint> for MuscleCourse<'_> {
     }
 }
 
-/// Drives a board along a course.
-pub(crate) fn follow<B: Subject>(
+/// Drives a board along a course and calls `each` with every step; as [`drive`].
+pub fn follow<B: Subject>(
     board: &mut B,
     course: &dyn Course<B::SetPoint>,
     wanted: &dyn Fn() -> bool,

@@ -63,6 +63,34 @@ pub(super) fn driven(duration_s: f64, stopped_of_s: Option<f64>) -> String {
     format!("{duration_s:.2} s{of}")
 }
 
+/// Counts the steps that arrive.
+#[derive(Debug, Default)]
+pub(super) struct Counted {
+    rows: u64,
+    /// Time of the last one \[s\].
+    pub(super) last_s: f64,
+    pub(super) lost: u64,
+    /// Number of the next step if none is lost; none at the start of a record that may begin at any
+    /// step.
+    next: Option<u32>,
+}
+
+impl Counted {
+    /// Of a run, which begins at step 0.
+    pub(super) fn from_start() -> Self {
+        Self { next: Some(0), ..Self::default() }
+    }
+
+    pub(super) fn add(&mut self, step: u32, time_s: f64) {
+        // A board that restarts counts from 0 again.
+        let lost = self.next.and_then(|next| step.checked_sub(next));
+        self.lost += u64::from(lost.unwrap_or_default());
+        self.next = Some(step.wrapping_add(1));
+        self.last_s = time_s;
+        self.rows += 1;
+    }
+}
+
 /// Collects the summary step by step.
 pub struct Gathered {
     accumulator: Accumulator,
@@ -71,12 +99,7 @@ pub struct Gathered {
     /// Of a muscle or cylinder \[m\].
     rest_length_m: Option<f64>,
     estimate: Range,
-    rows: u64,
-    /// Number of the next step if none is lost; none at the start of a record that may begin at any
-    /// step.
-    next_step: Option<u32>,
-    lost_steps: u64,
-    last_s: f64,
+    steps: Counted,
 }
 
 impl Gathered {
@@ -92,38 +115,25 @@ impl Gathered {
             scenario: driven.clone(),
             rest_length_m: chamber::of(&driven.believed).map(|chamber| chamber.rest_length()),
             estimate: Range { min: f64::INFINITY, max: f64::NEG_INFINITY, mean: 0.0 },
-            rows: 0,
-            next_step: Some(0),
-            lost_steps: 0,
-            last_s: 0.0,
+            steps: Counted::from_start(),
         }
     }
 
     /// For a record that may begin at any step.
     pub fn of_record(driven: &Loaded) -> Self {
-        Self { next_step: None, ..Self::new(driven, None) }
+        Self { steps: Counted::default(), ..Self::new(driven, None) }
     }
 
     pub fn add(&mut self, row: &Row) {
         let estimate_k = f64::from(row.telemetry.estimate.gas_k);
-        self.rows += 1;
-        // A board that restarts counts from 0 again.
-        let lost = self.next_step.and_then(|next| row.telemetry.step.checked_sub(next));
-        self.lost_steps += u64::from(lost.unwrap_or_default());
-        self.next_step = Some(row.telemetry.step.wrapping_add(1));
-        self.last_s = row.truth.time_s;
+        self.steps.add(row.telemetry.step, row.truth.time_s);
         let Range { min, max, mean } = self.estimate;
         self.estimate = Range {
             min: min.min(estimate_k),
             max: max.max(estimate_k),
-            mean: mean + (estimate_k - mean) / self.rows as f64,
+            mean: mean + (estimate_k - mean) / self.steps.rows as f64,
         };
         self.accumulator.add(row, self.set_points.controlled(self.rest_length_m, row));
-    }
-
-    /// Number of steps so far.
-    pub fn rows(&self) -> u64 {
-        self.rows
     }
 
     pub fn finish(self, port: &str, status: &Status, timing: &Timing) -> Driven {
@@ -142,7 +152,7 @@ impl Gathered {
             timing: None,
         });
         Driven {
-            duration_s: self.last_s,
+            duration_s: self.steps.last_s,
             stopped_of_s: None,
             strokes: summary.strokes,
             board: port.to_owned(),
@@ -153,7 +163,7 @@ impl Gathered {
             sensor_gas_k: summary.sensor_gas_k,
             estimate_k: self.estimate,
             core: summary.core,
-            lost_steps: self.lost_steps,
+            lost_steps: self.steps.lost,
             timing: TimingFigures::from(timing),
             control: summary.control,
             measured: summary.measured,

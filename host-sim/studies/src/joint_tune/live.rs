@@ -1,34 +1,11 @@
 //! A board with a joint of its own.
 
 use super::experiment::{Bench, BenchError, Course};
-use crate::drive::{self, DriveError, Ended, follow};
+use crate::drive::{self, DriveError, Ended, LiveBench, follow};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
-use thermyo_boards::subject::Subject;
 use thermyo_joint::{JointLoaded, SET_POINT_INTERVAL_S};
-use thermyo_protocol::joint_checksum;
 use thermyo_simulation::board::BoardError;
-
-/// The board, armed for each run up to a pressure, a little above which it vents.
-pub struct LiveBench<'a> {
-    board: &'a mut LiveJoint,
-    name: &'a str,
-    highest_pa: f64,
-    /// Returns whether the user wants to stop.
-    stopped: &'a dyn Fn() -> bool,
-}
-
-impl<'a> LiveBench<'a> {
-    /// `name` is the name of the configurations that the board gets.
-    pub fn new(
-        board: &'a mut LiveJoint,
-        name: &'a str,
-        highest_pa: f64,
-        stopped: &'a dyn Fn() -> bool,
-    ) -> Self {
-        Self { board, name, highest_pa, stopped }
-    }
-}
 
 /// A course over the steps of a board.
 struct Stepped<'a> {
@@ -63,7 +40,7 @@ impl drive::Course<JointSetPoint> for Stepped<'_> {
     }
 }
 
-impl Bench for LiveBench<'_> {
+impl Bench for LiveBench<'_, LiveJoint> {
     fn drive(
         &mut self,
         loaded: &JointLoaded,
@@ -71,10 +48,8 @@ impl Bench for LiveBench<'_> {
         each: &mut dyn FnMut(u32, &JointTelemetry),
     ) -> Result<(), BenchError> {
         let config = loaded.config();
-        self.board.configure(&config, self.name)?;
-        let most_pa = config.muscles.map(|muscle| muscle.working_limit_pa());
-        let most_pa = most_pa.into_iter().fold(self.highest_pa as f32, f32::min);
-        self.board.arm(Some(most_pa))?;
+        let [a_pa, b_pa] = config.muscles.map(|muscle| muscle.working_limit_pa());
+        self.prepare(&config, a_pa.min(b_pa))?;
         let [a, _] = &config.muscles;
         let step_s = f64::from(a.step_s);
         let steps = (duration_s / step_s).round() as u64;
@@ -87,7 +62,7 @@ impl Bench for LiveBench<'_> {
             }
             Ok(())
         };
-        let outcome = follow(self.board, &stepped, self.stopped, &mut passed);
+        let outcome = follow(self.board, &stepped, self.wanted, &mut passed);
         match (vented, outcome) {
             (Some(faults), _) => Err(BenchError::Vented(faults)),
             (None, Ok(Ended::Whole)) => Ok(()),
@@ -98,10 +73,6 @@ impl Bench for LiveBench<'_> {
     }
 
     fn leave(&mut self, config: &JointConfig) -> Result<(), BoardError> {
-        self.board.stop()?;
-        if self.board.status()?.config_checksum != joint_checksum(config) {
-            self.board.configure(config, self.name)?;
-        }
-        Ok(())
+        self.vent_with(config)
     }
 }

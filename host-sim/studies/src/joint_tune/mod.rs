@@ -21,7 +21,6 @@ mod tests;
 pub use check::Figures;
 pub use experiment::{Bench, BenchError, Course, Simulated};
 pub use findings::{Findings, Values};
-pub use live::LiveBench;
 pub use page::{check_chart, page, record_page, record_plot};
 pub use recorded::{Identified, RecordError, identify};
 
