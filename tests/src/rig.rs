@@ -1,14 +1,16 @@
 //! A muscle for a board to drive, a step at a time: the simulated plant behind its front end.
 
+use model_core::safety::supervisor::FirstFailure;
 use thermyo_boards::emulated::{EmulatedBoard, Exchange};
 use thermyo_plant::{Actuation, Plant};
-use thermyo_simulation::board::Board;
+use thermyo_protocol::{Answer, HostCommand, Refusal};
+use thermyo_simulation::board::{Board, BoardError};
 
 use model_core::{Config, Sample, SetPoint};
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::adc::VirtualAdc;
 
-pub const STARTUP_CHECK_STEPS: u16 = 50;
+pub const STARTUP_CHECK_STEPS: u32 = 50;
 
 /// A muscle, its sensors and its valves.
 pub struct Muscle {
@@ -68,6 +70,30 @@ impl Rig {
     /// One millisecond.
     pub fn exchange(&mut self) -> Exchange {
         self.exchange_with(|sample| sample)
+    }
+
+    pub fn pass(&mut self, milliseconds: u32) {
+        for _ in 0..milliseconds {
+            self.exchange();
+        }
+    }
+
+    /// The first failure that the board remembers.
+    #[track_caller]
+    pub fn first_failure(&mut self) -> FirstFailure {
+        match self.board.ask(HostCommand::FirstFailure) {
+            Ok(Answer::FirstFailure(Some(first))) => first,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    /// Why the board refuses a request.
+    #[track_caller]
+    pub fn refused(&mut self, command: HostCommand) -> Refusal {
+        match self.board.ask(command) {
+            Err(BoardError::Refused(refusal)) => refusal,
+            other => panic!("{command:?}: {other:?}"),
+        }
     }
 
     /// One millisecond in which the board reads the sample changed by `change`.

@@ -110,9 +110,7 @@ fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
             _ => SetPoint::Contraction { contraction: 0.25 + 0.03 * random.share() },
         };
         rig.start(set_point);
-        for _ in 0..u32::from(STARTUP_CHECK_STEPS) + 10 + random.below(30) {
-            rig.exchange();
-        }
+        rig.pass(STARTUP_CHECK_STEPS + 10 + random.below(30));
         let (place, instructions) = match case % 3 {
             0 => (Place::Control, 20_000),
             1 => (Place::Thread, 5_000),
@@ -171,9 +169,7 @@ fn stops(cases: Range<u32>) -> f64 {
         if case % 10 == 0 {
             rig.replace_muscle(&scenario(period));
             rig.start(SetPoint::Vent);
-            for _ in 0..STARTUP_CHECK_STEPS {
-                rig.exchange();
-            }
+            rig.pass(STARTUP_CHECK_STEPS);
         }
         let inlet = 0.02 + 0.98 * random.share();
         rig.board.send(HostCommand::Set(SetPoint::Duty { inlet, outlet: 0.0 }));
@@ -321,9 +317,7 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     rig.board.send(HostCommand::ClearFaults);
     rig.exchange();
     rig.start(SetPoint::Duty { inlet: FLOOD_INLET, outlet: 0.0 });
-    for _ in 0..usize::from(STARTUP_CHECK_STEPS) + period + 5 {
-        rig.exchange();
-    }
+    rig.pass(STARTUP_CHECK_STEPS + period as u32 + 5);
     let mut inlet = Vec::new();
     let mut poured = |rig: &mut Rig, emergency_stop: bool| {
         flood.pour(rig, random);
@@ -366,9 +360,7 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     rig.board.write(&[0]);
     rig.board.take_telemetry();
     // It may ask a few things at once again.
-    for _ in 0..80 {
-        rig.exchange();
-    }
+    rig.pass(80);
     let faults = rig.board.take_telemetry().last().map(|telemetry| telemetry.faults);
     assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
 }

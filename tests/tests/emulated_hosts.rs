@@ -48,7 +48,7 @@ fn fill(rig: &mut Rig, port: Port) {
     rig.board.ask(HostCommand::ClearFaults).unwrap();
     rig.start(FILL);
     let mut closed = false;
-    for ms in 0..u32::from(STARTUP_CHECK_STEPS) + 60 {
+    for ms in 0..STARTUP_CHECK_STEPS + 60 {
         if ms % 20 == 0 {
             rig.board.send(HostCommand::Alive);
         }
@@ -133,7 +133,7 @@ fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
                 let stop = rig.board.request(HostCommand::Stop);
                 let mut stopped_ms = None;
                 let mut last_powered_ms = 0;
-                for ms in 1..=u32::from(STARTUP_CHECK_STEPS) + 40 {
+                for ms in 1..=STARTUP_CHECK_STEPS + 40 {
                     if powered(&rig.exchange_with(silent)) {
                         last_powered_ms = ms;
                     }

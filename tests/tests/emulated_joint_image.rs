@@ -3,6 +3,7 @@
 use model_core::joint::{
     JointConfig, JointFaults, JointSample, JointSetPoint, JointTelemetry, Motion,
 };
+use model_core::safety::supervisor::FirstFailure;
 use model_core::{AdcCode, Config, Faults};
 use std::ops::RangeInclusive;
 use system_tests::thermyo;
@@ -12,7 +13,7 @@ use thermyo_boards::image::{Variant, firmware};
 use thermyo_boards::pty::PtyBoard;
 use thermyo_joint::{Inputs, JointLoaded, Rig, parse};
 use thermyo_protocol::{
-    Answer, ConfigSource, HostCommand, Image, JointRest, Refusal, Side, joint_checksum,
+    Answer, ConfigSource, HostCommand, Image, JointRest, Refusal, Side, Timing, joint_checksum,
 };
 use thermyo_simulation::board::BoardError;
 
@@ -47,6 +48,12 @@ fn powered() -> EmulatedBoard {
 impl Bench {
     fn new() -> Self {
         Self::of(SCENARIO)
+    }
+
+    /// With an AS5600 in the place of the potentiometer.
+    fn with_encoder() -> Self {
+        let sensor = "sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n";
+        Self::of(&format!("{SCENARIO}{sensor}"))
     }
 
     fn of(scenario: &str) -> Self {
@@ -97,6 +104,29 @@ impl Bench {
             Answer::Refused(refusal) => refusal,
             other => panic!("{command:?}: {other:?}"),
         }
+    }
+
+    fn rearm(&mut self) {
+        self.done(HostCommand::ClearFaults);
+        self.done(HostCommand::Arm { most_pa: None });
+    }
+
+    fn first_failure(&mut self) -> FirstFailure {
+        let Answer::FirstFailure(Some(first)) = self.ask(HostCommand::FirstFailure) else {
+            panic!("nothing failed")
+        };
+        first
+    }
+
+    /// No step was missed, and each was as short as it has to be.
+    fn is_in_time(&mut self) -> Timing {
+        let Answer::Timing(timing) = self.ask(HostCommand::Timing) else { unreachable!() };
+        println!("{timing:?}");
+        assert_eq!((timing.missed_steps, timing.malformed_frames), (0, 0));
+        assert!(STEP_MEAN_NS.contains(&timing.step_mean_ns), "{timing:?}");
+        assert!(BUSY_WORST_US.contains(&timing.busy_worst_us), "{timing:?}");
+        assert!(JITTER_WORST_US.contains(&timing.jitter_worst_us), "{timing:?}");
+        timing
     }
 
     fn configure(&mut self) {
@@ -161,6 +191,10 @@ fn is_venting(exchange: &Exchange) -> [bool; 2] {
     exchange.set_duties().map(|opening| (opening.inlet, opening.outlet) == (0.0, 1.0))
 }
 
+fn is_shut(exchange: &Exchange) -> bool {
+    exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0))
+}
+
 /// One step of the core: 274 us in the mean, 421 at worst. With sampling, valves and telemetry 529 of
 /// the millisecond at worst, of 600. Its start is late by 1 us at worst, of 2.
 const STEP_MEAN_NS: RangeInclusive<u32> = 255_000..=285_000;
@@ -178,13 +212,8 @@ fn an_angle_is_reached_and_no_step_missed() {
     let telemetry = bench.last();
     assert!((telemetry.stiffness_n_m_rad - 14.0).abs() < 1.0, "{telemetry:?}");
     assert_eq!(telemetry.faults, JointFaults::NONE);
-    let Answer::Timing(timing) = bench.ask(HostCommand::Timing) else { unreachable!() };
-    println!("{timing:?}");
-    assert_eq!((timing.missed_steps, timing.malformed_frames), (0, 0));
-    assert!(STEP_MEAN_NS.contains(&timing.step_mean_ns), "{timing:?}");
+    let timing = bench.is_in_time();
     assert!(STEP_WORST_US.contains(&timing.step_worst_us), "{timing:?}");
-    assert!(BUSY_WORST_US.contains(&timing.busy_worst_us), "{timing:?}");
-    assert!(JITTER_WORST_US.contains(&timing.jitter_worst_us), "{timing:?}");
 
     // The emergency stop vents both in the step that reads it.
     let stopped = bench.exchange(|sample| sample.emergency_stop = true);
@@ -192,8 +221,7 @@ fn an_angle_is_reached_and_no_step_missed() {
     assert!((0..40).any(|_| bench.exchange(|_| ()).fault_output));
     let armed = bench.refused(HostCommand::Arm { most_pa: None });
     assert!(armed.to_string().contains("emergency stop"), "{armed}");
-    bench.done(HostCommand::ClearFaults);
-    bench.done(HostCommand::Arm { most_pa: None });
+    bench.rearm();
 
     // A torn wire of one pressure sensor: both muscles in the same step.
     for side in 0..2 {
@@ -202,12 +230,9 @@ fn an_angle_is_reached_and_no_step_missed() {
         let torn = move |sample: &mut JointSample| sample.pressure[side] = AdcCode(0).into();
         let [a, b] = bench.vents_after(20, torn);
         assert_eq!(a.max(b), 10, "muscle {side}");
-        let Answer::FirstFailure(Some(first)) = bench.ask(HostCommand::FirstFailure) else {
-            panic!("nothing failed")
-        };
+        let first = bench.first_failure();
         assert_eq!(first.faults, Faults::PRESSURE_SENSOR);
-        bench.done(HostCommand::ClearFaults);
-        bench.done(HostCommand::Arm { most_pa: None });
+        bench.rearm();
     }
 
     // A host that falls silent.
@@ -230,8 +255,7 @@ fn a_lost_angle_locks_until_the_time_is_over() {
     let mut shut_ms = 0;
     for ms in 1..=300 {
         let exchange = bench.exchange(|sample| sample.angle = AdcCode(0));
-        let shut = exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0));
-        shut_ms += u32::from(shut && ms < 250);
+        shut_ms += u32::from(is_shut(&exchange) && ms < 250);
         assert!(!exchange.brake_released, "{ms} ms");
         assert_eq!(is_venting(&exchange), [ms > 200; 2], "{ms} ms");
     }
@@ -242,47 +266,34 @@ fn a_lost_angle_locks_until_the_time_is_over() {
 /// lost, and lock where the wires are and the joint may.
 #[test]
 fn an_encoder_gives_the_angle_until_it_is_lost() {
-    let scenario =
-        format!("{SCENARIO}sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n");
-    let mut bench = Bench::of(&scenario).at_rest();
+    let mut bench = Bench::with_encoder().at_rest();
     bench.done(angle(0.349));
     bench.run(1000);
     bench.rig_is_at(0.349);
     assert_eq!(bench.last().faults, JointFaults::NONE);
-    let Answer::Timing(timing) = bench.ask(HostCommand::Timing) else { unreachable!() };
-    println!("{timing:?}");
-    assert_eq!((timing.missed_steps, timing.malformed_frames), (0, 0));
-    assert!(STEP_MEAN_NS.contains(&timing.step_mean_ns), "{timing:?}");
-    assert!(BUSY_WORST_US.contains(&timing.busy_worst_us), "{timing:?}");
     // A timer of the chip's task may end just before a step, and waits.
-    assert!(JITTER_WORST_US.contains(&timing.jitter_worst_us), "{timing:?}");
+    bench.is_in_time();
 
     // The last reading is held for 10 steps.
     let [a, b] = bench.vents_after(30, |sample| sample.angle = AdcCode(0));
     assert!((10..=12).contains(&a.max(b)), "{a} and {b} ms");
-    let Answer::FirstFailure(Some(first)) = bench.ask(HostCommand::FirstFailure) else {
-        panic!("nothing failed")
-    };
+    let first = bench.first_failure();
     assert!(first.faults.intersects(Faults::JOINT_ANGLE), "{}", first.faults);
     bench.done(HostCommand::ClearFaults);
 
     bench.loaded.believed.lock_s = 0.2;
     let mut bench = bench.at_rest();
     bench.board.inject(Injection::Part(PartFault::AngleUnplugged));
-    let shut = |exchange: &Exchange| {
-        exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0))
-    };
     let exchanges: Vec<Exchange> = (0..300).map(|_| bench.exchange(|_| ())).collect();
     // For 200 ms, from the 10th to the 13th on: after ten steps without a reading.
-    let locked = exchanges[13..].iter().position(|exchange| !shut(exchange));
+    let locked = exchanges[13..].iter().position(|exchange| !is_shut(exchange));
     assert!(locked.is_some_and(|ms| (196..=200).contains(&ms)), "{locked:?}");
     assert_eq!(is_venting(&exchanges[299]), [true; 2]);
 
     // Plugged in again, it is configured and read again.
     bench.board.inject(Injection::Part(PartFault::None));
     bench.run(5);
-    bench.done(HostCommand::ClearFaults);
-    bench.done(HostCommand::Arm { most_pa: None });
+    bench.rearm();
     bench.run(20);
     assert_eq!(bench.last().faults, JointFaults::NONE);
 
@@ -299,9 +310,7 @@ fn an_encoder_gives_the_angle_until_it_is_lost() {
 /// A restart in the middle of a message: the AS5600 holds SDA until the board clocks the rest of the byte out of it.
 #[test]
 fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
-    let scenario =
-        format!("{SCENARIO}sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n");
-    let mut bench = Bench::of(&scenario);
+    let mut bench = Bench::with_encoder();
     bench.configure();
     bench.done(HostCommand::Save);
     bench.board.inject(Injection::Part(PartFault::AngleInterrupted));
@@ -311,8 +320,7 @@ fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
     bench.board.inject(Injection::Fault);
     assert_eq!(bench.exchange(|_| ()).restarts, 1);
     bench.run(400);
-    bench.done(HostCommand::ClearFaults);
-    bench.done(HostCommand::Arm { most_pa: None });
+    bench.rearm();
     bench.run(20);
     assert_eq!(bench.last().faults, JointFaults::NONE);
 }
@@ -411,9 +419,7 @@ fn a_joint_is_saved_and_outlives_a_crash_vented() {
     let Answer::Status(status) = bench.ask(HostCommand::Status) else { unreachable!() };
     assert_eq!(status.config_source, ConfigSource::Flash);
     assert_eq!(status.config_checksum, joint_checksum(&bench.loaded.config()));
-    let Answer::FirstFailure(Some(first)) = bench.ask(HostCommand::FirstFailure) else {
-        panic!("nothing failed")
-    };
+    let first = bench.first_failure();
     assert!(first.faults.intersects(Faults::JOINT_ANGLE), "{}", first.faults);
     let armed = bench.refused(HostCommand::Arm { most_pa: None });
     assert!(armed.to_string().contains("angle sensor"), "{armed}");

@@ -4,8 +4,7 @@ use model_core::config::LinkConfig;
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use thermyo_boards::emulated::{Exchange, Injection, Place};
-use thermyo_protocol::{Answer, HostCommand, LastReset, Phase, Refusal};
-use thermyo_simulation::board::BoardError;
+use thermyo_protocol::{HostCommand, LastReset, Phase, Refusal};
 
 /// Valves must be safe within this time \[ms\].
 const SAFE_MS: u32 = 100;
@@ -33,8 +32,7 @@ fn lumped() -> Rig {
 fn filling() -> Rig {
     let mut rig = lumped();
     rig.start(fill(0.5));
-    let startup_ms = u32::from(STARTUP_CHECK_STEPS);
-    let shares = mean_shares(&mut rig, startup_ms + 40, 20);
+    let shares = mean_shares(&mut rig, STARTUP_CHECK_STEPS + 40, 20);
     assert!((0.49..=0.51).contains(&shares.0) && shares.1 > 0.999, "{shares:?}");
     rig
 }
@@ -66,8 +64,15 @@ fn time_to_vent(rig: &mut Rig, change: impl Fn(Sample) -> Sample) -> u32 {
 /// A board starts, and sends nothing before the host has said something: every 100 ms that it is
 /// alive.
 fn until_asked(rig: &mut Rig) {
-    for _ in 0..100 {
-        rig.exchange();
+    rig.pass(100);
+}
+
+/// Starts a board that is configured to run without a host.
+fn start_alone(rig: &mut Rig, set_point: SetPoint) {
+    let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
+    let arm = HostCommand::Arm { most_pa: None };
+    for command in [HostCommand::Configure(alone), arm, HostCommand::Start(set_point)] {
+        rig.board.ask(command).unwrap();
     }
 }
 
@@ -134,10 +139,7 @@ fn latched_faults_survive_a_restart() {
     until_asked(&mut rig);
     let both = Faults::EMERGENCY_STOP.with(Faults::NOT_CONFIGURED);
     assert_eq!(last_telemetry(&mut rig, AS_IT_IS).faults, both);
-    let first = match rig.board.ask(HostCommand::FirstFailure).unwrap() {
-        Answer::FirstFailure(Some(first)) => first,
-        other => panic!("{other:?}"),
-    };
+    let first = rig.first_failure();
     assert_eq!(first.faults, Faults::EMERGENCY_STOP);
     assert!((30..60).contains(&first.step) && first.pressure_pa > 1.1e5, "{first:?}");
     rig.start(fill(0.5));
@@ -160,13 +162,8 @@ fn nonsense_is_refused() {
         (SetPoint::Duty { inlet: 1.31, outlet: 0.0 }, "inlet"),
     ] {
         for command in [HostCommand::Set(set_point), HostCommand::Start(set_point)] {
-            match rig.board.ask(command) {
-                Err(BoardError::Refused(refusal)) => {
-                    let text = refusal.to_string();
-                    assert!(text.starts_with(key) && text.contains("must be from 0"), "{text}");
-                }
-                other => panic!("{other:?}"),
-            }
+            let text = rig.refused(command).to_string();
+            assert!(text.starts_with(key) && text.contains("must be from 0"), "{text}");
             let shares = mean_shares(&mut rig, 20, 20);
             assert!((0.49..=0.51).contains(&shares.0), "it goes on: {shares:?}");
         }
@@ -190,10 +187,7 @@ fn a_lost_link_vents() {
     rig.board.ask(HostCommand::Set(pressure)).unwrap();
     assert!(held(&mut rig, 100), "armed again, it goes on");
     // A board configured to run without a host continues.
-    let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
-    rig.board.ask(HostCommand::Configure(alone)).unwrap();
-    rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
-    rig.board.ask(HostCommand::Start(pressure)).unwrap();
+    start_alone(&mut rig, pressure);
     for _ in 0..2000 {
         rig.exchange_with(silent);
     }
@@ -207,9 +201,7 @@ fn the_emergency_stop_does_not_wait_for_the_period() {
         let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n[valve]\npwm_hz = 9.804\n");
         assert_eq!(rig.muscle.config().pwm_period_steps, 102);
         rig.start(fill(1.0));
-        for _ in 0..u32::from(STARTUP_CHECK_STEPS) + after_ms {
-            rig.exchange();
-        }
+        rig.pass(STARTUP_CHECK_STEPS + after_ms);
         let ms = time_to_vent(&mut rig, PRESSED);
         assert!((1..=2).contains(&ms), "{ms} ms");
     }
@@ -222,10 +214,7 @@ fn a_frozen_pressure_vents() {
     let ms = time_to_vent(&mut rig, |_| frozen);
     assert!((10..=SAFE_MS).contains(&ms), "{ms} ms");
     // The length stands still as well, which alone would not vent.
-    let first = match rig.board.ask(HostCommand::FirstFailure).unwrap() {
-        Answer::FirstFailure(Some(first)) => first,
-        other => panic!("{other:?}"),
-    };
+    let first = rig.first_failure();
     assert_eq!(first.faults, Faults::PRESSURE_SENSOR.with(Faults::LENGTH_SENSOR));
 }
 
@@ -239,15 +228,10 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     assert!(matches!(reason, LastReset::Watchdog { .. }), "{reason:?}");
     assert_eq!(rig.exchange().restarts, 1);
     // It runs again on the defaults, is not configured, and takes no set point.
-    let refused = |answer| match answer {
-        Err(BoardError::Refused(refusal)) => refusal,
-        other => panic!("{other:?}"),
-    };
-    let set = rig.board.ask(HostCommand::Set(SetPoint::Pressure { pressure_pa: 5.0e5 }));
+    let set = HostCommand::Set(SetPoint::Pressure { pressure_pa: 5.0e5 });
     let faults = SetPointError::Faults(Faults::NOT_CONFIGURED);
-    assert_eq!(refused(set), Refusal::SetPoint(faults));
-    let start = rig.board.ask(HostCommand::Start(fill(0.5)));
-    assert_eq!(refused(start), Refusal::NotConfigured);
+    assert_eq!(rig.refused(set), Refusal::SetPoint(faults));
+    assert_eq!(rig.refused(HostCommand::Start(fill(0.5))), Refusal::NotConfigured);
     rig.start(fill(0.5));
     assert!(mean_shares(&mut rig, 100, 20).0 > 0.49);
 }
@@ -295,9 +279,7 @@ fn a_board_without_configuration_reports_it() {
     until_asked(&mut rig);
     assert_eq!(waits(&mut rig), (0.1, 1, false), "off, on shortly every second");
     rig.start(fill(0.0));
-    for _ in 0..30 {
-        rig.exchange();
-    }
+    rig.pass(30);
     assert_eq!(shown(&mut rig, AS_IT_IS), (0.9, 1, false), "on, off shortly every second");
     for _ in 0..30 {
         rig.exchange_with(PRESSED);
@@ -307,9 +289,7 @@ fn a_board_without_configuration_reports_it() {
     rig.board.ask(HostCommand::ClearFaults).unwrap();
     rig.board.inject(HANG);
     while rig.exchange().restarts == 0 {}
-    for _ in 0..60 {
-        rig.exchange();
-    }
+    rig.pass(60);
     assert_eq!(waits(&mut rig), (0.3, 3, false), "three flashes, a pause");
 }
 
@@ -323,15 +303,11 @@ fn missed_steps_are_counted_and_vent_when_they_come_together() {
         let sample = rig.muscle.sample();
         rig.board.inject(Injection::AdcStalled(true));
         rig.board.send(HostCommand::Set(fill(0.5)));
-        for _ in 0..milliseconds {
-            rig.exchange();
-        }
+        rig.pass(milliseconds);
         rig.board.run(&sample, 300_000).unwrap();
         rig.board.inject(Injection::AdcStalled(false));
         rig.board.run(&sample, 700_000).unwrap();
-        for _ in 0..20 {
-            rig.exchange();
-        }
+        rig.pass(20);
         let counts = rig.board.take_telemetry().iter().map(|t| t.sample.missed_steps).collect();
         let counts: Vec<u8> = counts;
         let reported: u32 = counts.into_iter().map(u32::from).sum();
@@ -360,9 +336,7 @@ fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
     let again = (0..100).any(|_| rig.exchange().restarts > before);
     assert!(again, "the watchdog bites as long as it lasts");
     rig.board.inject(Injection::AdcStalled(false));
-    for _ in 0..200 {
-        rig.exchange();
-    }
+    rig.pass(200);
     assert_eq!(rig.board.last_reset().unwrap(), LastReset::Watchdog { phase: Phase::Sampling });
 }
 
@@ -370,10 +344,7 @@ fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
 fn a_million_random_bytes_change_nothing() {
     let mut rig = lumped();
     // No request gets through, so the board is configured to run without a host.
-    let alone = Config { link: LinkConfig { timeout_s: 0.0 }, ..*rig.muscle.config() };
-    rig.board.ask(HostCommand::Configure(alone)).unwrap();
-    rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
-    rig.board.ask(HostCommand::Start(fill(0.5))).unwrap();
+    start_alone(&mut rig, fill(0.5));
     mean_shares(&mut rig, 90, 20);
     // xorshift32 (Marsaglia 2003)
     let mut state = 0x1234_5678_u32;

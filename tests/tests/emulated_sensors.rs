@@ -34,9 +34,7 @@ fn the_estimate_is_as_good_from_a_max31865() {
 fn vents_after(scenario: &str, fault: impl Fn(&mut Rig, Sample) -> Sample) -> (u32, Telemetry) {
     let mut rig = Rig::new(&format!("[plant]\nmodel = \"lumped\"\n{scenario}"));
     rig.start(SetPoint::Pressure { pressure_pa: 1.5e5 });
-    for _ in 0..1000 {
-        rig.exchange();
-    }
+    rig.pass(1000);
     let healthy = rig.board.take_telemetry().pop().expect("telemetry comes");
     assert_eq!(healthy.faults, Faults::NONE);
     for ms in 0..1000 {

@@ -44,7 +44,7 @@ fn fill(inlet: f32) -> SetPoint {
 fn filling(in_period_ms: u32) -> Rig {
     let mut rig = Rig::new(&scenario(9.804));
     rig.start(fill(1.0));
-    for _ in 0..u32::from(STARTUP_CHECK_STEPS) + in_period_ms {
+    for _ in 0..STARTUP_CHECK_STEPS + in_period_ms {
         rig.exchange_with(silent);
     }
     assert!(rig.exchange_with(silent).inlet_coil > 0.99);

@@ -112,9 +112,7 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
 fn driving() -> Rig {
     let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
     rig.start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 });
-    for _ in 0..STARTUP_CHECK_STEPS + 20 {
-        rig.exchange();
-    }
+    rig.pass(STARTUP_CHECK_STEPS + 20);
     rig
 }
 
@@ -124,11 +122,8 @@ fn a_board_that_drives_does_not_save() {
     let mut rig = driving();
     let before = rig.exchange().flash_operations;
     for command in [HostCommand::Save, HostCommand::Forget] {
-        let refused = rig.board.ask(command);
-        assert!(matches!(refused, Err(BoardError::Refused(Refusal::NotVented))), "{refused:?}");
-        for _ in 0..100 {
-            rig.exchange();
-        }
+        assert_eq!(rig.refused(command), Refusal::NotVented);
+        rig.pass(100);
     }
     let exchange = rig.exchange();
     assert_eq!(exchange.flash_operations, before);
@@ -161,9 +156,7 @@ fn control_goes_on_while_the_flash_is_busy() {
 fn the_last_failure_survives_the_power() {
     let mut rig = driving();
     rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
-    for _ in 0..SAVE_MS {
-        rig.exchange();
-    }
+    rig.pass(SAVE_MS);
     let none_before = |rig: &mut Rig| {
         let before = rig.board.ask(HostCommand::History(1)).unwrap();
         assert!(matches!(before, Answer::Event(None)), "{before:?}");

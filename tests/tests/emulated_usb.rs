@@ -238,10 +238,7 @@ fn assert_a_lost_host_vents(cases: u32) {
         rig.board.use_port(port);
         rig.board.ask(HostCommand::ClearFaults).unwrap();
         rig.start(FILL);
-        assert!(
-            run(&mut rig, u32::from(STARTUP_CHECK_STEPS) + 40 + random(60)),
-            "case {case}: it fills"
-        );
+        assert!(run(&mut rig, STARTUP_CHECK_STEPS + 40 + random(60)), "case {case}: it fills");
         let last = random(1_000_000);
         rig.board.send(HostCommand::Alive);
         rig.run(last, silent);

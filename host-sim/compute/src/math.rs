@@ -5,3 +5,9 @@
 //! `round`, are std's; `clippy.toml` refuses the rest.
 
 pub use libm::{acos, atan2, cbrt, cos, exp, expm1, hypot, log, pow, sin};
+
+/// Smallest and largest number; infinite ones of no numbers.
+pub fn ends(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    numbers.into_iter().fold(none, |[least, most], x| [least.min(x), most.max(x)])
+}

@@ -105,7 +105,7 @@ fn mean(values: impl Iterator<Item = f64>) -> f64 {
 /// Set points held one after the other.
 pub mod rest {
     use super::{
-        Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, mean, trace,
+        Board, DriveKind, HELD, HOLD_S, Loaded, Point, REST_S, RunError, STROKE, math, mean, trace,
     };
 
     /// Worst result of all holds, in percent of full scale.
@@ -148,9 +148,7 @@ pub mod rest {
                     .filter(|point| (end_s - REST_S..end_s).contains(&point.time_s))
                     .collect();
                 let error = mean(at_rest.iter().map(|point| point.value)) - value;
-                let low = at_rest.iter().map(|point| point.value).fold(f64::INFINITY, f64::min);
-                let high =
-                    at_rest.iter().map(|point| point.value).fold(f64::NEG_INFINITY, f64::max);
+                let [low, high] = math::ends(at_rest.iter().map(|point| point.value));
                 let driven = mean(at_rest.iter().map(|point| f64::from(u8::from(point.driven))));
                 let percent = 100.0 / self.full_scale;
                 held.error_percent = held.error_percent.max(error.abs() * percent);

@@ -8,6 +8,7 @@ use model_core::safety::supervisor::VENTING;
 use std::f64::consts::TAU;
 use std::path::Path;
 use thermyo_compute::math;
+use thermyo_compute::math::ends;
 use thermyo_compute::parallel::{self, Watch};
 use thermyo_files::input::InputError;
 use thermyo_files::shipped;
@@ -334,9 +335,7 @@ fn load_step(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     })?;
     let (back_s, _) = settling(&rows, 2.0, true);
     let last = after(&rows, 5.0).iter().map(error_deg);
-    let (low, high) = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), error| {
-        (low.min(error), high.max(error))
-    });
+    let [low, high] = ends(last);
     Ok(vec![
         Figure::at_most("peak deg", largest(after(&rows, 2.0).iter().map(error_deg)), 7.0),
         Figure::at_most("back s", back_s, 0.5),
@@ -363,9 +362,7 @@ fn stable(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     })?;
     let moving = after(&rows, 2.0).iter().filter(|row| row.time_s < 6.0);
     let last = after(&rows, 10.0).iter().map(|row| row.truth.angle_rad.to_degrees());
-    let (low, high) = last.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), angle| {
-        (low.min(angle), high.max(angle))
-    });
+    let [low, high] = ends(last);
     // By its mode: a loop may open both outlets too.
     let vented = rows.iter().any(|row| row.telemetry.mode == JointMode::Vent);
     Ok(vec![

@@ -5,6 +5,7 @@ use super::faults::muscle::Draw;
 use super::{CaseFigures, Figure};
 use model_core::{Duty, Faults};
 use std::f64::consts::PI;
+use thermyo_compute::math::ends;
 use thermyo_compute::parallel::{self, Watch};
 use thermyo_files::input::InputError;
 use thermyo_scenario::{DriveKind, Scenario};
@@ -157,8 +158,7 @@ struct Outcome {
 /// Values of the last [`REST_S`] before a step of the set point swing; independent of the detector
 /// of a run.
 fn swings(values: &[f64], dead_zone: f64) -> bool {
-    let most = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+    let [least, most] = ends(values.iter().copied());
     let mean = 0.5 * (most + least);
     let crossings = values.windows(2).filter(|pair| (pair[0] < mean) != (pair[1] < mean)).count();
     most - least > SWINGS_ZONES * dead_zone && crossings >= CROSSINGS

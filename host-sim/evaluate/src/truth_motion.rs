@@ -4,6 +4,7 @@
 use super::{CaseFigures, Figure};
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
+use thermyo_compute::math::ends;
 use thermyo_compute::parallel;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::shipped;
@@ -93,8 +94,7 @@ fn half_width(table: &Table) -> Result<(f64, f64), InputError> {
         ["length_m", "pressure_pa", "force_n"].map(|name| table.filled(name));
     let (lengths, pressures, forces) = (lengths?, pressures?, forces?);
     check_pressures(table, "pressure_pa", AMBIENT_PA)?;
-    let least = lengths.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = lengths.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let [least, most] = ends(lengths.iter().copied());
     let inside = (least + ENDS * (most - least))..(most - ENDS * (most - least));
     let area_m2 = PI / 4.0 * BORE_M * BORE_M;
     let mut sums = [(0.0, 0.0); 2];

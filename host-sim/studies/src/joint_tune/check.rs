@@ -4,6 +4,7 @@ use super::experiment::{Bench, BenchError, Plan, Record, record};
 use model_core::joint::Motion;
 use serde::Serialize;
 use std::f64::consts::TAU;
+use thermyo_compute::math::ends;
 use thermyo_joint::JointLoaded;
 
 /// Rest before the sine \[s\].
@@ -77,8 +78,7 @@ pub fn check(
     };
     let moving = || within(BEFORE_S + 1.0 / SINE_HZ, end_s);
     let resting = || within(duration_s() - COUNTED_S, f64::INFINITY).map(error);
-    let (low, high) = resting()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
+    let [low, high] = ends(resting());
     let figures = Figures {
         sine_rms_rad: mean(&mut moving().map(|record| error(record).powi(2))).sqrt(),
         rest_error_rad: mean(&mut resting()),

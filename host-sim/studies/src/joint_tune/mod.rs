@@ -29,6 +29,7 @@ use check::Checked;
 use experiment::{Plan, Record};
 use findings::{Estimate, FRICTION, limits};
 use model_core::joint::JointConfig;
+use thermyo_compute::math::ends;
 use thermyo_joint::JointLoaded;
 use thermyo_scenario::with_numbers;
 
@@ -137,9 +138,7 @@ fn tried(loaded: &JointLoaded, highest_pa: f64, bench: &mut dyn Bench) -> Result
     let course = |time_s: f64| plan.motion(time_s);
     let records =
         experiment::record(loaded, (&course, plan.duration_s()), bench).map_err(refused)?;
-    let angles = records.iter().map(|record| record.angle_rad);
-    let (low, high) =
-        angles.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), q| (low.min(q), high.max(q)));
+    let [low, high] = ends(records.iter().map(|record| record.angle_rad));
     let asked_rad = plan.ends_rad[1] - plan.ends_rad[0];
     let moved_rad = (high - low).max(0.0);
     if moved_rad < MOVED * asked_rad {

@@ -17,6 +17,7 @@ use super::regression::{Measure, least_squares};
 use model_core::config::Config;
 use model_core::physics::chamber::{Chamber, ChamberConfig};
 use model_core::physics::hysteresis::{Held, Law};
+use thermyo_compute::math::ends;
 
 /// Intervals over which records are averaged \[s\]: two tenths of a period of the load on its gas
 /// spring, ten LSBs of the ADC on the slow ramp.
@@ -181,8 +182,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         sliding.iter().map(row).collect()
     };
     let told_per_k = f64::from(config.friction.softening_per_k);
-    let wall = || sliding.iter().map(|(bin, _)| bin.wall_k);
-    let wall_k = [wall().fold(f64::INFINITY, f64::min), wall().fold(f64::NEG_INFINITY, f64::max)];
+    let wall_k = ends(sliding.iter().map(|(bin, _)| bin.wall_k));
     let softening_per_k = softening_per_k(&rows(told_per_k), &sliding, told_per_k, wall_k);
     let rows = rows(softening_per_k.map_or(told_per_k, |found| found.value));
     let fit = least_squares(&rows).ok_or(Refusal::TooFew { points: rows.len() })?;

@@ -38,6 +38,7 @@ use gains::{Basis, LoopGains, Noise};
 use model_core::physics::valve::ValveKind;
 use model_core::{Config, Faults};
 use std::path::Path;
+use thermyo_compute::math::ends;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_plant::chamber;
 use thermyo_plant::chamber::Tunable;
@@ -364,12 +365,7 @@ fn reached(records: &[Record], [low_pa, high_pa]: [f64; 2]) -> Result<(), Refusa
 }
 
 fn lengths_m(records: &[Record]) -> [f64; 2] {
-    records
-        .iter()
-        .map(|record| record.length_m)
-        .fold([f64::INFINITY, f64::NEG_INFINITY], |[shortest, longest], length| {
-            [shortest.min(length), longest.max(length)]
-        })
+    ends(records.iter().map(|record| record.length_m))
 }
 
 /// The chamber with the fitted force area.
