@@ -31,7 +31,7 @@ pub fn cycled(scenario: &Scenario, steps: usize, mut see: impl FnMut(Truth)) -> 
     plant
 }
 
-/// What is true over 100 s of a muscle's working cycle.
+/// A working cycle of 100 s: the muscle at its end, and what was true before each step.
 pub fn working_cycle(model: PlantModel) -> (Box<dyn Plant>, Vec<Truth>) {
     let mut truths = Vec::new();
     let plant = cycled(&muscle(model), 100_000, |truth| truths.push(truth));
