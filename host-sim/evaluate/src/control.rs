@@ -275,6 +275,11 @@ pub fn sine(
     })
 }
 
+/// Error of a sine \[mm\].
+pub fn rms_mm(loaded: &Loaded, sine: &Sine) -> f64 {
+    10.0 * sine.rms_percent * STROKE * loaded.plant.muscle.rest_length_m
+}
+
 /// Result of a step of the pressure.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {

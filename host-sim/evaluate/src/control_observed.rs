@@ -2,7 +2,9 @@
 //! to observe.
 
 use super::control::rest::{self, Held};
-use super::control::{Job, Point, STROKE, Sine, configured, creepless, load, sine, stepped_trace};
+use super::control::{
+    Job, Point, STROKE, configured, creepless, load, rms_mm, sine, stepped_trace,
+};
 use super::{CaseFigures, Figure};
 use thermyo_compute::parallel::{self, Watch};
 use thermyo_scenario::{DriveKind, HeatModel, LoadKind, Scenario};
@@ -35,11 +37,6 @@ const NO_CREEP: PlantChange = |s| {
 };
 const TWICE_THE_FLOW: PlantChange = |s| s.valve.conductance_m3_s_pa *= 2.0;
 const HALF_THE_FLOW: PlantChange = |s| s.valve.conductance_m3_s_pa *= 0.5;
-
-/// Error of a sine \[mm\].
-pub fn rms_mm(loaded: &Loaded, sine: &Sine) -> f64 {
-    10.0 * sine.rms_percent * STROKE * loaded.plant.muscle.rest_length_m
-}
 
 fn sines(full: &Loaded) -> Vec<Job<'_>> {
     // Two frequencies, amplitudes as shares of the stroke: 13.5 and 4.5 mm.
@@ -268,7 +265,8 @@ fn jobs(full: &Loaded) -> Vec<Job<'_>> {
     let observed =
         [sines(full), loads(full), resting(full), across_a_wide_code(full), relaxing(full)];
     let proportional = super::control_proportional::jobs(full);
-    let others = observed.into_iter().flatten().chain(proportional);
+    let hosts = super::control_hosts::jobs(full);
+    let others = observed.into_iter().flatten().chain(proportional).chain(hosts);
     super::control::jobs(full).into_iter().chain(others).collect()
 }
 

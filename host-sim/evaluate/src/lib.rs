@@ -1,6 +1,7 @@
 //! `thermyo evaluate`: table of the project's targets and measured figures.
 
 pub mod control;
+pub mod control_hosts;
 pub mod control_observed;
 pub mod control_page;
 pub mod control_proportional;

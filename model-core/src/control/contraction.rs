@@ -25,6 +25,7 @@
 //! waiting would keep the muscle swinging at a quarter of the PWM frequency.
 
 use super::chamber_port::{ChamberPort, Feedback};
+use super::course::{Course, Pace, Target};
 use super::load_observer::{Balance, LoadObserver};
 use super::valve_drive::OpenFlow;
 use crate::config::{Config, ControllerConfig};
@@ -103,13 +104,17 @@ pub struct Gains {
     /// Force that the integral learns from an error, and where it shrinks while the muscle sticks \[N/m\].
     learns_n_m: f32,
     shrinks_n_m: f32,
+    /// Way of the reference in a period at most, as a share of the rest length.
+    fastest: f32,
+    pace: Pace,
     /// Slip and creep over a period.
     law: Law,
 }
 
 impl Gains {
-    /// For a PWM period \[s\].
-    pub fn new(config: &Config, period_s: f32) -> Self {
+    /// For a period of so many steps.
+    pub fn new(config: &Config, period_steps: u16) -> Self {
+        let period_s = f32::from(period_steps) * config.step_s;
         let tuning = &config.controller;
         let valve_s = config.valve_kind.late_s(&config.valve);
         // The speed of a difference is late by half a period, and a pulse by another half.
@@ -123,6 +128,8 @@ impl Gains {
             sticks: STICKS * tuning.contraction_dead_zone,
             learns_n_m: tuning.load_gain_n_m_s * period_s,
             shrinks_n_m: SHRINKS * tuning.load_gain_n_m_s * period_s,
+            fastest: tuning.contraction_rate_per_s * period_s,
+            pace: Pace::new(period_steps, config.step_s),
             turn_waits: limit(HYSTERESIS * tuning.contraction_dead_zone, 0.0, WAITS),
             law: Law::new(&config.hysteresis, period_s),
         }
@@ -184,15 +191,13 @@ struct Reference {
     length_m: f32,
     speed_m_s: f32,
     acceleration_m_s2: f32,
-    /// Set point of the period before \[m\].
-    target_m: f32,
     /// Phase that is left of a step \[rad\].
     step_rad: f32,
 }
 
 impl Reference {
     fn at(length_m: f32) -> Self {
-        Self { length_m, speed_m_s: 0.0, acceleration_m_s2: 0.0, target_m: length_m, step_rad: 0.0 }
+        Self { length_m, speed_m_s: 0.0, acceleration_m_s2: 0.0, step_rad: 0.0 }
     }
 
     /// Its length that much later \[m\].
@@ -200,30 +205,26 @@ impl Reference {
         self.length_m + time_s * (self.speed_m_s + 0.5 * time_s * self.acceleration_m_s2)
     }
 
-    /// One period towards `target_m`. A set point that moves no faster than the rate limit is followed without lag, to
-    /// where it will be at the period's end; a faster one is a step, which is no faster than the load on its spring.
+    /// One period towards a length. One that moves no faster than the rate limit is followed without lag, to where it
+    /// will be at the period's end; a faster one is a step, which is no faster than the load on its spring.
     fn advance(
         &mut self,
         tuning: &ControllerConfig,
         (follows, spring): (&Pole, &GasSpring),
         chamber: &impl Chamber,
-        target_m: f32,
+        target: &Target,
         port: &ChamberPort,
     ) {
         let period_s = port.period_s;
         let rest_m = chamber.rest_length_m();
         let fastest_m_s = tuning.contraction_rate_per_s * rest_m;
-        let change_m = target_m - self.target_m;
-        let moves = absolute(change_m) <= fastest_m_s * period_s;
-        let (ahead_m, target_m_s) =
-            if moves { (change_m, change_m * port.pwm_hz) } else { (0.0, 0.0) };
-        self.target_m = target_m;
-        if !moves {
+        if target.steps {
             self.step_rad = STEP_RAD;
         }
         let steps = self.step_rad > 0.0;
         let pole = if steps { spring.pole(follows, period_s) } else { *follows };
-        let error_m = target_m + ahead_m - self.length_m;
+        let error_m = target.value + target.change - self.length_m;
+        let target_m_s = target.change * port.pwm_hz;
         let wanted_m_s = pole.keeps * self.speed_m_s
             + pole.per_error * error_m
             + pole.per_target_speed * target_m_s;
@@ -263,6 +264,8 @@ impl Arrival {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContractionLoop {
     gains: Gains,
+    /// Wanted length \[m\].
+    course: Course,
     reference: Reference,
     arrival: Arrival,
     /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
@@ -289,6 +292,8 @@ pub struct ContractionLoop {
 pub struct Contracting {
     /// Share of the rest length \[-\].
     pub contraction: f32,
+    /// Steps since it changed.
+    pub age_steps: u16,
     /// Configured load \[N\].
     pub load_n: f32,
     /// Factor of the estimated wall temperature on friction \[-\].
@@ -309,6 +314,7 @@ impl ContractionLoop {
     ) -> Self {
         let mut fresh = Self {
             gains: *gains,
+            course: Course::at(feedback.length_m, &gains.pace),
             reference: Reference::at(feedback.length_m),
             arrival: Arrival::new(chamber, feedback.length_m, feedback.pressure_pa),
             given_pa: feedback.pressure_pa,
@@ -376,10 +382,11 @@ impl ContractionLoop {
         port: &ChamberPort,
         wanted: &Contracting,
     ) -> Option<(f32, OpenFlow)> {
-        let Contracting { contraction, load_n, softening, .. } = *wanted;
+        let Contracting { contraction, age_steps, load_n, softening, .. } = *wanted;
         let rest_m = chamber.rest_length_m();
         let target_m = chamber.limit_length_m(rest_m - rest_m * contraction);
-        let moves = target_m != self.reference.target_m;
+        let fastest_m = self.gains.fastest * rest_m;
+        let target = self.course.advance(&self.gains.pace, target_m, age_steps, fastest_m);
         // Positive: has to contract.
         let error_m = feedback.length_m - self.reference.length_m;
         let zone_m = config.controller.contraction_dead_zone * rest_m;
@@ -394,13 +401,13 @@ impl ContractionLoop {
         if self.holding {
             // Creep goes on at rest.
             self.creep(config, feedback, 0.0, softening);
-            if !moves && absolute(error_m) <= HYSTERESIS * zone_m {
+            if !target.moves && absolute(error_m) <= HYSTERESIS * zone_m {
                 return None;
             }
             self.holding = false;
             self.take_over(config, chamber, feedback, load_n, softening);
         }
-        let still = !moves
+        let still = !target.moves
             && !feedback.length_lost
             && absolute(target_m - self.reference.length_m) <= zone_m
             && absolute(error_m) <= zone_m
@@ -432,7 +439,7 @@ impl ContractionLoop {
             self.learn(config, chamber, feedback, port, wanted, (error_m, moved_m));
         }
         let start_m3 = self.arrival.volume_m3;
-        self.advance(config, chamber, feedback, port, wanted, (target_m, &spring));
+        self.advance(config, chamber, feedback, port, wanted, (&target, &spring));
         let given = self.gains.closes;
         let change_pa = self.arrival.pressure_pa - self.given_pa + given * missing_pa;
         let change_m3 = self.arrival.volume_m3 - self.given_m3 + given * missing_m3;
@@ -491,7 +498,7 @@ impl ContractionLoop {
         }
     }
 
-    /// One period of the reference to that length \[m\], with the load on its spring, and of what holds it back.
+    /// One period of the reference to a length, with the load on its spring, and of what holds it back.
     fn advance(
         &mut self,
         config: &Config,
@@ -499,13 +506,13 @@ impl ContractionLoop {
         feedback: &Feedback,
         port: &ChamberPort,
         wanted: &Contracting,
-        (target_m, spring): (f32, &GasSpring),
+        (target, spring): (&Target, &GasSpring),
     ) {
         let Contracting { load_n, softening, most_pa, .. } = *wanted;
         let (before, arrival) = (self.reference, self.arrival);
         let (friction_n, held) = (self.friction_n, self.held);
         let poles = (&self.gains.follows, spring);
-        self.reference.advance(&config.controller, poles, chamber, target_m, port);
+        self.reference.advance(&config.controller, poles, chamber, target, port);
         let reference = self.reference;
         let length_m = chamber.limit_length_m(reference.after_m(self.gains.late_s));
         let way_m = arrival.length_m - length_m;
@@ -661,13 +668,13 @@ mod tests {
     }
 
     fn started(config: &Config, feedback: &Feedback) -> ContractionLoop {
-        let gains = Gains::new(config, PERIOD_S);
+        let gains = Gains::new(config, 10);
         ContractionLoop::new(config, &gains, &muscle(), feedback, LOAD_N, 1.0)
     }
 
     fn wanted(length_m: f32) -> Contracting {
         let contraction = (0.3 - length_m) / 0.3;
-        Contracting { contraction, load_n: LOAD_N, softening: 1.0, most_pa: 6.6e5 }
+        Contracting { contraction, age_steps: 0, load_n: LOAD_N, softening: 1.0, most_pa: 6.6e5 }
     }
 
     /// It learns nothing either: the reference stands for the length.
@@ -693,13 +700,16 @@ mod tests {
     /// A reference at rest at 0.25 m, and its next values for these targets.
     fn references(targets_m: impl Iterator<Item = f32>) -> Vec<Reference> {
         let config = plain();
-        let gains = Gains::new(&config, PERIOD_S);
+        let gains = Gains::new(&config, 10);
+        let mut course = Course::at(0.25, &gains.pace);
         let mut reference = Reference::at(0.25);
         let port = port(&feedback(3.0e5, 0.25));
+        let fastest_m = gains.fastest * muscle().rest_length_m();
         targets_m
             .map(|target_m| {
                 let poles = (&gains.follows, &GasSpring { gas_n_m: 1.0e4, inverse_s2: 0.0 });
-                reference.advance(&config.controller, poles, &muscle(), target_m, &port);
+                let target = course.advance(&gains.pace, target_m, 0, fastest_m);
+                reference.advance(&config.controller, poles, &muscle(), &target, &port);
                 reference
             })
             .collect()
@@ -736,7 +746,7 @@ mod tests {
     #[test]
     fn a_lead_that_comes_too_late_to_damp_is_left_to_friction() {
         let config = plain();
-        let gains = Gains::new(&config, PERIOD_S);
+        let gains = Gains::new(&config, 10);
         let late_s = PERIOD_S + config.valve_kind.late_s(&config.valve);
         let swing = gains.damped_per_s2.sqrt();
         let behind = swing * late_s + (swing * config.controller.length_loop_s).atan();
@@ -765,11 +775,14 @@ mod tests {
         // A third of a step is left after 2.2/w, a sixtieth after 6.2/w. A set point that moves then is followed at once.
         let spring = GasSpring { gas_n_m: 1.0e4, inverse_s2: 20.0 / 1.2e4 };
         let config = plain();
-        let (gains, port) = (Gains::new(&config, PERIOD_S), port(&feedback(3.0e5, 0.25)));
+        let (gains, port) = (Gains::new(&config, 10), port(&feedback(3.0e5, 0.25)));
+        let mut course = Course::at(0.25, &gains.pace);
         let mut reference = Reference::at(0.25);
+        let fastest_m = gains.fastest * muscle().rest_length_m();
         let mut advance = |target_m: f32| {
             let poles = (&gains.follows, &spring);
-            reference.advance(&config.controller, poles, &muscle(), target_m, &port);
+            let target = course.advance(&gains.pace, target_m, 0, fastest_m);
+            reference.advance(&config.controller, poles, &muscle(), &target, &port);
             reference
         };
         let left = |reference: Reference| (reference.length_m - 0.24) / 0.01;
@@ -842,7 +855,7 @@ mod tests {
             );
             assert_eq!(active.arrival.pressure_pa, now.pressure_pa);
         }
-        let gains = Gains::new(&config, PERIOD_S);
+        let gains = Gains::new(&config, 10);
         let now = feedback(pressure_pa(140.0), LENGTH_M);
         let warm = ContractionLoop::new(&config, &gains, &muscle(), &now, LOAD_N, 0.5);
         assert!((warm.friction_n - 0.5 * 15.45).abs() < 0.05, "softened: {warm:?}");
@@ -1049,7 +1062,7 @@ mod tests {
         let cylinder = AnyChamber::new(&ChamberConfig::Cylinder(Cylinder::default()));
         assert_eq!(disturbances_n(&config, &cylinder, -50.0), [-300.0, 300.0], "it can");
         // From the middle of its way, at ambient pressure, with 5 N to hold.
-        let gains = Gains::new(&config, PERIOD_S);
+        let gains = Gains::new(&config, 10);
         let slack = feedback(AMBIENT_PA, 0.24);
         assert!(muscle().force_n(0.0, 0.24) < -30.0);
         let mut active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);

@@ -223,6 +223,8 @@ impl Stage {
 /// State of the valve layer.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlowDrive {
+    /// PWM periods that count as one.
+    joined: u8,
     period_s: f32,
     pwm_hz: f32,
     /// Mass still to move, positive into the muscle \[kg\].
@@ -249,6 +251,7 @@ impl FlowDrive {
     pub fn new(config: &Config) -> Self {
         let period_s = f32::from(config.pwm_period_steps) * config.step_s;
         Self {
+            joined: 1,
             period_s,
             pwm_hz: 1.0 / period_s,
             owed_kg: 0.0,
@@ -258,17 +261,46 @@ impl FlowDrive {
         }
     }
 
+    /// From now on so many PWM periods are one: a pulse is one pulse over all of them, a proportional valve's command
+    /// is held for all.
+    pub fn join(&mut self, config: &Config, joined: u8) {
+        if joined != self.joined {
+            let alone = Self::new(config);
+            self.joined = joined;
+            self.period_s = alone.period_s * f32::from(joined);
+            self.pwm_hz = 1.0 / self.period_s;
+            if let Stage::Metered { spool, lag, .. } = &mut self.stage {
+                *lag = Lag::new(spool, &config.valve, self.period_s);
+            }
+        }
+    }
+
+    /// PWM periods that are one.
+    pub fn joined(&self) -> u8 {
+        self.joined
+    }
+
+    /// Openings in the PWM period number `begun` of a command for all that are joined.
+    pub fn part(&self, command: Command, begun: u8) -> Command {
+        if self.joined == 1 || matches!(self.stage, Stage::Metered { .. }) {
+            return command;
+        }
+        let whole = f32::from(self.joined);
+        let of = |duty: Duty| Duty::from_share(duty.share() * whole - f32::from(begun));
+        Command { inlet: of(command.inlet), outlet: of(command.outlet) }
+    }
+
     /// Forgets what is owed: a new set point starts clean.
     pub fn reset(&mut self) {
         self.owed_kg = 0.0;
     }
 
-    /// PWM period \[s\].
+    /// PWM period, or several that are joined \[s\].
     pub fn period_s(&self) -> f32 {
         self.period_s
     }
 
-    /// PWM frequency \[Hz\].
+    /// Its reciprocal \[Hz\].
     pub fn pwm_hz(&self) -> f32 {
         self.pwm_hz
     }
