@@ -504,6 +504,13 @@ fn sizes_that_are_not_given_fit_the_others() {
     assert_eq!(muscle.sensor.length.range_m, 0.6 / 0.8);
     let given = valid("[muscle]\nrest_length_m = 0.6\n[sensor.length]\nrange_m = 0.3").plant;
     assert_eq!(given.sensor.length.range_m, 0.3);
+    let wide = "[muscle]\nrest_length_m = 0.7\ndiameter_m = 0.04\nbraid_angle_deg = 23\n";
+    let fitted = valid(wide);
+    assert!((1000.0..1300.0).contains(&fitted.plant.controller.load_limit_n), "0.15 of 7.6 kN");
+    assert_eq!(fitted.believed.controller, fitted.plant.controller);
+    assert_eq!(parse(&thermyo_setup::render(&fitted)), Ok(fitted));
+    let given = valid(&format!("{wide}[controller]\nload_limit_n = 500\n")).plant;
+    assert_eq!([given, valid("").plant].map(|s| s.controller.load_limit_n), [500.0, 300.0]);
 }
 
 /// A folder with a scenario and the CSV files beside it.

@@ -23,6 +23,10 @@ use toml::Value;
 /// Share of a cylinder's friction that follows its pressure, if the file does not give it: an O-ring of
 /// 25.7 mm has 4.7 N at 1 bar and 7.9 N at 7 bar (`docs/background/validation.md`).
 const SEAL_FACTOR: f64 = 0.34;
+/// Share of the force that the supply gives at rest length which the load observed beside the configured one, and the
+/// integral, may reach if the file does not give it and it is more than the default. It is that of the nominal muscle:
+/// friction, creep and loads of a muscle of 40 mm are off by four times its newtons.
+const LOAD_SHARE: f64 = 0.15;
 /// Fraction of the length sensor's range that the longest length takes if the file does not give
 /// the range.
 const LENGTH_USE: f64 = 0.8;
@@ -223,7 +227,16 @@ fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenari
 /// Sizes that follow from others if the file does not give them.
 fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
     let longest_m = match chamber::of(plant) {
-        Some(chamber) => chamber.lengths()[1],
+        Some(chamber) => {
+            if given.get("controller.load_limit_n").is_none() {
+                let gauge_pa = plant.supply.pressure_pa - plant.ambient.pressure_pa;
+                let force_n = gauge_pa * chamber.force_area(chamber.rest_length()).abs();
+                let limit_n = &mut plant.controller.load_limit_n;
+                let most_n = limits("controller.load_limit_n").max;
+                *limit_n = limit_n.max((LOAD_SHARE * force_n) as f32).min(most_n as f32);
+            }
+            chamber.lengths()[1]
+        }
         None => {
             let volumes = volume.map_or(&[][..], Profile::points).iter().map(|point| point.1);
             let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
