@@ -114,16 +114,15 @@ impl Record {
         let (mut share, mut longest_s) = (0.002, 0.2);
         loop {
             let mut rows: Vec<Row> = Vec::new();
-            let mut weight = 0.0;
-            for row in &self.rows {
-                weight += 1.0;
+            let mut first = 0;
+            for (i, row) in self.rows.iter().enumerate() {
                 let moved = rows.last().is_none_or(|kept| {
                     row.time_s - kept.time_s >= longest_s
                         || (0..3).any(|i| (of(row)[i] - of(kept)[i]).abs() > share * spans[i])
                 });
                 if moved {
-                    rows.push(Row { weight, ..*row });
-                    weight = 0.0;
+                    rows.push(mean(&self.rows[first..=i]));
+                    first = i + 1;
                 }
             }
             if rows.len() <= most {
@@ -132,6 +131,19 @@ impl Record {
             share *= 1.5;
             longest_s *= 1.5;
         }
+    }
+}
+
+/// One row for several, without most of their noise.
+fn mean(rows: &[Row]) -> Row {
+    let weight = rows.len() as f64;
+    let of = |value: fn(&Row) -> f64| rows.iter().map(value).sum::<f64>() / weight;
+    Row {
+        time_s: of(|row| row.time_s),
+        length_m: of(|row| row.length_m),
+        pressure_pa: of(|row| row.pressure_pa),
+        force_n: of(|row| row.force_n),
+        weight,
     }
 }
 
