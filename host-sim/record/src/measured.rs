@@ -26,6 +26,8 @@ const POSSIBLE: [(&str, Limits); 10] = [
 const NOT_ABSOLUTE: f64 = 0.8;
 /// A record with no pressure above this one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 2.0e4;
+/// As that of `supply.pressure_pa` \[Pa\].
+const MOST_PRESSURE_PA: f64 = 3.0e6;
 /// Closer rows of a motion are those of a record in minutes: 50 rows a second are 0.33 ms apart in them \[s\].
 const LEAST_DISTANCE_S: f64 = 4.0e-4;
 /// Distances of times from the file are rounded by less \[-\].
@@ -50,7 +52,18 @@ pub fn check_absolute(table: &Table, column: &str, ambient_pa: f64) -> Result<()
     }
 }
 
-/// Refuses pressures of a column that are in another unit, and gauge pressures.
+/// The unit in which the highest pressure of a muscle is a number as small as this.
+pub fn unit_of_highest(pressure: f64) -> &'static str {
+    match pressure {
+        ..2.0 => "MPa",
+        ..50.0 => "bar",
+        ..450.0 => "kPa, or psi",
+        ..3000.0 => "kPa",
+        _ => "mbar",
+    }
+}
+
+/// Refuses pressures of a column that are in another unit, impossible ones, and gauge pressures.
 ///
 /// # Errors
 /// With the line of the highest pressure, or of the first gauge pressure; for an empty cell; where there is no such
@@ -58,15 +71,15 @@ pub fn check_absolute(table: &Table, column: &str, ambient_pa: f64) -> Result<()
 pub fn check_pressures(table: &Table, column: &str, ambient_pa: f64) -> Result<(), InputError> {
     let pressures = table.filled(column)?;
     let highest = pressures.into_iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b));
-    let Some((row, pressure)) = highest.filter(|(_, pressure)| *pressure < LEAST_PRESSURE_PA)
-    else {
+    let is_usual = |pressure: f64| (LEAST_PRESSURE_PA..=MOST_PRESSURE_PA).contains(&pressure);
+    let Some((row, pressure)) = highest.filter(|(_, pressure)| !is_usual(*pressure)) else {
         return check_absolute(table, column, ambient_pa);
     };
-    let unit = match pressure {
-        ..2.0 => "MPa",
-        ..50.0 => "bar",
-        _ => "kPa",
-    };
+    if pressure > MOST_PRESSURE_PA {
+        let allowed = format!("at most {MOST_PRESSURE_PA:?} Pa");
+        return Err(table.cell_error(row, column, &allowed));
+    }
+    let unit = unit_of_highest(pressure);
     let allowed =
         format!("absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
     Err(table.cell_error(row, column, &allowed))

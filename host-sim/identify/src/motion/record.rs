@@ -28,6 +28,8 @@ const MOVES: f64 = 0.01;
 const REVERSED: f64 = 0.5;
 /// Most negative reading of a load cell, share of the largest force \[-\].
 const BELOW_ZERO: f64 = 0.05;
+/// A muscle vents to less than this, times ambient pressure \[-\].
+const VENTED: f64 = 1.2;
 /// Fewest rows.
 const FEWEST: usize = 50;
 
@@ -93,6 +95,12 @@ impl Record {
         self.rows.iter().map(|row| row.length_m).fold(f64::NEG_INFINITY, f64::max)
     }
 
+    /// Lowest pressure, where it is none of a vented muscle \[Pa\].
+    pub fn never_vented_pa(&self, ambient_pa: f64) -> Option<f64> {
+        let lowest_pa = self.rows.iter().map(|row| row.pressure_pa).fold(f64::INFINITY, f64::min);
+        (lowest_pa > VENTED * ambient_pa).then_some(lowest_pa)
+    }
+
     /// The muscle moves by enough to compare lengths.
     pub fn moves(&self, rest_m: f64) -> bool {
         self.stroke_m() > MOVES * rest_m
@@ -113,17 +121,16 @@ impl Record {
         let of = |row: &Row| [row.length_m, row.pressure_pa, row.force_n];
         let (mut share, mut longest_s) = (0.002, 0.2);
         loop {
-            let mut rows: Vec<Row> = Vec::new();
-            let mut first = 0;
-            for (i, row) in self.rows.iter().enumerate() {
-                let moved = rows.last().is_none_or(|kept| {
-                    row.time_s - kept.time_s >= longest_s
-                        || (0..3).any(|i| (of(row)[i] - of(kept)[i]).abs() > share * spans[i])
-                });
-                if moved {
-                    rows.push(mean(&self.rows[first..=i]));
-                    first = i + 1;
-                }
+            let mut rows = Vec::new();
+            let mut rest = self.rows.as_slice();
+            while let Some(first) = rest.first() {
+                let is_near = |row: &&Row| {
+                    row.time_s - first.time_s < longest_s
+                        && (0..3).all(|i| (of(row)[i] - of(first)[i]).abs() <= share * spans[i])
+                };
+                let (near, after) = rest.split_at(rest.iter().take_while(is_near).count());
+                rows.push(mean(near));
+                rest = after;
             }
             if rows.len() <= most {
                 return Self { rows, has_force: self.has_force };
@@ -183,7 +190,7 @@ fn check_lengths(table: &Table, lengths: &[f64], rest_m: f64) -> Result<(), Inpu
         ": is this mm?"
     } else if (low..=high).contains(&-lengths[row]) {
         ": is its sign reversed?"
-    } else if lengths[row].abs() < low && lengths[row] >= 0.0 {
+    } else if lengths[row].abs() < low {
         ": is this a contraction, or a stroke?"
     } else {
         ""

@@ -158,10 +158,28 @@ fn what_a_record_does_not_show_stays_open() {
     let Findings { open, holds, parameters, .. } = &found.findings;
     println!("{}", found.findings.text());
     assert!(!holds && open.contains(&"muscle.creep_slow_s"), "{open:?}");
+    assert!(!found.findings.text().contains("taken as absolute"));
     let slow = &parameters["muscle.creep_slow_s"];
     assert_eq!((slow.value, slow.standard_error), (26.0, None));
     assert_eq!(found.scenario.plant.muscle.creep_slow_s, 26.0);
     assert!(found.findings.failed().unwrap().contains("--plan motion"));
+}
+
+/// Gauge pressures are fitted as well as absolute ones, with another bladder: a vented muscle tells them apart.
+#[test]
+fn a_record_that_never_vents_is_named() {
+    let muscle = shipped_scenario();
+    let points = (0..100).map(|i| (0.1 * f64::from(i), 3.0e5 + 9.0e4 * (0.5 * f64::from(i)).sin()));
+    let text = record(&muscle, points.collect());
+    let (head, rows) = text.split_once('\n').unwrap();
+    let filled: String = rows.lines().skip(100).map(|row| format!("{row}\n")).collect();
+    let table = table(&format!("{head}\n{filled}"));
+    let found = identify(&muscle, CONFIG.as_ref(), &table, None, &()).unwrap();
+    let text = found.findings.text();
+    assert!(
+        text.contains("pressure_pa is taken as absolute, which no row of a vented muscle shows"),
+        "{text}"
+    );
 }
 
 /// Asks to stop after so many questions.
@@ -288,16 +306,30 @@ fn a_record_that_cannot_be_used_is_named_with_its_line() {
         ("motion.csv:2: column pressure_pa = 0.0: must be absolute", &|_, (t, l, p)| {
             (t, l, p - 101_325.0)
         }),
+        (
+            "motion.csv:52: column pressure_pa = 30000000.0: must be at most 3000000.0 Pa",
+            &|i, (t, l, p)| (t, l, if i == 50 { 3e7 } else { p }),
+        ),
     ] {
         let error = with(change, 5.0).unwrap_err();
         assert!(error.starts_with(message), "{error}");
     }
-    for (word, factor) in [("kPa", 1e-3), ("bar", 1e-5), ("MPa", 1e-6)] {
+    let units = [
+        ("kPa", 1e-3),
+        ("kPa, or psi", 1.0 / 6895.0),
+        ("mbar", 1e-2),
+        ("bar", 1e-5),
+        ("MPa", 1e-6),
+    ];
+    for (word, factor) in units {
         let error = with(&|_, (t, l, p)| (t, l, factor * p), 5.0).unwrap_err();
         assert!(error.ends_with(&format!("is this {word}?")), "{error}");
     }
     let error = with(&|_, (t, l, p)| (t, 1000.0 * l, p), 5.0).unwrap_err();
     assert!(error.ends_with("is this mm?"), "{error}");
+    // The noise of a contraction at rest is negative.
+    let error = with(&|_, (t, l, p)| (t, 0.2499 - l, p), 5.0).unwrap_err();
+    assert!(error.ends_with("is this a contraction, or a stroke?"), "{error}");
     let error = with(&|_, (t, l, p)| (t, l, p - 101_325.0), 5.0).unwrap_err();
     assert!(error.contains("is this gauge pressure?"), "{error}");
     let error = with(&|_, row| row, 0.0).unwrap_err();

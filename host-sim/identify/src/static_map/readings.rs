@@ -2,6 +2,7 @@
 
 use thermyo_files::input::{InputError, Instead, Problem, quoted};
 use thermyo_files::table::Table;
+use thermyo_record::measured::unit_of_highest;
 
 /// Required columns.
 pub const COLUMNS: [&str; 4] = ["rest_length_m", "gauge_pressure_pa", "length_m", "force_n"];
@@ -178,11 +179,7 @@ fn in_pascals(
     else {
         return Ok(());
     };
-    let unit = match pressure {
-        ..1.5 => "MPa",
-        ..100.0 => "bar",
-        _ => "kPa",
-    };
+    let unit = unit_of_highest(pressure);
     let allowed = format!("in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
     Err(table.cell_error(row, COLUMNS[1], &allowed))
 }
