@@ -266,7 +266,7 @@ pub fn adopt<'a>(
 
 /// Predicted less measured forces where those were measured, lengths otherwise.
 pub fn residuals(scenario: &Scenario, record: &Record, start: &Start) -> Vec<f64> {
-    let law = Law::of(scenario);
+    let law = Law::of(scenario, record.has_force);
     if record.has_force {
         let forces = law.forces(&record.rows, start);
         forces.iter().zip(&record.rows).map(|(force, row)| force - row.force_n).collect()

@@ -7,6 +7,8 @@ use thermyo_scenario::Scenario;
 
 /// Newton's steps, with bisection where they leave the bracket.
 const STEPS: usize = 40;
+/// All creep is over by then \[s\].
+const CREPT_S: f64 = 1.0e9;
 /// Correction at which a length is found \[m\].
 const CLOSE_M: f64 = 1.0e-9;
 
@@ -24,6 +26,9 @@ pub struct Law {
     slip_n_m: f64,
     ambient_pa: f64,
     rest_m: f64,
+    /// A load cell holds its ends: closer together than the muscle is without force, it is slack. It cannot push, and
+    /// has a length of its own.
+    by_cell: bool,
 }
 
 /// State along a record.
@@ -34,13 +39,14 @@ struct Memory {
 }
 
 impl Law {
-    pub fn of(scenario: &Scenario) -> Self {
+    pub fn of(scenario: &Scenario, by_cell: bool) -> Self {
         Self {
             muscle: braid::Muscle::of(&scenario.muscle),
             hysteresis: Hysteresis::of(scenario),
             slip_n_m: scenario.muscle.slip_stiffness_n_m,
             ambient_pa: scenario.ambient.pressure_pa,
             rest_m: scenario.muscle.rest_length_m,
+            by_cell,
         }
     }
 
@@ -48,15 +54,21 @@ impl Law {
         (pressure - self.ambient_pa) * self.muscle.force_area(length) + self.muscle.elastic(length)
     }
 
-    fn begin(&self, start: &Start, length: f64) -> Memory {
+    fn begin(&self, start: &Start, first: &Row) -> Memory {
         let [_, slow] = &self.hysteresis.creep;
         let over =
             |force: f64, stiffness: f64| if stiffness > 0.0 { force / stiffness } else { 0.0 };
-        Memory {
+        let at = |length: f64| Memory {
             slider: length + over(start.slip_n, self.slip_n_m),
             stretches: [0.0, over(start.slow_n, slow.stiffness_n_m)],
             length,
+        };
+        let mut memory = at(first.length_m);
+        if self.by_cell {
+            // Slack before the record, it has crept to its own length.
+            self.force(first, &mut memory, &Elapsed::new(&self.hysteresis, CREPT_S));
         }
+        at(memory.length)
     }
 
     /// Lengths at which the muscle holds the forces of the rows, no longer than it has been seen, or than its
@@ -70,7 +82,7 @@ impl Law {
         for row in rows {
             let memory = memory.get_or_insert_with(|| {
                 before_s = row.time_s;
-                self.begin(start, row.length_m)
+                self.begin(start, row)
             });
             self.pass(&mut elapsed, row.time_s - before_s);
             before_s = row.time_s;
@@ -84,20 +96,34 @@ impl Law {
 
     /// Forces at the lengths of the rows \[N\].
     pub fn forces(&self, rows: &[Row], start: &Start) -> Vec<f64> {
-        let mut elapsed = (f64::NAN, Elapsed::NONE);
         let Some(first) = rows.first() else { return Vec::new() };
-        let mut memory = self.begin(start, first.length_m);
+        let mut elapsed = (f64::NAN, Elapsed::NONE);
+        let mut memory = self.begin(start, first);
         let mut before_s = first.time_s;
         let force = |row: &Row| {
             self.pass(&mut elapsed, row.time_s - before_s);
             before_s = row.time_s;
-            let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
-            self.move_to(&mut memory, &elapsed.1, row.length_m, limit);
-            let held = self.hysteresis.slip.force(memory.slider, row.length_m, limit)
-                + self.hysteresis.creep_n(&memory.stretches);
-            self.pull(row.pressure_pa, row.length_m) - held
+            self.force(row, &mut memory, &elapsed.1)
         };
         rows.iter().map(force).collect()
+    }
+
+    /// Force of a row, to which the muscle moves.
+    fn force(&self, row: &Row, memory: &mut Memory, elapsed: &Elapsed) -> f64 {
+        let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
+        let stretches = elapsed.stretches(&memory.stretches, memory.length - row.length_m);
+        let held_n = self.hysteresis.slip.force(memory.slider, row.length_m, limit)
+            + self.hysteresis.creep_n(&stretches);
+        let force_n = self.pull(row.pressure_pa, row.length_m) - held_n;
+        let is_slack = self.by_cell && force_n < 0.0;
+        let length = if is_slack {
+            let free = Row { force_n: 0.0, ..*row };
+            self.solve(&free, memory, elapsed, (limit, self.rest_m.max(row.length_m)))
+        } else {
+            row.length_m
+        };
+        self.move_to(memory, elapsed, length, limit);
+        if is_slack { 0.0 } else { force_n }
     }
 
     /// Works a time out where it is another one.

@@ -40,6 +40,8 @@ const MOST_ROWS: usize = 4000;
 const MOST_LEFT: f64 = 0.1;
 /// Closer to the longest length than this share of the stroke a load may lie on a stop \[-\].
 const ON_STOP: f64 = 0.01;
+/// Up to this share of the largest force a muscle may be slack, and its length is not that of its load cell's frame \[-\].
+const SLACK: f64 = 0.01;
 /// A record to compare with finds its own start, from this share of its rows: they do not count \[-\].
 const START_SHARE: f64 = 0.1;
 /// Longest start, in times of the slow creep \[-\].
@@ -246,7 +248,7 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 impl Left {
     /// From a row on.
     fn of(scenario: &Scenario, record: &Record, start: &Start, from: usize) -> Self {
-        let law = Law::of(scenario);
+        let law = Law::of(scenario, record.has_force);
         let load = |row: &record::Row| {
             if record.has_force { row.force_n } else { scenario.load.force_n }
         };
@@ -263,9 +265,12 @@ impl Left {
         let off_stop = compared.filter(|(_, row)| row.length_m < off_stop_m);
         let force_n = rms(off_stop.map(|(force, row)| force - row.force_n));
         let moves = record.moves(scenario.muscle.rest_length_m);
+        let slack_n = if record.has_force { SLACK * record.largest_n() } else { f64::NEG_INFINITY };
         let length_m = moves.then(|| {
             let lengths = law.lengths(&rows, start);
-            rms(lengths.iter().zip(&rows).skip(from).map(|(l, row)| l - row.length_m))
+            let taut =
+                lengths.iter().zip(&rows).skip(from).filter(|(_, row)| row.force_n > slack_n);
+            rms(taut.map(|(length, row)| length - row.length_m))
         });
         let share = match length_m.filter(|_| !record.has_force) {
             Some(length_m) => length_m / record.stroke_m(),
@@ -284,19 +289,19 @@ impl Left {
 impl Findings {
     /// Reason why the values are not reliable, if there is one.
     pub fn failed(&self) -> Option<String> {
-        if !self.open.is_empty() {
+        if self.rmse.share > MOST_LEFT {
             return Some(format!(
+                "the law leaves {} %: another rest length, load or unit, or another kind of muscle",
+                significant(100.0 * self.rmse.share, 2)
+            ));
+        }
+        (!self.open.is_empty()).then(|| {
+            format!(
                 "the record leaves {} open: {} as the scenario has {}; thermyo identify --plan motion prints \
                  an experiment that shows each",
                 self.open.join(", "),
                 if self.open.len() == 1 { "it stays" } else { "they stay" },
                 if self.open.len() == 1 { "it" } else { "them" },
-            ));
-        }
-        (self.rmse.share > MOST_LEFT).then(|| {
-            format!(
-                "the law leaves {} %: another rest length, another load, or another kind of muscle",
-                significant(100.0 * self.rmse.share, 2)
             )
         })
     }

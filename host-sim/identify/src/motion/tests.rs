@@ -123,6 +123,72 @@ fn a_noisy_pressure_leaves_the_slip_as_stiff_as_it_is() {
     }
 }
 
+/// Rows of a muscle between ends that a load cell holds at these lengths, by time; the first half second is vented.
+fn framed(duration_s: f64, of: impl Fn(f64) -> (f64, f64)) -> Vec<record::Row> {
+    let row = |i: u32| {
+        let time_s = 0.01 * f64::from(i);
+        let (length_m, pressure_pa) = of(time_s);
+        let pressure_pa = if time_s < 0.5 { 101_325.0 } else { pressure_pa };
+        record::Row { time_s, length_m, pressure_pa, force_n: 0.0, weight: 1.0 }
+    };
+    (0..(100.0 * duration_s) as u32).map(row).collect()
+}
+
+/// A muscle whose ends are closer together than it is long does not push, and creeps from its own length on.
+#[test]
+fn a_slack_muscle_pulls_by_nothing_and_has_its_own_length() {
+    let scenario = shipped_scenario().plant;
+    let forces = |by_cell| {
+        let rows = framed(0.51, |_| (0.23, 6.0e5));
+        Law::of(&scenario, by_cell).forces(&rows, &Start::default())
+    };
+    let (slack, pushed) = (forces(true), forces(false));
+    assert!(slack[..50].iter().all(|force_n| *force_n == 0.0), "{slack:?}");
+    assert!(pushed[49] < -150.0, "{pushed:?}");
+    // 20 mm in 10 ms: slip, and both creeps, of which the fast one has lost 1 % on the way.
+    let held_n = 6.5 + 0.02 * (0.989 * 2470.0 + 1500.0);
+    let more_n = pushed[50] - slack[50];
+    assert!((more_n / held_n - 1.0).abs() < 0.01, "{more_n} N of {held_n}");
+}
+
+#[test]
+fn a_muscle_is_found_between_ends_where_it_is_slack_at_times() {
+    let rows = framed(40.0, |time_s| {
+        let pressure_pa = [4.0e5, 6.0e5, 5.0e5][(time_s / 13.4) as usize];
+        (0.235 - 0.012 * (0.6 * time_s).sin(), pressure_pa)
+    });
+    let truth = other().plant;
+    let forces = Law::of(&truth, true).forces(&rows, &Start::default());
+    let slack = forces.iter().filter(|force_n| **force_n == 0.0).count();
+    assert!((200..2000).contains(&slack), "slack in {slack} rows");
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+    let noisy = rows.iter().zip(forces).map(|(row, force_n)| {
+        let [a, b, c]: [f64; 3] = std::array::from_fn(|_| StandardNormal.sample(&mut random));
+        let (length_m, pressure_pa) = (row.length_m + 2e-5 * a, row.pressure_pa + 300.0 * b);
+        (format!("{},{length_m},{pressure_pa}", row.time_s), force_n + 0.5 * c)
+    });
+    let noisy: Vec<_> = noisy.collect();
+    let identified = |force_unit: f64| {
+        let line = |(row, force_n): &(String, f64)| format!("{row},{}\n", force_unit * force_n);
+        let text: String = noisy.iter().map(line).collect();
+        let table = table(&format!("time_s,length_m,pressure_pa,force_n\n{text}"));
+        identify(&shipped_scenario(), CONFIG.as_ref(), &table, None, &()).unwrap().findings
+    };
+    let failed = identified(0.001).failed().unwrap();
+    assert!(failed.contains("another rest length, load or unit"), "{failed}");
+    let found = identified(1.0);
+    println!("{}", found.text());
+    assert!(found.holds, "{:?}", found.remarks);
+    for key in ["slip_force_n", "creep_fast_n_m", "creep_slow_n_m", "bladder_saturation_n"] {
+        let key = format!("muscle.{key}");
+        let ratio =
+            found.parameters[key.as_str()].value / thermyo_scenario::number(&truth, &key).unwrap();
+        assert!((0.9..1.1).contains(&ratio), "{key}: {ratio}");
+    }
+    let length_m = found.rmse.length_m.unwrap();
+    assert!((1e-5..2e-4).contains(&length_m), "{length_m} m");
+}
+
 /// The slip that was found contains the friction of the record: configured beside it, a muscle's friction
 /// would be compensated twice.
 #[test]
