@@ -13,7 +13,7 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_record::board_trace::every_column;
-use thermyo_record::measured::{Measured, check_absolute};
+use thermyo_record::measured::{Measured, check_pressures};
 use thermyo_scenario::PlantKind;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
@@ -67,15 +67,20 @@ pub fn identify_table(
     }
     valves::check(table, &core_config(&loaded.believed))?;
     if loaded.plant.plant.kind != PlantKind::Vessel {
-        check_absolute(table, "pressure_pa", loaded.plant.ambient.pressure_pa)?;
+        check_pressures(table, "pressure_pa", loaded.plant.ambient.pressure_pa)?;
+    }
+    if loaded.plant.plant.kind == PlantKind::Muscle {
+        motion::check_lengths(table, loaded.plant.muscle.rest_length_m)?;
     }
     if stops::are_asked_for(loaded, table) {
         return whole(Found::Stops(stops::identify(loaded, table, data)?), watch);
     }
     let known = [every_column(), REFERENCE.to_vec()].concat();
-    let measured = match begins_anywhere(&loaded.plant, table) {
-        true => Measured::since_first(table, &known)?,
-        false => Measured::new(table, &known)?,
+    let measured = if begins_anywhere(&loaded.plant, table) {
+        motion::check_pace(table, &loaded.plant)?;
+        Measured::since_first(table, &known)?
+    } else {
+        Measured::new(table, &known)?
     };
     identify(loaded, config, &measured, data, watch).map(Found::Record)
 }

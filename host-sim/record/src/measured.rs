@@ -33,14 +33,15 @@ const LEAST_DISTANCE_S: f64 = 4.0e-4;
 /// Distances of times from the file are rounded by less \[-\].
 const ROUNDING: f64 = 1.0e-3;
 
-/// Refuses gauge pressures of a muscle in a column, if the table has it.
-///
-/// # Errors
-/// With the first line.
-pub fn check_absolute(table: &Table, column: &str, ambient_pa: f64) -> Result<(), InputError> {
+/// Refuses gauge pressures.
+fn check_absolute(
+    table: &Table,
+    column: &str,
+    cells: &[Option<f64>],
+    ambient_pa: f64,
+) -> Result<(), InputError> {
     let least_pa = NOT_ABSOLUTE * ambient_pa;
-    let Some(cells) = table.columns().iter().find(|own| own.name == column) else { return Ok(()) };
-    match cells.cells.iter().position(|cell| cell.is_some_and(|pressure| pressure < least_pa)) {
+    match cells.iter().position(|cell| cell.is_some_and(|pressure| pressure < least_pa)) {
         Some(row) => {
             let allowed = format!(
                 "absolute, and no less than {least_pa:.0} Pa, 80 % of ambient.pressure_pa = {ambient_pa:?}: is this gauge \
@@ -63,17 +64,19 @@ pub fn unit_of_highest(pressure: f64) -> &'static str {
     }
 }
 
-/// Refuses pressures of a column that are in another unit, impossible ones, and gauge pressures.
+/// Refuses pressures of a muscle that are in another unit, impossible ones, and gauge pressures, if the table has the
+/// column.
 ///
 /// # Errors
-/// With the line of the highest pressure, or of the first gauge pressure; for an empty cell; where there is no such
-/// column.
+/// With the line of the highest pressure, or of the first gauge pressure.
 pub fn check_pressures(table: &Table, column: &str, ambient_pa: f64) -> Result<(), InputError> {
-    let pressures = table.filled(column)?;
-    let highest = pressures.into_iter().enumerate().max_by(|(_, a), (_, b)| a.total_cmp(b));
+    let Some(own) = table.columns().iter().find(|own| own.name == column) else { return Ok(()) };
+    let rows = own.cells.iter().enumerate();
+    let pressures = rows.filter_map(|(row, cell)| Some((row, (*cell)?)));
+    let highest = pressures.max_by(|(_, a), (_, b)| a.total_cmp(b));
     let is_usual = |pressure: f64| (LEAST_PRESSURE_PA..=MOST_PRESSURE_PA).contains(&pressure);
     let Some((row, pressure)) = highest.filter(|(_, pressure)| !is_usual(*pressure)) else {
-        return check_absolute(table, column, ambient_pa);
+        return check_absolute(table, column, &own.cells, ambient_pa);
     };
     if pressure > MOST_PRESSURE_PA {
         let allowed = format!("at most {MOST_PRESSURE_PA:?} Pa");
@@ -359,7 +362,7 @@ mod tests {
     fn gauge_pressures_are_refused() {
         let checked = |text: &str| {
             let table = Table::parse(text, "m.csv".as_ref()).unwrap();
-            check_absolute(&table, "pressure_pa", 1.0e5).map_err(|error| error.to_string())
+            check_pressures(&table, "pressure_pa", 1.0e5).map_err(|error| error.to_string())
         };
         let gauge = "m.csv:3: column pressure_pa = 0.0: must be absolute, and no less than 80000 Pa, 80 % of \
              ambient.pressure_pa = 100000.0: is this gauge pressure? Add the ambient one; at altitude set that key";

@@ -68,7 +68,7 @@ use thermyo_joint::JointLoaded;
 use thermyo_logs::{Logs, topics};
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::board_trace::every_column;
-use thermyo_record::measured::{self, Measured, check_absolute, of_unknown_column};
+use thermyo_record::measured::{self, Measured, check_pressures, of_unknown_column};
 use thermyo_record::summary::Summary;
 use thermyo_record::trace::{COLUMNS, COMPARABLE, Row};
 use thermyo_runs::reproduce;
@@ -727,7 +727,7 @@ fn read_to_compare(
     say_damage(&table, to);
     let measured = Measured::new(&table, &known)?;
     if scenario.plant.kind != PlantKind::Vessel {
-        check_absolute(&table, "pressure_pa", scenario.ambient.pressure_pa)?;
+        check_pressures(&table, "pressure_pa", scenario.ambient.pressure_pa)?;
     }
     let (measured, late) = measured.within_run(&table, &COMPARABLE, duration_s)?;
     if late > 0 {

@@ -17,7 +17,7 @@ pub use baseline::{LawLeft, laws};
 pub use fit::{FACTOR, KEYS, MOTION};
 pub use page::{page, plot};
 pub use plan::{check_plan, plan, profile};
-pub use record::Record;
+pub use record::{Record, check_lengths, check_pace};
 
 use super::findings::Fitted;
 use fit::{Parameter, Problem, Value, adopt, residuals};

@@ -5,7 +5,7 @@ use thermyo_files::table::Table;
 use thermyo_record::measured::{
     check_distances, check_pressures, check_rising, since_s, usual_distance_s,
 };
-use thermyo_scenario::Scenario;
+use thermyo_scenario::{PlantKind, Scenario};
 
 /// Required columns, and the optional one.
 const COLUMNS: [&str; 3] = ["time_s", "length_m", "pressure_pa"];
@@ -68,7 +68,7 @@ impl Record {
             return Err(table.header_error(Problem::UnusableColumn { column, why }));
         }
         check_times(table, &times)?;
-        check_lengths(table, &lengths, scenario.muscle.rest_length_m)?;
+        check_lengths(table, scenario.muscle.rest_length_m)?;
         check_speeds(table, &times, &lengths, scenario.muscle.rest_length_m)?;
         check_pressures(table, COLUMNS[2], scenario.ambient.pressure_pa)?;
         match &forces {
@@ -181,16 +181,21 @@ fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
     }
 }
 
-fn check_lengths(table: &Table, lengths: &[f64], rest_m: f64) -> Result<(), InputError> {
-    let [low, high] = LENGTHS.map(|share| share * rest_m);
-    let Some(row) = lengths.iter().position(|length| !(low..=high).contains(length)) else {
+/// Refuses lengths that the muscle cannot have, if the table has them.
+pub fn check_lengths(table: &Table, rest_m: f64) -> Result<(), InputError> {
+    let Some(own) = table.columns().iter().find(|own| own.name == COLUMNS[1]) else {
         return Ok(());
     };
-    let unit = if (low..=high).contains(&(0.001 * lengths[row])) {
+    let [low, high] = LENGTHS.map(|share| share * rest_m);
+    let mut rows = own.cells.iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
+    let Some((row, length)) = rows.find(|(_, length)| !(low..=high).contains(length)) else {
+        return Ok(());
+    };
+    let unit = if (low..=high).contains(&(0.001 * length)) {
         ": is this mm?"
-    } else if (low..=high).contains(&-lengths[row]) {
+    } else if (low..=high).contains(&-length) {
         ": is its sign reversed?"
-    } else if lengths[row].abs() < low {
+    } else if length.abs() < low {
         ": is this a contraction, or a stroke?"
     } else {
         ""
@@ -198,6 +203,17 @@ fn check_lengths(table: &Table, lengths: &[f64], rest_m: f64) -> Result<(), Inpu
     let allowed =
         format!("a length from {low} to {high} m, by muscle.rest_length_m = {rest_m:?}{unit}");
     Err(table.cell_error(row, COLUMNS[1], &allowed))
+}
+
+/// Refuses a record in minutes of a muscle that pressure and length drive; its columns may have times of their own.
+pub fn check_pace(table: &Table, scenario: &Scenario) -> Result<(), InputError> {
+    let [times, lengths, _] = COLUMNS.map(|name| table.filled(name));
+    let (Ok(times), Ok(lengths)) = (times, lengths) else { return Ok(()) };
+    check_distances(table, &times, (f64::INFINITY, ""))?;
+    match scenario.plant.kind {
+        PlantKind::Muscle => check_speeds(table, &times, &lengths, scenario.muscle.rest_length_m),
+        _ => Ok(()),
+    }
 }
 
 /// A muscle does not move as fast as its record read in minutes.

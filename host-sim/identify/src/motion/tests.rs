@@ -324,6 +324,37 @@ fn a_record_in_minutes_is_named() {
     );
 }
 
+/// The same holds where pressure and length drive a muscle and its gas sensor is compared.
+#[test]
+fn a_record_of_a_gas_sensor_in_other_units_is_named() {
+    let scenario = "[muscle]\nrest_length_m = 0.25\n[identify]\nparameters = [\"sensor.gas.time_constant_s\"]\n\
+                    columns = [\"sensor_gas_k\"]\n";
+    let loaded = thermyo_setup::parse(scenario, CONFIG.as_ref()).unwrap();
+    let message = |time_unit: f64, rows_per_s: f64, length: fn(f64) -> f64, pressure_unit: f64| {
+        let mut text = "time_s,length_m,pressure_pa,sensor_gas_k,duty_in,duty_out\n".to_owned();
+        for i in 0..400 {
+            let time_s = f64::from(i) / rows_per_s;
+            let swing = (4.0 * time_s).sin();
+            let (length_m, pressure_pa) =
+                (length(0.23 - 0.015 * swing), pressure_unit * (2.0e5 + 9.0e4 * swing));
+            text += &format!("{},{length_m},{pressure_pa},298,0,0\n", time_unit * time_s);
+        }
+        let data = Path::new("motion.csv");
+        identify_table(&loaded, CONFIG.as_ref(), &table(&text), data, None, &())
+            .unwrap_err()
+            .to_string()
+    };
+    for (error, end) in [
+        (message(1.0 / 60.0, 50.0, |l| l, 1.0), "is this min? Leave out rows of a faster record"),
+        (message(1.0 / 60.0, 20.0, |l| l, 1.0), "is this min?"),
+        (message(1.0, 50.0, |l| 1.0 - l / 0.25, 1.0), "is this a contraction, or a stroke?"),
+        (message(1.0, 50.0, |l| 1e3 * l, 1.0), "is this mm?"),
+        (message(1.0, 50.0, |l| l, 1e-3), "is this kPa, or psi?"),
+    ] {
+        assert!(error.starts_with("motion.csv:") && error.ends_with(end), "{error}");
+    }
+}
+
 /// A record of 100 rows, each cell by a function of the row.
 fn rows(of: impl Fn(usize) -> String) -> String {
     let head = "time_s,length_m,pressure_pa,force_n\n".to_owned();
