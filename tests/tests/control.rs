@@ -331,6 +331,22 @@ fn the_working_cycle_stays_where_it_is() {
     }
 }
 
+/// A weight at the end of what the pressure lifts swings on its gas; that tripped the limit, and the muscle let it fall.
+#[test]
+fn a_weight_that_swings_at_the_limit_is_held() {
+    for mass_kg in [14.0, 20.0] {
+        let text = format!(
+            "[run]\nduration_s = 5.0\n[muscle]\npreset = \"dmsp-10\"\n[valve]\npreset = \"mhe4-class\"\n[load]\n\
+             kind = \"mass\"\nmass_kg = {mass_kg}\n[drive]\nkind = \"contraction\"\ncontraction = 0.08\n"
+        );
+        let rows = rows(&thermyo_setup::parse(&text, "weight.toml".as_ref()).unwrap());
+        let peak_pa = peak_pa(&rows, 0.0, 6.0);
+        assert!((6.6e5..6.8e5).contains(&peak_pa), "{mass_kg} kg: {peak_pa} Pa");
+        let faults = rows.last().unwrap().telemetry.faults;
+        assert!(faults.0 == 0, "{mass_kg} kg: {faults}");
+    }
+}
+
 /// An unreachable set point ends below the limit, marked as limited and without a fault.
 #[test]
 fn an_unreachable_contraction_stops_below_the_limit() {

@@ -53,6 +53,9 @@ use crate::sample::{Command, Duty};
 /// and 500 Hz, 20 kg on a sine of 15 mm were 0.9 and 3.7 mm off, at 100 Hz 0.2 mm.
 const CONTRACTION_S: f32 = 0.008;
 
+/// A contraction's pressure may be so far above the working limit, share of it \[-\].
+const SPILT: f32 = 0.01;
+
 /// The loop that is closed, if one is.
 #[expect(clippy::large_enum_variant, reason = "there is no allocator to box one with")]
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -294,6 +297,10 @@ impl Controller {
                         most_pa: self.working_limit_pa,
                     };
                     let asked = self.contraction_mass_kg(config, chamber, feedback, &port, &wanted);
+                    let asked_kg = asked.map_or(0.0, |(mass_kg, _)| mass_kg);
+                    if let Some(spilt_kg) = self.spilt_kg(&port).filter(|kg| *kg < asked_kg) {
+                        return self.drive.mass(config, spilt_kg, muscle);
+                    }
                     let Some((mass_kg, open)) = asked else { return self.drive.closed() };
                     let mass_kg = self.limited_kg(&port, mass_kg);
                     return self.drive.mass_through(config, mass_kg, muscle, open);
@@ -386,6 +393,13 @@ impl Controller {
         let most_kg = limit(port.mass_kg(room_pa, 0.0), 0.0, 1.0);
         self.limited |= wanted_kg > most_kg;
         limit(wanted_kg, 0.0, most_kg)
+    }
+
+    /// Mass beyond the working limit, where a load that swings on its gas compresses it: it would trip the limit at
+    /// which the muscle vents \[kg\].
+    fn spilt_kg(&self, port: &ChamberPort) -> Option<f32> {
+        let room_pa = self.working_limit_pa - port.pressure_pa;
+        (room_pa < -SPILT * self.working_limit_pa).then(|| port.mass_kg(room_pa, 0.0))
     }
 
     /// Change of the volume over the last period, eq. (11) \[m3\].
@@ -882,6 +896,26 @@ mod tests {
         assert!((port.period_s * 100.0 - 1.0).abs() < 1e-6 && (port.pwm_hz - 100.0).abs() < 1e-3);
         let gas_kg = 3.0e5 * port.volume_m3 / (287.05 * 330.0);
         assert!((port.gas_mass_kg() / gas_kg - 1.0).abs() < 1e-4);
+    }
+
+    /// A load that swings on the gas of a muscle at the limit compresses it with both valves shut.
+    #[test]
+    fn a_contraction_spills_what_is_well_beyond_the_working_limit() {
+        let config = Config::default();
+        let limit_pa = config.working_limit_pa();
+        for (share, spills) in [(1.005, false), (1.02, true)] {
+            let mut controller = Controller::new(&config);
+            set(&mut controller, SetPoint::Contraction { contraction: 0.35 });
+            for _ in 0..200 {
+                periods(&mut controller, &config, 1, feedback(3.0e5, 0.22));
+            }
+            let command = periods(&mut controller, &config, 2, feedback(share * limit_pa, 0.22));
+            assert_eq!(
+                (command.inlet, command.outlet > Duty::ZERO),
+                (Duty::ZERO, spills),
+                "{share}"
+            );
+        }
     }
 
     /// One period brings no more than leads to the working limit, and says that it was asked more.
