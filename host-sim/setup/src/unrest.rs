@@ -6,6 +6,7 @@
 use super::core_config::{core_config, flow_late_s};
 use super::loaded::Loaded;
 use model_core::Config;
+use model_core::control::valve_drive::least_opening_s;
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
@@ -150,16 +151,10 @@ pub(super) fn open_kg_s(s: &Scenario, config: &Config) -> f64 {
 
 /// The shortest pulse is too large.
 fn coarse(s: &Scenario, config: &Config, rest: &Rest) -> Option<Unrest> {
-    let (tuning, valve) = (&config.controller, &config.valve);
-    let [pulse_s, switch_s] = [tuning.minimum_pulse_s, valve.switch_time_s].map(f64::from);
-    let opening_s = if s.valve.kind == ValveKind::Proportional {
-        // It opens by as little as is wanted.
-        0.0
-    } else if pulse_s < switch_s {
-        pulse_s * pulse_s / switch_s
-    } else {
-        pulse_s
-    };
+    if s.valve.kind == ValveKind::Proportional {
+        return None;
+    }
+    let opening_s = f64::from(least_opening_s(config, s.pwm_period_s() as f32));
     let gas = IdealGas::new(&s.gas);
     let moved_kg = opening_s * open_kg_s(s, config);
     let so = "the loop may rest off its goal by half of that, or go on with single pulses";

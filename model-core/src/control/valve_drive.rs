@@ -449,17 +449,21 @@ fn tail_s(until_s: f32, switch_s: f32) -> f32 {
     if until_s < switch_s { 0.5 * until_s * until_s / switch_s } else { until_s - 0.5 * switch_s }
 }
 
-/// Mass of the shortest pulse that is given, in the direction of a mass \[kg\].
-pub(super) fn least_kg(config: &Config, period_s: f32, mass_kg: f32, muscle: Reservoir) -> f32 {
-    let opening_s = match config.valve_kind {
+/// Opening of the shortest pulse that is given in a period \[s\].
+pub fn least_opening_s(config: &Config, period_s: f32) -> f32 {
+    match config.valve_kind {
         ValveKind::Switching => {
             let (pulse_s, switch_s) =
                 (config.controller.minimum_pulse_s, config.valve.switch_time_s);
             if pulse_s < switch_s { pulse_s * pulse_s / switch_s } else { pulse_s }
         }
         ValveKind::Proportional(_) => LEAST_OPENING * period_s,
-    };
-    opening_s * OpenFlow::new(config, mass_kg, muscle).kg_s
+    }
+}
+
+/// Mass of that pulse, in the direction of a mass \[kg\].
+pub(super) fn least_kg(config: &Config, period_s: f32, mass_kg: f32, muscle: Reservoir) -> f32 {
+    least_opening_s(config, period_s) * OpenFlow::new(config, mass_kg, muscle).kg_s
 }
 
 #[cfg(test)]
