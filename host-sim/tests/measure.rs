@@ -40,6 +40,23 @@ fn identified_and_judged(folder: &Folder) {
     assert!((2.7..3.3).contains(&value("sensor.gas.time_constant_s")), "{found}");
     let identified = folder.read("fit/identified.toml");
     assert!(identified.contains("[believed"), "the core's values differ");
+    let text = folder.read("out/trace.csv");
+    let (head, rows) = text.split_once('\n').unwrap();
+    let changed = |name: &str, of: fn(f64) -> f64| {
+        let column = head.split(',').position(|own| own == name).unwrap();
+        let row = |row: &str| {
+            let mut cells: Vec<String> = row.split(',').map(str::to_owned).collect();
+            cells[column] = of(cells[column].parse().unwrap()).to_string();
+            cells.join(",") + "\n"
+        };
+        let text: String = rows.lines().map(row).collect();
+        let other = folder.file("other.csv", &format!("{head}\n{text}"));
+        thermyo(&["identify", &other, "--config", &file, "--out", &out]).ends(2)
+    };
+    changed("sensor_gas_k", |k| k - 273.15)
+        .says("other.csv:2: column sensor_gas_k = ")
+        .says("must be a number from 100 to 1000 K");
+    changed("time_s", |s| s / 60.0).says("unless both valves are shut at least three times");
     let recording = folder.name("out");
     let judged =
         thermyo(&["evaluate", "estimator", "--recording", &recording, "--json", "--quiet"]);

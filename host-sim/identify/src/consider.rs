@@ -62,9 +62,11 @@ pub fn widened(
 
 #[cfg(test)]
 mod tests {
-    use crate::identify_table;
+    use crate::identify;
+    use crate::record::known_columns;
     use std::path::Path;
     use thermyo_files::table::Table;
+    use thermyo_record::measured::Measured;
     use thermyo_record::trace::Row;
     use thermyo_simulation::board::CoreBoard;
     use thermyo_simulation::run;
@@ -94,7 +96,8 @@ mod tests {
         run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
         let data = Path::new("d.csv");
         let table = Table::parse(&rows, data).unwrap();
-        let found = identify_table(&loaded, "c.toml".as_ref(), &table, data, None, &()).unwrap();
-        assert!(found.failed().is_some());
+        let measured = Measured::since_first(&table, &known_columns()).unwrap();
+        let found = identify(&loaded, "c.toml".as_ref(), &measured, data, &()).unwrap();
+        assert!(found.findings.failed().is_some());
     }
 }

@@ -169,7 +169,8 @@ fn named(loaded: &Loaded, config: &Path) -> Result<Vec<Parameter>, InputError> {
     if parameters.is_empty() {
         let problem = InputProblem::Missing {
             key: "identify.parameters".to_owned(),
-            why: "it names what is fitted, such as [\"heat.scale\"]".to_owned(),
+            why: "it names what is fitted, such as [\"heat.scale\"], unless both valves are shut at least three times, for 5 s \
+                  or more".to_owned(),
         };
         return Err(InputError::file(config, problem));
     }

@@ -13,7 +13,7 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_record::board_trace::every_column;
-use thermyo_record::measured::{Measured, check_pressures};
+use thermyo_record::measured::{Measured, check_possible, check_pressures};
 use thermyo_scenario::PlantKind;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
@@ -72,7 +72,11 @@ pub fn identify_table(
     if loaded.plant.plant.kind == PlantKind::Muscle {
         motion::check_lengths(table, loaded.plant.muscle.rest_length_m)?;
     }
+    if loaded.plant.identify.parameters.is_empty() {
+        motion::check_pace(table, &loaded.plant)?;
+    }
     if stops::are_asked_for(loaded, table) {
+        check_possible(table, true)?;
         return whole(Found::Stops(stops::identify(loaded, table, data)?), watch);
     }
     let known = [every_column(), REFERENCE.to_vec()].concat();

@@ -88,6 +88,23 @@ pub fn check_pressures(table: &Table, column: &str, ambient_pa: f64) -> Result<(
     Err(table.cell_error(row, column, &allowed))
 }
 
+/// Refuses values that cannot have been measured; times may be any where the record begins anywhere.
+///
+/// # Errors
+/// With the first line of a column that has one.
+pub fn check_possible(table: &Table, anywhere: bool) -> Result<(), InputError> {
+    for column in table.columns().iter().filter(|own| !(anywhere && own.name == TIME)) {
+        let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name) else {
+            continue;
+        };
+        let possible = |cell: &Option<f64>| cell.is_none_or(|value| limits.contains(value));
+        if let Some(row) = column.cells.iter().position(|cell| !possible(cell)) {
+            return Err(table.cell_error(row, name, &limits.to_string()));
+        }
+    }
+    Ok(())
+}
+
 /// Refuses times that do not rise.
 ///
 /// # Errors
@@ -205,16 +222,7 @@ impl Measured {
             return Err(table.cell_error(row, TIME, &allowed));
         }
         let first_s = times.first().copied().unwrap_or_default();
-        for column in table.columns().iter().filter(|own| !(anywhere && own.name == TIME)) {
-            let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name)
-            else {
-                continue;
-            };
-            let possible = |cell: &Option<f64>| cell.is_none_or(|value| limits.contains(value));
-            if let Some(row) = column.cells.iter().position(|cell| !possible(cell)) {
-                return Err(table.cell_error(row, name, &limits.to_string()));
-            }
-        }
+        check_possible(table, anywhere)?;
         let since = |time: &f64| if anywhere { since_s(*time, first_s) } else { *time };
         let columns = table
             .columns()

@@ -224,3 +224,18 @@ fn a_gap_is_refused() {
     assert!(why.starts_with("the record has a gap from 9.99 to 10.60 s"), "{why}");
     assert!(analysis.stops[1..].iter().all(Stop::usable));
 }
+
+/// Its lag was found as 4353 s, to 0.1 s.
+#[test]
+fn a_frozen_sensor_shows_no_lag() {
+    let config = held();
+    let mut rows = record(&SOUND, &config);
+    for row in &mut rows.rows {
+        row.sensor_k = WALL_K;
+    }
+    let law = |_: f64, _: f64, _: f64| 90.0;
+    let found = analyse(&rows, &Known { config: &config, law: &law, hose_m3: 0.0 }).sensor.unwrap();
+    assert!(found.lag_sd == f64::INFINITY, "{found:?}");
+    let sound = analysed(&SOUND, &config).sensor.unwrap();
+    assert!(sound.lag_sd < 0.1, "{sound:?}");
+}

@@ -230,11 +230,14 @@ pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
         let own = by_data.as_ref().map_or(f64::INFINITY, |inverse| inverse[(i, i)].max(0.0).sqrt());
         jackknife_sd(&others.iter().map(|place| place[i]).collect::<Vec<_>>()).max(own)
     };
+    // A reading that does not follow within a stop shows no lag.
+    let longest_s = stops.iter().map(|closed| closed.wait_s()).fold(0.0, f64::max);
+    let shown = |i: usize| if place[i].exp() < longest_s { sd(i) } else { f64::INFINITY };
     Some(Sensor {
         lag_s: place[0].exp(),
-        lag_sd: sd(0),
+        lag_sd: shown(0),
         housing_s: place[1].exp(),
-        housing_sd: sd(1),
+        housing_sd: shown(1),
         location_factor: place[2].exp(),
         location_sd: sd(2),
         rms_k,
