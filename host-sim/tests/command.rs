@@ -160,7 +160,11 @@ fn a_recording_is_judged_by_its_reference() {
         folder.file("record/trace.csv", &judged);
     };
     as_recorded("estimate_k");
-    let lines = judge(&["--json"]).ok().json();
+    let lines = judge(&["--json"]).ok();
+    let (trace, quiet) = (folder.name("record/trace.csv"), "--quiet");
+    let by_file = thermyo(&["evaluate", "estimator", quiet, "--json", "--recording", &trace]);
+    assert_eq!(by_file.ok().out, lines.out);
+    let lines = lines.json();
     let figure = |name: &str| {
         let all = lines[0]["figures"].as_array().unwrap();
         all.iter().find(|figure| figure["name"] == name).unwrap()["value"].as_f64().unwrap()

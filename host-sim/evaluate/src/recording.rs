@@ -7,8 +7,6 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_scenario::schema::Limits;
 
-/// File of the recording in its folder.
-pub const FILE: &str = "trace.csv";
 /// Column of the reference sensor, and one of its standard deviation, which it may have.
 const REFERENCE: &str = "reference_gas_k";
 const REFERENCE_SD: &str = "reference_sd_k";
@@ -122,7 +120,7 @@ mod tests {
     const COLUMNS: &str = "time_s,estimate_k,estimate_sd_k,sensor_gas_k,reference_gas_k\n";
 
     fn judged(rows: &str, lag_s: f64) -> Result<Vec<f64>, String> {
-        let table = Table::parse(&format!("{COLUMNS}{rows}"), FILE.as_ref()).unwrap();
+        let table = Table::parse(&format!("{COLUMNS}{rows}"), "trace.csv".as_ref()).unwrap();
         let line = evaluate(&table, lag_s).map_err(|error| error.to_string())?;
         Ok(line.figures.iter().map(|figure| figure.value).collect())
     }
@@ -147,7 +145,7 @@ mod tests {
         let missed = |sd_k: f64| {
             let row = |i: u32| format!("{i},300,{sd_k},290,{}\n", 300.0 + 0.1 * f64::from(i % 4));
             let rows: String = (0..50).map(row).collect();
-            let table = Table::parse(&format!("{COLUMNS}{rows}"), FILE.as_ref()).unwrap();
+            let table = Table::parse(&format!("{COLUMNS}{rows}"), "trace.csv".as_ref()).unwrap();
             let figures = evaluate(&table, 0.0).unwrap().figures;
             let missed = figures.into_iter().filter(|figure| !figure.holds());
             missed.map(|figure| figure.name).collect::<Vec<_>>()

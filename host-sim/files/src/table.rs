@@ -199,7 +199,9 @@ impl Table {
             return Err(Problem::Separator { found });
         }
         let first = record.iter().next().unwrap_or_default();
-        if first.starts_with('#') || record.iter().all(|name| name.parse::<f64>().is_ok()) {
+        if first.starts_with(['#', '<', '{'])
+            || record.iter().all(|name| name.parse::<f64>().is_ok())
+        {
             return Err(Problem::NotNames { found: quoted(first) });
         }
         // A single column cannot be read over time.
@@ -431,6 +433,11 @@ mod tests {
                 "a b\n1 2\n",
                 "t.csv:1: cells are separated by blanks: must be commas, and numbers need a decimal point",
             ),
+            (
+                "<!doctype html>\n<p>1,2,3\n",
+                "t.csv:1: <!doctype html> in the first line: must be the names of the columns",
+            ),
+            ("{\n", "t.csv:1: { in the first line: must be the names of the columns"),
             ("0,1e5\n1,2e5\n", "t.csv:1: 0 in the first line: must be the names of the columns"),
             (
                 "# by hand, a\na,b\n1,2\n",

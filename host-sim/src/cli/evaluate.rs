@@ -1,5 +1,7 @@
 use super::progress::Bar;
-use super::{Console, Failure, FormatArgs, interrupt, load, pretty, quantity, read_record, whole};
+use super::{
+    Console, Failure, FormatArgs, interrupt, load, pretty, quantity, read_record, trace_in, whole,
+};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
 use thermyo_evaluate::{CaseFigures, control_observed, control_page, estimator, faults, joint};
@@ -189,7 +191,7 @@ fn evaluated(
     let bar = Bar::new(0, to.format.quiet);
     match subject {
         Subject::Estimator(EstimatorArgs { recording: Some(folder), reference_lag, .. }) => {
-            let recorded = read_record(&folder.join(recording::FILE), to)?;
+            let recorded = read_record(&trace_in(folder), to)?;
             Ok(vec![recording::evaluate(&recorded, *reference_lag)?])
         }
         Subject::Estimator(EstimatorArgs { random: Some(count), seed, .. }) => {
