@@ -102,6 +102,11 @@ fn assert_another_muscle_is_warned_of(bench: &Bench) {
     let other = warned("[muscle]\nrest_length_m = 0.2\n");
     let expected = "muscle.toml: another muscle is at the emulated board's pins: muscle.rest_length_m = 0.2, 0.3 there";
     assert!(other.contains(expected) && other.lines().count() == 1, "{other}");
+    let file = bench.path("muscle.toml").display().to_string();
+    let tune =
+        format!("thermyo tune {file} --board port:emulated --max-pressure 1.1bar --out out/tune");
+    let tune = String::from_utf8(bench.run(&tune).stderr).unwrap();
+    assert!(tune.contains(expected), "{tune}");
 }
 
 /// The board returns its configuration, to the bit.

@@ -172,7 +172,12 @@ fn refuse_joint(file: &Path) -> Result<(), Failure> {
 }
 
 /// Warns where the emulated board has another muscle at its pins than the scenario that it gets.
-fn warn_of_another_muscle(port: &str, file: &Path, loaded: &Loaded, to: &mut Console<'_>) {
+pub(super) fn warn_of_another_muscle(
+    port: &str,
+    file: &Path,
+    loaded: &Loaded,
+    to: &mut Console<'_>,
+) {
     let there = service::at_pins().filter(|_| port == port::EMULATED).unwrap_or_default();
     let all = differences(loaded, &there);
     if !all.is_empty() {

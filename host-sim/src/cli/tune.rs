@@ -1,3 +1,4 @@
+use super::flashed::warn_of_another_muscle;
 use super::progress::Bar;
 use super::{
     BoardArgs, Console, Failure, OutputArgs, interrupt, load, pretty, quantity, title_of, unbuilt,
@@ -121,6 +122,9 @@ pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> 
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     unbuilt::refuse(&loaded, &args.scenario)?;
+    if let Some(port) = args.board.port() {
+        warn_of_another_muscle(port, &args.scenario, &loaded, to);
+    }
     interrupt::watch();
     let mut out = args.output.create("tune")?;
     let done = match args.plan {
