@@ -134,16 +134,21 @@ impl Answers<'_> {
     }
 
     fn number(&mut self, question: &Question, given: Option<f64>) -> Result<f64, Failure> {
-        let limits = schema::limits(question.key);
-        let hint = limits.to_string();
-        let check = |number: f64| {
-            limits.contains(number).then_some(number).ok_or_else(|| format!("must be {hint}"))
-        };
+        let check = |number: f64| allowed(question.key, number);
         let given = given.map(check).transpose().map_err(|allowed| refused(question, &allowed))?;
-        self.to(question, given, &hint, |text| {
-            text.parse().map_err(|_| format!("must be {hint}")).and_then(check)
-        })
+        let hint = schema::limits(question.key).to_string();
+        self.to(question, given, &hint, |text| typed(question.key, text))
     }
+}
+
+fn allowed(key: &str, number: f64) -> Result<f64, String> {
+    let limits = schema::limits(key);
+    limits.contains(number).then_some(number).ok_or_else(|| format!("must be {limits}"))
+}
+
+/// A number that was typed, which may have a unit as a flag's has.
+fn typed(key: &str, text: &str) -> Result<f64, String> {
+    quantity(schema::limits(key).unit)(text).and_then(|number| allowed(key, number))
 }
 
 fn refused(question: &Question, allowed: &str) -> Failure {
@@ -262,4 +267,24 @@ fn unknown(presets: &[(&str, String)]) -> Vec<(Vec<&'static str>, &'static str)>
     ));
     all.push((vec!["muscle.dead_volume_m3", "sensor.length.range_m"], "fittings and data sheet"));
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_may_have_a_unit_as_a_flag_may() {
+        for (question, text, number) in [
+            (REST, "300mm", Ok(0.3)),
+            (SUPPLY, "7 bar", Ok(7.0e5)),
+            (LOAD, "5", Ok(5.0)),
+            (ANGLE, "25 deg", Ok(25.0)),
+            (LOAD, "-1kg", Err("must be a number from 0 to 1e5 kg".to_owned())),
+        ] {
+            assert_eq!(typed(question.key, text), number);
+        }
+        let wrong = typed(REST.key, "3bar").unwrap_err();
+        assert!(wrong.contains("or one with its unit: m, "), "{wrong}");
+    }
 }
