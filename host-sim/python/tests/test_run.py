@@ -3,12 +3,21 @@
 import ast
 import json
 import pathlib
+import subprocess
+import sys
 import threading
 import time
 
 import numpy
 import pytest
 import thermyo
+
+
+def test_the_import_names_numpy_where_it_is_missing():
+    code = "import sys; sys.modules['numpy'] = None; import thermyo"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    last = run.stderr.splitlines()[-1]
+    assert run.returncode == 1 and last.startswith("ModuleNotFoundError: ") and "numpy" in last, last
 
 
 @pytest.mark.parametrize("name", ["nominal", "contraction", "reproduce", "bellows"])
