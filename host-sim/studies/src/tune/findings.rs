@@ -253,7 +253,7 @@ impl Findings {
             pressure_noise_pa: basis.noise.pressure_pa,
             length_noise_m: basis.noise.length_m,
             force_rms_n: force.rms_n,
-            signal_to_noise: force.coulomb_n.value / force.coulomb_n.error,
+            signal_to_noise: force.signal,
             check: Check { before, after },
             improved,
             adopted,

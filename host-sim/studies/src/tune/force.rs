@@ -35,7 +35,9 @@ const STOP_M: f64 = 0.003;
 const SOFTENING_SPAN_K: f64 = 10.0;
 /// Largest relative standard error of an adopted value \[-\].
 const LARGEST_ERROR: f64 = 0.5;
-/// Least ratio of friction to its standard error.
+/// Standard errors within which a value may be negative.
+const ERRORS: f64 = 3.0;
+/// Least ratio of friction, slip and creep to the standard error of friction.
 pub const LEAST_SIGNAL: f64 = 20.0;
 
 /// Results of even motion.
@@ -47,6 +49,8 @@ pub struct Force {
     pub stiffness_n_m: Measure,
     /// Coulomb friction at the reference temperature \[N\].
     pub coulomb_n: Measure,
+    /// It and the configured slip and creep, over its standard error.
+    pub signal: f64,
     /// Viscous friction at the reference temperature \[N s/m\]; where it exceeds the scatter.
     pub viscous_n_s_m: Option<Measure>,
     /// Softening \[1/K\]; where the wall's temperature changed enough.
@@ -190,7 +194,9 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     let viscous = fit.measure(|c| c[3] / c[0]);
     let certain = viscous.value > 0.0 && viscous.error < LARGEST_ERROR * viscous.value;
     let coulomb_n = fit.measure(|c| c[2] / c[0]);
-    let signal = coulomb_n.value / coulomb_n.error;
+    // A muscle may be held back by its slip and creep alone, which are taken as configured.
+    let held_back_n = sliding.iter().map(|(bin, _)| bin.hysteresis_n.abs()).sum::<f64>();
+    let signal = (coulomb_n.value + held_back_n / sliding.len() as f64) / coulomb_n.error;
     if !(signal >= LEAST_SIGNAL && area_scale.value > 0.0) {
         return Err(Refusal::Noisy { signal, rms_n: fit.rms() * area_scale.value });
     }
@@ -203,14 +209,21 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     };
     Ok(Force {
         area_scale,
-        stiffness_n_m: fit.measure(|c| c[1] / c[0]),
-        coulomb_n,
+        stiffness_n_m: not_below_zero(fit.measure(|c| c[1] / c[0])),
+        coulomb_n: not_below_zero(coulomb_n),
+        signal,
         viscous_n_s_m: certain.then_some(viscous),
         softening_per_k,
         wall_k,
         rms_n: fit.rms() * area_scale.value,
         points: sliding.iter().zip(&fit.residuals).map(point).collect(),
     })
+}
+
+/// What is negative within its error is none.
+fn not_below_zero(found: Measure) -> Measure {
+    let is_none = (-ERRORS * found.error..0.0).contains(&found.value);
+    if is_none { Measure { value: 0.0, ..found } } else { found }
 }
 
 /// With exp(-(b + db)(T - T_ref)) = exp(-b (T - T_ref)) (1 - db (T - T_m)) exp(...) about the mean

@@ -47,6 +47,25 @@ fn values_that_are_worse_are_not_left_on_the_board() {
     }
 }
 
+/// A muscle by its preset has no friction but slip and creep, and no bladder that is a spring: it was refused for the
+/// one as too noisy, for the other as negative.
+#[test]
+fn a_muscle_without_friction_is_tuned() {
+    let rig = "[valve]\npreset = \"mhe2-class\"\n[sensor.pressure]\npreset = \"hsc-150psi-a\"\n[load]\nkind = \"mass\"\n";
+    for (muscle, mass_kg, friction_n) in [("dmsp-10", 2.0, 0.0), ("dmsp-20", 20.0, 15.0)] {
+        let text = format!("[muscle]\npreset = \"{muscle}\"\n{rig}mass_kg = {mass_kg}\n");
+        let loaded = thermyo_setup::parse(&text, Path::new("s.toml")).unwrap();
+        let tuned = tune(&loaded, Path::new("s.toml"), 5.9e5, &mut CoreBoard::default());
+        let tuned = tuned.unwrap_or_else(|error| panic!("{muscle}: {error}"));
+        for (path, truth, within) in
+            [("friction.force_n", friction_n, 1.0), ("muscle.bladder_stiffness_n_m", 0.0, 100.0)]
+        {
+            let found = number(&tuned.scenario.believed, path).unwrap();
+            assert!((found - truth).abs() < within, "{muscle}: {path} = {found} of {truth}");
+        }
+    }
+}
+
 /// The plant slips and creeps by other values than the core is configured with.
 #[test]
 fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
