@@ -3,7 +3,7 @@
 use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
 use super::board_task::{ArmArgs, BoardTask, ConfigTask};
 use super::drive::drive_profile;
-use super::muscle::{line, vents};
+use super::muscle::{line, vents, warn_of_another_muscle};
 use super::{Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, title_of};
 use clap::Args;
 use model_core::Faults;
@@ -17,7 +17,7 @@ use thermyo_boards::subject::Subject;
 use thermyo_boards::{port, service};
 use thermyo_protocol::Refusal;
 use thermyo_setup::core_config::core_config;
-use thermyo_setup::{Loaded, differences, from_config};
+use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 
 #[derive(Debug, Args)]
@@ -169,24 +169,6 @@ fn refuse_joint(file: &Path) -> Result<(), Failure> {
          `thermyo board emulated plug {file}`"
     );
     Err(Failure::Usage(usage))
-}
-
-/// Warns where the emulated board has another muscle at its pins than the scenario that it gets.
-pub(super) fn warn_of_another_muscle(
-    port: &str,
-    file: &Path,
-    loaded: &Loaded,
-    to: &mut Console<'_>,
-) {
-    let there = service::at_pins().filter(|_| port == port::EMULATED).unwrap_or_default();
-    let all = differences(loaded, &there);
-    if !all.is_empty() {
-        let (file, all) = (file.display(), all.join("; "));
-        to.say(format_args!(
-            "warning: {file}: another muscle is at the emulated board's pins: {all}; `thermyo board emulated plug \
-             {file}` plugs in this one"
-        ));
-    }
 }
 
 fn configure(board: &mut LiveBoard, task: ConfigTask, to: &mut Console<'_>) -> Result<(), Failure> {

@@ -1,9 +1,13 @@
 //! The muscle of a board, as commands print it.
 
+use super::Console;
 use model_core::Telemetry;
 use model_core::control::Mode;
 use serde_json::{Value, json};
+use std::path::Path;
+use thermyo_boards::{port, service};
 use thermyo_files::units::UnitSystem;
+use thermyo_setup::{Loaded, differences};
 
 /// Result of a command that vented, as JSON.
 pub(super) fn vents() -> Value {
@@ -25,4 +29,22 @@ pub(super) fn line(telemetry: &Telemetry, units: UnitSystem) -> String {
         share(command.outlet.share()),
         if *limited { ", limited by the highest pressure" } else { "" },
     )
+}
+
+/// Warns where the emulated board has another muscle at its pins than the scenario that it gets.
+pub(super) fn warn_of_another_muscle(
+    port: &str,
+    file: &Path,
+    loaded: &Loaded,
+    to: &mut Console<'_>,
+) {
+    let there = service::at_pins().filter(|_| port == port::EMULATED).unwrap_or_default();
+    let all = differences(loaded, &there);
+    if !all.is_empty() {
+        let (file, all) = (file.display(), all.join("; "));
+        to.say(format_args!(
+            "warning: {file}: another muscle is at the emulated board's pins: {all}; `thermyo board emulated plug \
+             {file}` plugs in this one"
+        ));
+    }
 }

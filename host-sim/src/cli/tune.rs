@@ -1,4 +1,4 @@
-use super::flashed::warn_of_another_muscle;
+use super::muscle::warn_of_another_muscle;
 use super::progress::Bar;
 use super::{
     BoardArgs, Console, Failure, OutputArgs, interrupt, load, pretty, quantity, title_of, unbuilt,

@@ -191,12 +191,9 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     let rows = rows(softening_per_k.map_or(told_per_k, |found| found.value));
     let fit = least_squares(&rows).ok_or(Refusal::TooFew { points: rows.len() })?;
     let area_scale = fit.measure(|c| 1.0 / c[0]);
-    let viscous = fit.measure(|c| c[3] / c[0]);
-    let certain = viscous.value > 0.0 && viscous.error < LARGEST_ERROR * viscous.value;
     let coulomb_n = fit.measure(|c| c[2] / c[0]);
     // A muscle may be held back by its slip and creep alone, which are taken as configured.
-    let held_back_n = sliding.iter().map(|(bin, _)| bin.hysteresis_n.abs()).sum::<f64>();
-    let signal = (coulomb_n.value + held_back_n / sliding.len() as f64) / coulomb_n.error;
+    let signal = (coulomb_n.value + mean_held_n(&sliding)) / coulomb_n.error;
     if !(signal >= LEAST_SIGNAL && area_scale.value > 0.0) {
         return Err(Refusal::Noisy { signal, rms_n: fit.rms() * area_scale.value });
     }
@@ -212,7 +209,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         stiffness_n_m: not_below_zero(fit.measure(|c| c[1] / c[0])),
         coulomb_n: not_below_zero(coulomb_n),
         signal,
-        viscous_n_s_m: certain.then_some(viscous),
+        viscous_n_s_m: certain(fit.measure(|c| c[3] / c[0])),
         softening_per_k,
         wall_k,
         rms_n: fit.rms() * area_scale.value,
@@ -220,7 +217,12 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     })
 }
 
-/// What is negative within its error is none.
+/// Mean size of slip and creep \[N\].
+fn mean_held_n(sliding: &[(Bin, f64)]) -> f64 {
+    sliding.iter().map(|(bin, _)| bin.hysteresis_n.abs()).sum::<f64>() / sliding.len() as f64
+}
+
+/// A value that is negative within its errors becomes 0.
 fn not_below_zero(found: Measure) -> Measure {
     let is_none = (-ERRORS * found.error..0.0).contains(&found.value);
     if is_none { Measure { value: 0.0, ..found } } else { found }
@@ -245,7 +247,10 @@ fn softening_per_k(
             ([*load, *way, *direction, *speed, direction * (bin.wall_k - middle_k)], *y)
         })
         .collect();
-    let found = least_squares(&rows)?.measure(|c| told_per_k - c[4] / c[2]);
+    certain(least_squares(&rows)?.measure(|c| told_per_k - c[4] / c[2]))
+}
+
+fn certain(found: Measure) -> Option<Measure> {
     (found.value > 0.0 && found.error < LARGEST_ERROR * found.value).then_some(found)
 }
 
