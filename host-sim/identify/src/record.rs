@@ -72,7 +72,7 @@ pub fn identify_table(
     if loaded.plant.plant.kind == PlantKind::Muscle {
         motion::check_lengths(table, loaded.plant.muscle.rest_length_m)?;
     }
-    if loaded.plant.identify.parameters.is_empty() {
+    if stops::would_do(loaded) {
         motion::check_pace(table, &loaded.plant)?;
     }
     if stops::are_asked_for(loaded, table) {

@@ -62,11 +62,14 @@ pub struct Identified {
     rows: Rows,
 }
 
+/// Whether a scenario asks for nothing but what stops show.
+pub fn would_do(loaded: &Loaded) -> bool {
+    loaded.plant.identify.parameters.iter().all(|path| KEYS.contains(&path.as_str()))
+}
+
 /// Whether a record has stops, and the scenario asks for what they show.
 pub fn are_asked_for(loaded: &Loaded, table: &Table) -> bool {
-    let named = &loaded.plant.identify.parameters;
-    let from_stops = |path: &String| KEYS.contains(&path.as_str());
-    named.iter().all(from_stops) && find::are_in(table, &core_config(&loaded.believed))
+    would_do(loaded) && find::are_in(table, &core_config(&loaded.believed))
 }
 
 /// The analysis of a record by a scenario.

@@ -31,7 +31,9 @@ mod tests;
 mod thermometer;
 
 pub use find::{Row, Rows, SHORTEST_S};
-pub use identified::{Findings, Identified, analyse_with, are_asked_for, identify, refusals};
+pub use identified::{
+    Findings, Identified, analyse_with, are_asked_for, identify, refusals, would_do,
+};
 pub use relaxation::Relaxation;
 pub use thermometer::Sensor;
 
