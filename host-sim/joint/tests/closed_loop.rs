@@ -65,6 +65,31 @@ fn a_heavy_arm_is_followed_at_two_hertz() {
     assert!((0.05..0.35).contains(&rms_deg), "{rms_deg} deg");
 }
 
+/// Slow creep turns an arm that rests for minutes, by more than the zone in which it may be. Where a rest began anywhere
+/// within it, 17 and 8 pulses followed after 10 s.
+#[test]
+fn an_arm_at_rest_has_room_for_its_creep() {
+    for inertia_kg_m2 in [0.02, 0.145] {
+        let loaded = loaded(&format!("{HOSED}inertia_kg_m2 = {inertia_kg_m2}\n"));
+        let rows = run(&loaded, 21.0, |t| still(if t < 1.0 { 0.0 } else { 20.0 }, 14.0));
+        let open = rows[11_000..].iter().filter(|row| !row.shut()).count();
+        assert_eq!(open, 0, "{inertia_kg_m2} kg m2");
+        let errors = rows[3000..].iter().map(|row| (row.truth.angle_rad.to_degrees() - 20.0).abs());
+        let worst = errors.fold(0.0, f64::max);
+        assert!((0.02..0.3).contains(&worst), "{inertia_kg_m2} kg m2: {worst} deg");
+    }
+}
+
+/// The integral kept the torque that friction held at rest, and took a step 0.3 deg too far.
+#[test]
+fn a_step_forgets_what_friction_held() {
+    let loaded = loaded(HOSED);
+    let rows = run(&loaded, 3.0, |t| still(if t < 1.5 { 0.0 } else { 20.0 }, 14.0));
+    let beyond = rows.iter().map(|row| row.truth.angle_rad.to_degrees() - 20.0);
+    let beyond = beyond.fold(f64::NEG_INFINITY, f64::max);
+    assert!((-0.2..0.1).contains(&beyond), "{beyond} deg");
+}
+
 /// RMS error of 20 deg at 1 Hz \[deg\].
 fn sine_error_deg(loaded: &JointLoaded) -> f64 {
     let (w, size) = (TAU, 20.0_f64.to_radians());

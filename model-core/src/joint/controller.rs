@@ -12,6 +12,10 @@
 //!
 //! As for a single muscle the loops close on gas mass: at held masses the pair is a spring of the wanted stiffness
 //! about the reference, without any delay. At rest all four valves are shut, by one decision for both muscles.
+//!
+//! Creep goes on there for minutes, and the gas takes the temperature of its wall: both are known, and so is the way
+//! that they will turn the joint. The loop leads it to where the set point is in the middle of that way. The integral
+//! is of the error at rest, which friction holds; in motion the observer has what nothing explains.
 
 use super::allocation::{Allocation, Line, allocate, stiffness_n_m_rad, torque_n_m};
 use super::config::{JointConfig, JointTuning, Mechanism};
@@ -168,6 +172,10 @@ pub struct JointController {
     gravity: Gravity,
     /// Gravity has been worked out in this period.
     weighed: bool,
+    /// The reference has arrived at a set point at rest.
+    arrived: bool,
+    /// Way that is still to come then \[rad\].
+    to_come_rad: f32,
     friction: Friction,
     reference: Reference,
     /// Angle of the reference that the pressures were for \[rad\].
@@ -196,6 +204,8 @@ impl JointController {
             torque_n_m: 0.0,
             gravity: Gravity::UNKNOWN,
             weighed: false,
+            arrived: false,
+            to_come_rad: 0.0,
             friction: Friction::default(),
             reference: Reference::still(0.0, 0.0),
             led_rad: 0.0,
@@ -284,6 +294,7 @@ impl JointController {
         self.integral_n_m = 0.0;
         self.calm_periods = 0;
         self.holding = false;
+        self.arrived = false;
         self.limited = false;
         self.observer.restart(angle_rad);
         for ((side, line), muscle) in self.sides.iter_mut().zip(&self.lines).zip(muscles) {
@@ -304,12 +315,36 @@ impl JointController {
         [a.drive.direct(Command::CLOSED), b.drive.direct(Command::CLOSED)]
     }
 
-    /// Works gravity out, once in a period.
-    pub fn weigh(&mut self, mechanism: &Mechanism, angle_rad: f32) {
+    /// Works gravity out, and the way that is still to come at rest, once in a period.
+    pub fn weigh(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
         if !self.weighed {
             self.gravity = Gravity::about(mechanism, angle_rad);
+            if self.arrived {
+                self.to_come_rad = self.to_come_rad(muscles);
+            }
             self.weighed = true;
         }
+    }
+
+    /// Way of the joint behind shut valves until creep has ended and the gas is as warm as its wall, on the spring that
+    /// dry friction is before it slides; no more than a joint that rests may go \[rad\].
+    fn to_come_rad(&self, muscles: &[Measured<'_>; 2]) -> f32 {
+        let mut torque_n_m = 0.0;
+        let mut spring_n_m_rad = self.friction.presliding_n_m_rad
+            + self.stiffness_n_m_rad(muscles.map(|muscle| muscle.gauge_pa()));
+        let pair = self.sides.iter().zip(&self.lines).zip(&self.levers);
+        for ((((side, line), lever), muscle), sign) in pair.zip(muscles).zip([1.0, -1.0]) {
+            let r = lever.scaled(self.radius_m);
+            let Held { fast_n, slow_n, .. } = side.held;
+            let Feedback { pressure_pa, estimate, .. } = muscle.feedback;
+            let warms_pa = pressure_pa * (estimate.wall_k / estimate.gas_k - 1.0);
+            // The line's area has its lever already.
+            let gains_n = lever.scaled(fast_n + slow_n) + line.area_m2 * warms_pa;
+            torque_n_m += sign * self.radius_m * gains_n;
+            spring_n_m_rad += r * r * side.law.stiffness_n_m();
+        }
+        let most_rad = self.tuning.dead_zone_rad;
+        limit(torque_n_m / spring_n_m_rad, -most_rad, most_rad)
     }
 
     /// The muscles at their lengths, and the friction of all that moves.
@@ -400,6 +435,7 @@ impl JointController {
         self.creep(way_rad, &levers);
         self.stand(angle_rad, self.reference.motion.stiffness_n_m_rad);
         self.holding = false;
+        self.arrived = false;
         self.calm_periods = 0;
         self.integral_n_m = 0.0;
     }
@@ -425,14 +461,19 @@ impl JointController {
     ) -> [Command; 2] {
         let JointTuning { gain_n_m_rad, damping_per_s, observer_share, lead_s, .. } = self.tuning;
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
-        let error_rad = self.reference.motion.angle_rad - angle_rad;
+        let mut error_rad = self.reference.motion.angle_rad - angle_rad;
+        self.arrive(wanted);
         if self.rests(wanted, error_rad, gauge_pa, most_pa) {
             self.creep(0.0, &[Lever::PLAIN; 2]);
             let [a, b] = &mut self.sides;
             return [a.drive.closed(), b.drive.closed()];
         }
+        if self.arrived {
+            // With the set point in the middle of the way that is still to come.
+            error_rad -= 0.5 * self.to_come_rad;
+            self.learn(error_rad);
+        }
         let lag_rad_s = self.reference.motion.speed_rad_s - self.observer.speed_rad_s;
-        self.learn(error_rad);
         // A valve that is fully open is late, and the other muscle's would turn the arm meanwhile.
         let stiffens = !self.saturated();
         let Self { reference, tuning, period_s, .. } = self;
@@ -468,6 +509,17 @@ impl JointController {
         self.give(&lines, given, muscles)
     }
 
+    /// Whether the reference has arrived. What friction held at one rest is no torque of a motion: the integral begins
+    /// again at the next one.
+    fn arrive(&mut self, wanted: &Motion) {
+        let arrived = self.reference.arrives_at(wanted, self.tuning.dead_zone_rad);
+        if !arrived {
+            self.integral_n_m = 0.0;
+            self.to_come_rad = 0.0;
+        }
+        self.arrived = arrived;
+    }
+
     /// Whether the valves rest in this period.
     fn rests(
         &mut self,
@@ -478,8 +530,12 @@ impl JointController {
     ) -> bool {
         let width = if self.holding { HYSTERESIS } else { 1.0 };
         let zone_rad = self.tuning.dead_zone_rad;
-        let calm = self.reference.rests_at(wanted, zone_rad)
+        // A rest begins where the angle is within the zone now, and when all has come.
+        let ends = self.holding || absolute(error_rad - self.to_come_rad) <= zone_rad;
+        let calm = self.arrived
+            && wanted.stiffness_n_m_rad == self.reference.motion.stiffness_n_m_rad
             && absolute(error_rad) <= width * zone_rad
+            && ends
             && self.is_as_stiff(wanted.stiffness_n_m_rad, width, gauge_pa, most_pa);
         self.calm_periods = if calm { self.calm_periods.saturating_add(1) } else { 0 };
         let rests = self.calm_periods >= CALM_PERIODS || (self.holding && calm);

@@ -599,7 +599,7 @@ impl Joint {
         if ends {
             self.controller.measure(mechanism, angle_rad, &measured);
         } else if !begins {
-            self.controller.weigh(mechanism, angle_rad);
+            self.controller.weigh(mechanism, angle_rad, &measured);
         }
         self.set_steps = self.set_steps.saturating_add(1);
     }
