@@ -320,7 +320,7 @@ impl JointController {
         if !self.weighed {
             self.gravity = Gravity::about(mechanism, angle_rad);
             if self.arrived {
-                self.to_come_rad = self.to_come_rad(muscles);
+                self.to_come_rad = self.way_to_come_rad(muscles);
             }
             self.weighed = true;
         }
@@ -328,7 +328,7 @@ impl JointController {
 
     /// Way of the joint behind shut valves until creep has ended and the gas is as warm as its wall, on the spring that
     /// dry friction is before it slides; no more than a joint that rests may go \[rad\].
-    fn to_come_rad(&self, muscles: &[Measured<'_>; 2]) -> f32 {
+    fn way_to_come_rad(&self, muscles: &[Measured<'_>; 2]) -> f32 {
         let mut torque_n_m = 0.0;
         let mut spring_n_m_rad = self.friction.presliding_n_m_rad
             + self.stiffness_n_m_rad(muscles.map(|muscle| muscle.gauge_pa()));
