@@ -37,7 +37,7 @@ const SOFTENING_SPAN_K: f64 = 10.0;
 const LARGEST_ERROR: f64 = 0.5;
 /// Standard errors within which a value may be negative.
 const ERRORS: f64 = 3.0;
-/// Least ratio of friction, slip and creep to the standard error of friction.
+/// Least ratio of friction to its standard error.
 pub const LEAST_SIGNAL: f64 = 20.0;
 
 /// Results of even motion.
@@ -49,7 +49,7 @@ pub struct Force {
     pub stiffness_n_m: Measure,
     /// Coulomb friction at the reference temperature \[N\].
     pub coulomb_n: Measure,
-    /// It and the configured slip and creep, over its standard error.
+    /// It, or slip and creep of a muscle without it, over its standard error.
     pub signal: f64,
     /// Viscous friction at the reference temperature \[N s/m\]; where it exceeds the scatter.
     pub viscous_n_s_m: Option<Measure>,
@@ -192,8 +192,8 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     let fit = least_squares(&rows).ok_or(Refusal::TooFew { points: rows.len() })?;
     let area_scale = fit.measure(|c| 1.0 / c[0]);
     let coulomb_n = fit.measure(|c| c[2] / c[0]);
-    // A muscle may be held back by its slip and creep alone, which are taken as configured.
-    let signal = (coulomb_n.value + mean_held_n(&sliding)) / coulomb_n.error;
+    let alone_n = if config.friction.force_n > 0.0 { 0.0 } else { mean_held_n(&sliding) };
+    let signal = (coulomb_n.value + alone_n) / coulomb_n.error;
     if !(signal >= LEAST_SIGNAL && area_scale.value > 0.0) {
         return Err(Refusal::Noisy { signal, rms_n: fit.rms() * area_scale.value });
     }
@@ -217,7 +217,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     })
 }
 
-/// Mean size of slip and creep \[N\].
+/// Mean size of slip and creep, which alone hold a muscle back that is configured without friction \[N\].
 fn mean_held_n(sliding: &[(Bin, f64)]) -> f64 {
     sliding.iter().map(|(bin, _)| bin.hysteresis_n.abs()).sum::<f64>() / sliding.len() as f64
 }

@@ -155,12 +155,12 @@ pub enum Refusal {
         points: usize,
     },
     #[error(
-        "too noisy: friction, slip and creep stand out of the scatter by {signal:.1} standard errors, at least \
+        "too noisy: friction stands out of the scatter by {signal:.1} standard errors, at least \
          {:.0} are needed (residual force {rms_n:.1} N RMS)",
         force::LEAST_SIGNAL
     )]
     Noisy {
-        /// Friction, slip and creep over the standard error of friction.
+        /// Friction over its standard error.
         signal: f64,
         /// RMS residual \[N\].
         rms_n: f64,
