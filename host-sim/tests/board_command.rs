@@ -105,7 +105,7 @@ fn assert_another_muscle_is_warned_of(bench: &Bench) {
     let file = bench.path("muscle.toml").display().to_string();
     let tune =
         format!("thermyo tune {file} --board port:emulated --max-pressure 1.1bar --out out/tune");
-    let tune = String::from_utf8(bench.run(&tune).stderr).unwrap();
+    let tune = bench.run(&tune).err;
     assert!(tune.contains(expected), "{tune}");
 }
 
