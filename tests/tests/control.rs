@@ -249,7 +249,7 @@ fn a_wide_muscle_rests_where_it_should() {
         [drive]\nkind = \"contraction\"\ncontraction = 0.05\n";
     let loaded = parse(text, "wide".as_ref()).unwrap();
     let rest_m = loaded.plant.muscle.rest_length_m;
-    let trace = rows(&loaded);
+    let trace = run::rows(&loaded).unwrap();
     let error_mm = 1e3 * (trace.last().unwrap().truth.length_m - 0.95 * rest_m).abs();
     assert_within("error mm", error_mm, (0.0, 0.7));
 }
@@ -339,7 +339,7 @@ fn a_weight_that_swings_at_the_limit_is_held() {
             "[run]\nduration_s = 5.0\n[muscle]\npreset = \"dmsp-10\"\n[valve]\npreset = \"mhe4-class\"\n[load]\n\
              kind = \"mass\"\nmass_kg = {mass_kg}\n[drive]\nkind = \"contraction\"\ncontraction = 0.08\n"
         );
-        let rows = rows(&thermyo_setup::parse(&text, "weight.toml".as_ref()).unwrap());
+        let rows = run::rows(&parse(&text, "weight.toml".as_ref()).unwrap()).unwrap();
         let peak_pa = peak_pa(&rows, 0.0, 6.0);
         assert!((6.6e5..6.8e5).contains(&peak_pa), "{mass_kg} kg: {peak_pa} Pa");
         let faults = rows.last().unwrap().telemetry.faults;
