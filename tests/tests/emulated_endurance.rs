@@ -24,8 +24,8 @@ const QUIET_JITTER_US: u32 = 5;
 /// which it moves more.
 const STEP_MEAN_NS: u32 = 135_500;
 const LONG_STEP_MEAN_NS: u32 = 138_000;
-/// Worst time of the core's step, 227 us.
-const STEP_WORST_US: u32 = 230;
+/// Worst time of the core's step, 235 us.
+const STEP_WORST_US: u32 = 238;
 /// Longest PWM period of the board \[steps\].
 const LONGEST_PERIOD: u32 = 102;
 /// The most that a flood commands \[-\].

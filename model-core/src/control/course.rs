@@ -61,7 +61,7 @@ pub struct Course {
     /// Change in a period: to go on with, and as the last two values have it.
     change: f32,
     rate: f32,
-    /// What the last value is taken for while it goes on.
+    /// The last value as it is taken while it goes on.
     from: f32,
     /// Steps since the last value came, and between the last ones.
     age_steps: u16,
@@ -119,11 +119,15 @@ impl Course {
             };
             self.age_steps = age_steps;
             self.value = value;
-            let intervals = f32::from(pace.period_steps) / f32::from(self.interval_steps);
+            let intervals = if self.interval_steps == pace.period_steps {
+                1.0
+            } else {
+                f32::from(pace.period_steps) / f32::from(self.interval_steps)
+            };
             let change = gained * intervals;
             let possible = absolute(change) <= fastest;
-            let goes_on = possible && absolute(change - self.rate) <= fastest * intervals;
-            steps = absolute(gained) > fastest && !goes_on;
+            let goes_on = || possible && absolute(change - self.rate) <= fastest * intervals;
+            steps = absolute(gained) > fastest && !goes_on();
             let rate = if possible { change } else { 0.0 };
             self.lasts_steps = self.interval_steps;
             if self.irregular == 0 || steps || self.rate == 0.0 {
@@ -138,8 +142,11 @@ impl Course {
         }
         let change = if self.age_steps < self.lasts_steps { self.change } else { 0.0 };
         let moves = gained != 0.0 || change != 0.0;
-        let from = if change == 0.0 { self.value } else { self.from };
-        let value = from + change * (f32::from(self.age_steps) * pace.per_steps);
+        let value = if change == 0.0 || self.age_steps == 0 && self.irregular == 0 {
+            self.value
+        } else {
+            self.from + change * (f32::from(self.age_steps) * pace.per_steps)
+        };
         Target { value, change, moves, steps }
     }
 }

@@ -53,8 +53,9 @@ use crate::sample::{Command, Duty};
 /// and 500 Hz, 20 kg on a sine of 15 mm were 0.9 and 3.7 mm off, at 100 Hz 0.2 mm.
 const CONTRACTION_S: f32 = 0.008;
 
-/// A contraction's pressure may be so far above the working limit, share of it \[-\].
-const SPILT: f32 = 0.01;
+/// Beyond so much of the working limit a contraction lets gas out: a load that swings on its gas compresses it, and would
+/// trip the limit at which the muscle vents \[-\].
+const SPILLS: f32 = 1.01;
 
 /// The loop that is closed, if one is.
 #[expect(clippy::large_enum_variant, reason = "there is no allocator to box one with")]
@@ -296,14 +297,7 @@ impl Controller {
                         softening: self.softening,
                         most_pa: self.working_limit_pa,
                     };
-                    let asked = self.contraction_mass_kg(config, chamber, feedback, &port, &wanted);
-                    let asked_kg = asked.map_or(0.0, |(mass_kg, _)| mass_kg);
-                    if let Some(spilt_kg) = self.spilt_kg(&port).filter(|kg| *kg < asked_kg) {
-                        return self.drive.mass(config, spilt_kg, muscle);
-                    }
-                    let Some((mass_kg, open)) = asked else { return self.drive.closed() };
-                    let mass_kg = self.limited_kg(&port, mass_kg);
-                    return self.drive.mass_through(config, mass_kg, muscle, open);
+                    return self.contract(config, chamber, feedback, &port, &wanted);
                 }
                 _ => return self.drive.direct(Command::VENT),
             },
@@ -357,30 +351,39 @@ impl Controller {
         mass_kg
     }
 
-    /// Mass that the contraction loop asks for \[kg\], and the open valve's flow; `None` to rest.
-    fn contraction_mass_kg(
+    /// Openings that the contraction loop asks for. Where a load that swings on its gas compresses it beyond the limit,
+    /// gas is let out, also at rest.
+    fn contract(
         &mut self,
         config: &Config,
         chamber: &impl Chamber,
         feedback: &Feedback,
         port: &ChamberPort,
         wanted: &Contracting,
-    ) -> Option<(f32, OpenFlow)> {
-        let mut active = match self.active {
-            ActiveLoop::Contraction(active) => active,
-            _ => ContractionLoop::new(
-                config,
-                &self.gains,
-                chamber,
-                feedback,
-                wanted.load_n,
-                wanted.softening,
-            ),
+    ) -> Command {
+        if !matches!(self.active, ActiveLoop::Contraction(_)) {
+            let Contracting { load_n, softening, .. } = *wanted;
+            let fresh =
+                ContractionLoop::new(config, &self.gains, chamber, feedback, load_n, softening);
+            self.active = ActiveLoop::Contraction(fresh);
+        }
+        let asked = match &mut self.active {
+            ActiveLoop::Contraction(active) => {
+                let asked = active.period(config, chamber, feedback, port, wanted);
+                self.limited = active.limited();
+                asked
+            }
+            _ => None,
         };
-        let mass_kg = active.period(config, chamber, feedback, port, wanted);
-        self.limited = active.limited();
-        self.active = ActiveLoop::Contraction(active);
-        mass_kg
+        let spills = port.pressure_pa > SPILLS * self.working_limit_pa;
+        let rests = spills.then_some((0.0, OpenFlow::NONE));
+        let Some((mass_kg, open)) = asked.or(rests) else { return self.drive.closed() };
+        let mut mass_kg = self.limited_kg(port, mass_kg);
+        if spills {
+            let room_pa = self.working_limit_pa - port.pressure_pa;
+            mass_kg = limit(mass_kg, f32::MIN, port.mass_kg(room_pa, 0.0));
+        }
+        self.drive.mass_through(config, mass_kg, feedback.muscle(), open)
     }
 
     /// `wanted_kg`, limited to the mass that brings the pressure to the working limit at the present
@@ -393,13 +396,6 @@ impl Controller {
         let most_kg = limit(port.mass_kg(room_pa, 0.0), 0.0, 1.0);
         self.limited |= wanted_kg > most_kg;
         limit(wanted_kg, 0.0, most_kg)
-    }
-
-    /// Mass beyond the working limit, where a load that swings on its gas compresses it: it would trip the limit at
-    /// which the muscle vents \[kg\].
-    fn spilt_kg(&self, port: &ChamberPort) -> Option<f32> {
-        let room_pa = self.working_limit_pa - port.pressure_pa;
-        (room_pa < -SPILT * self.working_limit_pa).then(|| port.mass_kg(room_pa, 0.0))
     }
 
     /// Change of the volume over the last period, eq. (11) \[m3\].

@@ -421,6 +421,9 @@ pub struct OpenFlow {
 }
 
 impl OpenFlow {
+    /// Of none.
+    pub const NONE: Self = Self { filling: true, kg_s: 0.0 };
+
     /// Of the valve that moves a mass in this direction \[kg\].
     pub fn new(config: &Config, mass_kg: f32, muscle: Reservoir) -> Self {
         let filling = mass_kg > 0.0;
