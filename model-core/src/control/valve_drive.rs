@@ -265,9 +265,9 @@ impl FlowDrive {
     /// is held for all.
     pub fn join(&mut self, config: &Config, joined: u8) {
         if joined != self.joined {
-            let alone = Self::new(config);
             self.joined = joined;
-            self.period_s = alone.period_s * f32::from(joined);
+            let steps = config.pwm_period_steps.saturating_mul(joined.into());
+            self.period_s = f32::from(steps) * config.step_s;
             self.pwm_hz = 1.0 / self.period_s;
             if let Stage::Metered { spool, lag, .. } = &mut self.stage {
                 *lag = Lag::new(spool, &config.valve, self.period_s);
