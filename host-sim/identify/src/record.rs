@@ -72,7 +72,8 @@ pub fn identify_table(
     if loaded.plant.plant.kind == PlantKind::Muscle {
         motion::check_lengths(table, loaded.plant.muscle.rest_length_m)?;
     }
-    if stops::would_do(loaded) {
+    let begins_anywhere = begins_anywhere(&loaded.plant, table);
+    if begins_anywhere || stops::would_do(loaded) {
         motion::check_pace(table, &loaded.plant)?;
     }
     if stops::are_asked_for(loaded, table) {
@@ -80,8 +81,7 @@ pub fn identify_table(
         return whole(Found::Stops(stops::identify(loaded, table, data)?), watch);
     }
     let known = [every_column(), REFERENCE.to_vec()].concat();
-    let measured = if begins_anywhere(&loaded.plant, table) {
-        motion::check_pace(table, &loaded.plant)?;
+    let measured = if begins_anywhere {
         Measured::since_first(table, &known)?
     } else {
         Measured::new(table, &known)?
