@@ -31,6 +31,9 @@ const FOLLOWED: [(f32, f32); 16] = [
 /// Share of its rate that a step takes from what no flow moves any more, and no reading shows: half a swing of a load on
 /// its gas spring, at 10 to 30 Hz.
 const STOPS: f32 = 1.0 / 32.0;
+/// Steps for which the rate counts at the first reading beyond a wide code (assumption). The noise of a reading at its
+/// edge is no rate: back within the code, the value would coast for 1/[`STOPS`] steps at it.
+const LEFT_STEPS: usize = 8;
 /// Most steps of a line along which gas may flow.
 const OPEN_STEPS: usize = FOLLOWED.len() - 1;
 
@@ -80,11 +83,13 @@ fn shares(steady_steps: usize) -> (f32, f32) {
 pub struct Trend {
     rate: f32,
     steady_steps: usize,
+    /// The last reading was anywhere within a wide code.
+    within: bool,
 }
 
 impl Trend {
     /// At rest.
-    pub const REST: Self = Self { rate: 0.0, steady_steps: 0 };
+    pub const REST: Self = Self { rate: 0.0, steady_steps: 0, within: false };
 
     /// Fraction of one reading's variance that remains after averaging \[-\].
     pub fn noise_left(&self) -> f32 {
@@ -97,6 +102,7 @@ impl Trend {
         let noise = match uncertainty {
             Uncertainty::WideCode(half) => {
                 self.steady_steps = 0;
+                self.within = true;
                 if flow_state == FlowState::Shut {
                     self.rate -= STOPS * self.rate;
                 }
@@ -104,6 +110,14 @@ impl Trend {
             }
             Uncertainty::Noise(noise) => noise,
         };
+        if self.within {
+            self.within = false;
+            self.steady_steps = LEFT_STEPS;
+            if flow_state == FlowState::Shut {
+                self.rate = 0.0;
+            }
+            return change;
+        }
         let error = change - self.rate;
         if flow_state == FlowState::Turned || is_above(absolute(error), noise) {
             self.steady_steps = 0;
@@ -197,6 +211,25 @@ mod tests {
         let worst =
             values.iter().enumerate().map(|(i, v)| (v - corner(i)).abs()).fold(0.0, f32::max);
         assert!((1.0..4.0).contains(&worst), "{worst}");
+    }
+
+    #[test]
+    fn a_reading_at_the_edge_of_a_wide_code_is_no_motion() {
+        let mut trend = Trend::REST;
+        for _ in 0..100 {
+            assert_eq!(trend.step(0.0, Uncertainty::WideCode(40.0), FlowState::Shut), 0.0);
+        }
+        // The noise of a few readings shows beyond the edge.
+        for beyond in [&[41.0][..], &[43.0, 41.0], &[41.0, 40.2, 41.5]] {
+            let (mut trend, mut value) = (trend, 0.0);
+            for reading in beyond {
+                value += trend.step(reading - value, Uncertainty::Noise(4.0), FlowState::Shut);
+            }
+            for _ in 0..200 {
+                value += trend.step(-value, Uncertainty::WideCode(40.0), FlowState::Shut);
+            }
+            assert!((35.0..=40.0).contains(&value), "{value} after {beyond:?}");
+        }
     }
 
     #[test]
