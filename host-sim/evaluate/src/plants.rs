@@ -26,6 +26,11 @@ const STEPS_S: [f64; 4] = [0.0, 2.0, 4.0, 6.0];
 const REST_S: f64 = 1.0;
 /// Largest relative error of the balances of mass and energy \[ppm\].
 const BOOKS_PPM: f64 = 1.0;
+/// An estimate is overconfident that errs by more than so many stated deviations for more than this share of the time
+/// in which it is valid; the share of plants on which it may be.
+const BEYOND_SD: f64 = 3.0;
+const BEYOND: f64 = 0.05;
+const OVERCONFIDENT: f64 = 0.01;
 /// A loop is not at rest if it swings by more than so many dead zones, peak to peak, and crosses
 /// its mean so often within [`REST_S`].
 const SWINGS_ZONES: f64 = 6.0;
@@ -153,6 +158,15 @@ struct Outcome {
     swings: bool,
     warned: bool,
     false_alarm: bool,
+    /// Steps in which the estimate was valid, and of these in which it erred by more than [`BEYOND_SD`].
+    valid_steps: u64,
+    beyond_steps: u64,
+}
+
+impl Outcome {
+    fn overconfident(&self) -> bool {
+        self.beyond_steps as f64 > BEYOND * self.valid_steps as f64
+    }
 }
 
 /// Values of the last [`REST_S`] before a step of the set point swing; independent of the detector
@@ -177,6 +191,11 @@ fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
     let result = run::on_core(loaded, |row| {
         let truth = &row.truth;
         outcome.false_alarm |= row.telemetry.faults.intersects(Faults::NO_INFLOW);
+        let estimate = &row.telemetry.estimate;
+        let error_k = f64::from(estimate.gas_k) - truth.gas_temperature_k;
+        let beyond = error_k.abs() > BEYOND_SD * f64::from(estimate.gas_sd_k);
+        outcome.valid_steps += u64::from(estimate.valid);
+        outcome.beyond_steps += u64::from(estimate.valid && beyond);
         let command = row.telemetry.command;
         let next_s = STEPS_S.into_iter().find(|step_s| *step_s > truth.time_s + 0.0025);
         let next_s = next_s.unwrap_or(f64::INFINITY);
@@ -218,6 +237,11 @@ fn figures(outcomes: &[Outcome]) -> Vec<Figure> {
         Figure::shown("limit_cycles", count(|o| o.swings)),
         Figure::at_most("without_warning", count(|o| o.swings && !o.warned), 0.0),
         Figure::at_most("no_inflow", count(|o| o.false_alarm), 0.0),
+        Figure::at_most(
+            "overconfident",
+            count(Outcome::overconfident),
+            OVERCONFIDENT * outcomes.len() as f64,
+        ),
     ]
 }
 
