@@ -1,11 +1,12 @@
 //! `thermyo monitor` on the emulated board, through a pseudo-terminal, and through its unplugging.
 #![cfg(unix)]
 
-use host_sim::commands::monitor::{EVERY, Muscle, Session, Status, view};
+use host_sim::commands::monitor::{EVERY, Session, Status, view};
 use model_core::{AdcCode, Sample};
 use std::fs::File;
 use std::time::{Duration, Instant};
 use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::live::LiveBoard;
 use thermyo_boards::pty::PtyBoard;
 use thermyo_files::units::UnitSystem;
 use thermyo_protocol::LastReset;
@@ -13,7 +14,7 @@ use thermyo_record::board_trace::Recorder;
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
 
-fn poll_until(session: &mut Session<Muscle>, done: impl Fn(&Session<Muscle>) -> bool) {
+fn poll_until(session: &mut Session<LiveBoard>, done: impl Fn(&Session<LiveBoard>) -> bool) {
     let start = Instant::now();
     while !done(session) {
         session.poll().unwrap();
@@ -37,13 +38,13 @@ fn the_monitor_shows_records_and_survives_unplugging() {
 
     let board = plug_in();
     let recorder = Recorder::new(File::create(&trace).unwrap()).unwrap();
-    let mut session = Session::<Muscle>::open(port.to_str().unwrap(), EVERY, recorder).unwrap();
+    let mut session = Session::<LiveBoard>::open(port.to_str().unwrap(), EVERY, recorder).unwrap();
     // The board states whether it is armed twice a second.
     poll_until(&mut session, |session| session.rows() > 1000 && session.timing().is_some());
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
 
-    let shown = |session: &Session<Muscle>| {
+    let shown = |session: &Session<LiveBoard>| {
         let figures = view::figures(session, UnitSystem::Practical).unwrap();
         assert!(!figures.contains('\n'), "{figures}");
         view::notes(session, UnitSystem::Practical).join("\n") + "\n" + &figures

@@ -3,8 +3,6 @@
 use super::link::Link;
 use super::port::{self, Port};
 use super::serial_port;
-use model_core::Telemetry;
-use model_core::joint::JointTelemetry;
 use std::time::{Duration, Instant};
 use thermyo_protocol::{Answer, Event, HostCommand, LastReset, PROTOCOL, Status, Timing, Version};
 use thermyo_simulation::board::BoardError;
@@ -24,7 +22,7 @@ const PATIENCE_WITH_EMULATED: Duration = Duration::from_secs(5);
 pub struct Line {
     name: String,
     port: Box<dyn Port>,
-    link: Link,
+    pub(super) link: Link,
 }
 
 impl Line {
@@ -154,16 +152,6 @@ impl Line {
     /// Whether unread telemetry has arrived.
     pub fn is_behind(&self) -> bool {
         self.link.is_behind()
-    }
-
-    /// The next telemetry that has arrived.
-    pub fn take_telemetry(&mut self) -> Option<Telemetry> {
-        self.link.take_telemetry()
-    }
-
-    /// The same of a joint.
-    pub fn take_joint_telemetry(&mut self) -> Option<JointTelemetry> {
-        self.link.take_joint_telemetry()
     }
 
     /// Returns the refusal of a request that was only sent, if it has arrived.

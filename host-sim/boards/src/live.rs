@@ -1,12 +1,11 @@
 //! A flashed board that samples a real muscle in real time.
 
 pub use super::line::VIEW_DIVIDER;
-use super::line::{ALIVE, Line};
+use super::link::Link;
 use super::subject::{Live, Subject};
 use model_core::control::Mode;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
-use std::time::Instant;
 use thermyo_protocol::{
     Answer, Chip, HostCommand, Image, Name, Refusal, Status, Version, checksum,
 };
@@ -16,35 +15,9 @@ pub struct LiveBoard {
     live: Live,
     /// Result of the last request for it.
     config: Option<Config>,
-    /// Steps per telemetry frame, as last requested.
-    every: u16,
-}
-
-/// Whether the image drives one muscle.
-///
-/// # Errors
-/// [`BoardError`] for one that waits for samples or drives a joint.
-pub fn for_one_muscle(Version { image, chip, .. }: Version) -> Result<(), BoardError> {
-    match image {
-        Image::Hil => Err(BoardError::Hil { chip }),
-        Image::Joint => Err(BoardError::Refused(Refusal::OtherImage { joint: true })),
-        _ => Ok(()),
-    }
 }
 
 impl LiveBoard {
-    fn of(line: Line, version: Version) -> Self {
-        Self { live: Live::new(line, version), config: None, every: VIEW_DIVIDER }
-    }
-
-    /// As [`Self::telemetry_every`], and drops earlier telemetry.
-    pub fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
-        self.telemetry_every(steps)?;
-        // The board sends in order: everything before its answer is older than the request.
-        while self.live.line.take_telemetry().is_some() {}
-        Ok(())
-    }
-
     fn set_any(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
         self.live.driving |= set_point != SetPoint::Vent;
         self.live.done(HostCommand::Set(set_point), "set point")
@@ -67,18 +40,6 @@ impl LiveBoard {
         self.forget_faults()?;
         Ok(self.fresh_telemetry()?.faults)
     }
-
-    /// The first telemetry from now on that `wanted` accepts. The wait is shorter than for rare
-    /// frames.
-    fn fresh(&mut self, wanted: impl Fn(&Telemetry) -> bool) -> Result<Telemetry, BoardError> {
-        let every = self.every;
-        self.telemetry_anew(every.min(VIEW_DIVIDER))?;
-        let fresh = self.live.line.wait(|link| link.take_telemetry().filter(&wanted), "telemetry");
-        if every != self.every {
-            self.telemetry_anew(every)?;
-        }
-        fresh
-    }
 }
 
 impl Subject for LiveBoard {
@@ -86,12 +47,18 @@ impl Subject for LiveBoard {
     type Telemetry = Telemetry;
     type SetPoint = SetPoint;
 
-    fn open(port: &str) -> Result<Self, BoardError> {
-        let (line, version) = Line::open(port)?;
-        for_one_muscle(version)?;
-        let mut board = Self::of(line, version);
-        board.telemetry_every(VIEW_DIVIDER)?;
-        Ok(board)
+    const VENT: SetPoint = SetPoint::Vent;
+
+    fn fits(Version { image, chip, .. }: Version) -> Result<(), BoardError> {
+        match image {
+            Image::Hil => Err(BoardError::Hil { chip }),
+            Image::Joint => Err(BoardError::Refused(Refusal::OtherImage { joint: true })),
+            _ => Ok(()),
+        }
+    }
+
+    fn of(live: Live) -> Self {
+        Self { live, config: None }
     }
 
     fn live(&self) -> &Live {
@@ -162,35 +129,16 @@ impl Subject for LiveBoard {
         self.set_any(set_point)
     }
 
-    fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
-        self.live.done(HostCommand::TelemetryDivider(steps), "telemetry")?;
-        self.every = steps;
-        Ok(())
+    fn request(set_point: SetPoint) -> HostCommand {
+        HostCommand::Set(set_point)
     }
 
-    fn start(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
-        self.live.driving = true;
-        self.live.done(HostCommand::Start(set_point), "start").map(drop)
+    fn restart(set_point: SetPoint) -> HostCommand {
+        HostCommand::Start(set_point)
     }
 
-    fn send(&mut self, set_point: SetPoint) -> Result<u8, BoardError> {
-        self.live.send(HostCommand::Set(set_point), set_point == SetPoint::Vent)
-    }
-
-    fn poll(&mut self) -> Result<Option<Telemetry>, BoardError> {
-        if let Some(telemetry) = self.live.line.take_telemetry() {
-            return Ok(Some(telemetry));
-        }
-        if self.live.last_sent.elapsed() > ALIVE {
-            self.live.last_sent = Instant::now();
-            self.live.line.send(HostCommand::Alive)?;
-        }
-        self.live.line.poll()?;
-        Ok(self.live.line.take_telemetry())
-    }
-
-    fn fresh_telemetry(&mut self) -> Result<Telemetry, BoardError> {
-        self.fresh(|_| true)
+    fn take_telemetry(link: &mut Link) -> Option<Telemetry> {
+        link.take_telemetry()
     }
 
     fn stop(&mut self) -> Result<(), BoardError> {
@@ -202,6 +150,10 @@ impl Subject for LiveBoard {
 
     fn step(telemetry: &Telemetry) -> u32 {
         telemetry.step
+    }
+
+    fn set_point(telemetry: &Telemetry) -> SetPoint {
+        telemetry.set_point
     }
 
     fn is_checking(telemetry: &Telemetry) -> bool {
@@ -219,6 +171,7 @@ impl Subject for LiveBoard {
 
 #[cfg(test)]
 mod tests {
+    use super::super::line::Line;
     use super::*;
     use model_core::{AdcCode, Core, Sample};
     use std::collections::VecDeque;
@@ -305,7 +258,7 @@ mod tests {
             image: Image::Muscle,
         };
         let line = Line::over(Box::new(Unread::new()), "unread");
-        LiveBoard::of(line, version)
+        LiveBoard::of(Live::new(line, version))
     }
 
     #[test]
@@ -323,7 +276,7 @@ mod tests {
         assert!(board.fresh_telemetry().unwrap().step <= NOW + 100);
         board.stop().unwrap();
         // The stream continues as before.
-        let next = board.live.line.wait(|link| link.take_telemetry(), "telemetry").unwrap();
+        let next = board.live.line.wait(Link::take_telemetry, "telemetry").unwrap();
         assert!(next.step.is_multiple_of(u32::from(u16::MAX)), "{}", next.step);
     }
 }

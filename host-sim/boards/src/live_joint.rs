@@ -1,6 +1,6 @@
 //! A flashed board that drives a joint of two muscles in real time.
 
-use super::line::{ALIVE, Line, VIEW_DIVIDER};
+use super::link::Link;
 use super::subject::{Live, Subject};
 use model_core::joint::{JointConfig, JointMode, JointSetPoint, JointTelemetry};
 use model_core::safety::supervisor::VENTING;
@@ -14,17 +14,6 @@ use thermyo_simulation::board::BoardError;
 /// The board.
 pub struct LiveJoint {
     live: Live,
-}
-
-/// Whether the image drives a joint.
-///
-/// # Errors
-/// [`BoardError`] for one that drives one muscle.
-pub fn for_a_joint(Version { image, .. }: Version) -> Result<(), BoardError> {
-    match image {
-        Image::Joint => Ok(()),
-        _ => Err(BoardError::Refused(Refusal::OtherImage { joint: false })),
-    }
 }
 
 impl LiveJoint {
@@ -60,11 +49,17 @@ impl Subject for LiveJoint {
     type Telemetry = JointTelemetry;
     type SetPoint = JointSetPoint;
 
-    fn open(port: &str) -> Result<Self, BoardError> {
-        let (mut line, version) = Line::open(port)?;
-        for_a_joint(version)?;
-        line.ask(HostCommand::TelemetryDivider(VIEW_DIVIDER), "telemetry")?;
-        Ok(Self { live: Live::new(line, version) })
+    const VENT: JointSetPoint = JointSetPoint::Vent;
+
+    fn fits(Version { image, .. }: Version) -> Result<(), BoardError> {
+        match image {
+            Image::Joint => Ok(()),
+            _ => Err(BoardError::Refused(Refusal::OtherImage { joint: false })),
+        }
+    }
+
+    fn of(live: Live) -> Self {
+        Self { live }
     }
 
     fn live(&self) -> &Live {
@@ -122,36 +117,16 @@ impl Subject for LiveJoint {
         Ok(step)
     }
 
-    fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
-        self.live.done(HostCommand::TelemetryDivider(steps), "telemetry").map(drop)
+    fn request(set_point: JointSetPoint) -> HostCommand {
+        HostCommand::SetJoint(set_point)
     }
 
-    fn start(&mut self, set_point: JointSetPoint) -> Result<(), BoardError> {
-        self.live.driving = true;
-        self.live.done(HostCommand::StartJoint(set_point), "start").map(drop)
+    fn restart(set_point: JointSetPoint) -> HostCommand {
+        HostCommand::StartJoint(set_point)
     }
 
-    fn send(&mut self, set_point: JointSetPoint) -> Result<u8, BoardError> {
-        self.live.send(HostCommand::SetJoint(set_point), set_point == JointSetPoint::Vent)
-    }
-
-    fn poll(&mut self) -> Result<Option<JointTelemetry>, BoardError> {
-        if self.live.driving && self.live.last_sent.elapsed() >= ALIVE {
-            self.live.line.send(HostCommand::Alive)?;
-            self.live.last_sent = Instant::now();
-        }
-        match self.live.line.take_joint_telemetry() {
-            Some(telemetry) => Ok(Some(telemetry)),
-            None => self.live.line.poll().map(|()| self.live.line.take_joint_telemetry()),
-        }
-    }
-
-    fn fresh_telemetry(&mut self) -> Result<JointTelemetry, BoardError> {
-        while self.live.line.take_joint_telemetry().is_some() {}
-        // The board sends in order: older telemetry comes before its answer.
-        self.status()?;
-        while self.live.line.take_joint_telemetry().is_some() {}
-        self.live.line.wait(|link| link.take_joint_telemetry(), "telemetry")
+    fn take_telemetry(link: &mut Link) -> Option<JointTelemetry> {
+        link.take_joint_telemetry()
     }
 
     fn stop(&mut self) -> Result<(), BoardError> {
@@ -160,6 +135,10 @@ impl Subject for LiveJoint {
 
     fn step(telemetry: &JointTelemetry) -> u32 {
         telemetry.step()
+    }
+
+    fn set_point(telemetry: &JointTelemetry) -> JointSetPoint {
+        telemetry.set_point
     }
 
     fn is_checking(telemetry: &JointTelemetry) -> bool {
@@ -179,6 +158,7 @@ impl Subject for LiveJoint {
 
 #[cfg(test)]
 mod tests {
+    use super::super::line::Line;
     use super::*;
     use std::io::{self, Read, Write};
     use std::sync::{Arc, Mutex};

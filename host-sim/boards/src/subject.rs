@@ -1,6 +1,7 @@
 //! A board of one muscle or of a joint, as programs for both need it.
 
-use super::line::Line;
+use super::line::{ALIVE, Line, VIEW_DIVIDER};
+use super::link::Link;
 use model_core::Faults;
 use std::time::Instant;
 use thermyo_protocol::{Answer, Event, HostCommand, LastReset, Status, Timing, Version};
@@ -12,11 +13,13 @@ pub struct Live {
     pub(super) version: Version,
     pub(super) last_sent: Instant,
     pub(super) driving: bool,
+    /// Steps per telemetry frame, as last requested.
+    every: u16,
 }
 
 impl Live {
     pub(super) fn new(line: Line, version: Version) -> Self {
-        Self { line, version, last_sent: Instant::now(), driving: false }
+        Self { line, version, last_sent: Instant::now(), driving: false, every: VIEW_DIVIDER }
     }
 
     /// Sends a request that is carried out or refused; returns the step from which on it holds.
@@ -31,11 +34,10 @@ impl Live {
         }
     }
 
-    /// Sends a set point without waiting for the answer; returns the number of the request.
-    pub(super) fn send(&mut self, set_point: HostCommand, vents: bool) -> Result<u8, BoardError> {
-        self.driving |= !vents;
+    /// Sends a request without waiting for the answer; returns its number.
+    fn send(&mut self, command: HostCommand) -> Result<u8, BoardError> {
         self.last_sent = Instant::now();
-        self.line.send(set_point)
+        self.line.send(command)
     }
 }
 
@@ -54,11 +56,27 @@ pub trait Subject: Sized + Send + 'static {
     type Telemetry: Copy + Send;
     type SetPoint: Copy + PartialEq + Send;
 
+    const VENT: Self::SetPoint;
+
     /// Opens the board at a port.
     ///
     /// # Errors
     /// [`BoardError`], if there is no answer, another protocol, or another image.
-    fn open(port: &str) -> Result<Self, BoardError>;
+    fn open(port: &str) -> Result<Self, BoardError> {
+        let (line, version) = Line::open(port)?;
+        Self::fits(version)?;
+        let mut board = Self::of(Live::new(line, version));
+        board.telemetry_every(VIEW_DIVIDER)?;
+        Ok(board)
+    }
+
+    /// Whether the board has the image.
+    ///
+    /// # Errors
+    /// [`BoardError`] that names the other one.
+    fn fits(version: Version) -> Result<(), BoardError>;
+
+    fn of(live: Live) -> Self;
 
     fn live(&self) -> &Live;
 
@@ -136,24 +154,79 @@ pub trait Subject: Sized + Send + 'static {
     }
 
     /// Sets the number of steps per telemetry frame.
-    fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError>;
+    fn telemetry_every(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.live_mut().done(HostCommand::TelemetryDivider(steps), "telemetry")?;
+        self.live_mut().every = steps;
+        Ok(())
+    }
+
+    /// As [`Self::telemetry_every`], and drops earlier telemetry.
+    fn telemetry_anew(&mut self, steps: u16) -> Result<(), BoardError> {
+        self.telemetry_every(steps)?;
+        // The board sends in order: everything before its answer is older than the request.
+        while Self::take_telemetry(&mut self.live_mut().line.link).is_some() {}
+        Ok(())
+    }
+
+    /// The request of a set point.
+    fn request(set_point: Self::SetPoint) -> HostCommand;
+
+    /// The request that restarts the core, with this set point in its step 0.
+    fn restart(set_point: Self::SetPoint) -> HostCommand;
 
     /// Restarts the core, with this set point in its step 0.
-    fn start(&mut self, set_point: Self::SetPoint) -> Result<(), BoardError>;
+    fn start(&mut self, set_point: Self::SetPoint) -> Result<(), BoardError> {
+        self.live_mut().driving = true;
+        self.live_mut().done(Self::restart(set_point), "start").map(drop)
+    }
 
     /// Sends a set point without waiting for the answer; returns the number of the request.
-    fn send(&mut self, set_point: Self::SetPoint) -> Result<u8, BoardError>;
+    fn send(&mut self, set_point: Self::SetPoint) -> Result<u8, BoardError> {
+        self.live_mut().driving |= set_point != Self::VENT;
+        self.live_mut().send(Self::request(set_point))
+    }
 
     /// Returns the refusal of a request that was only sent, if there is one.
     fn check(&mut self, sequence: u8) -> Result<(), BoardError> {
         self.live_mut().line.check(sequence)
     }
 
+    /// The next telemetry that has arrived.
+    fn take_telemetry(link: &mut Link) -> Option<Self::Telemetry>;
+
     /// The next telemetry that has arrived; keeps the board's set point alive, and waits some milliseconds.
-    fn poll(&mut self) -> Result<Option<Self::Telemetry>, BoardError>;
+    fn poll(&mut self) -> Result<Option<Self::Telemetry>, BoardError> {
+        let live = self.live_mut();
+        if live.last_sent.elapsed() > ALIVE {
+            live.send(HostCommand::Alive)?;
+        }
+        if let Some(telemetry) = Self::take_telemetry(&mut live.line.link) {
+            return Ok(Some(telemetry));
+        }
+        live.line.poll()?;
+        Ok(Self::take_telemetry(&mut live.line.link))
+    }
 
     /// The present telemetry, however much older telemetry is unread.
-    fn fresh_telemetry(&mut self) -> Result<Self::Telemetry, BoardError>;
+    fn fresh_telemetry(&mut self) -> Result<Self::Telemetry, BoardError> {
+        self.fresh(|_| true)
+    }
+
+    /// The first telemetry from now on that `wanted` accepts. The wait is shorter than for rare
+    /// frames.
+    fn fresh(
+        &mut self,
+        wanted: impl Fn(&Self::Telemetry) -> bool,
+    ) -> Result<Self::Telemetry, BoardError> {
+        let every = self.live().every;
+        self.telemetry_anew(every.min(VIEW_DIVIDER))?;
+        let arrived = |link: &mut Link| Self::take_telemetry(link).filter(&wanted);
+        let fresh = self.live_mut().line.wait(arrived, "telemetry");
+        if every > VIEW_DIVIDER {
+            self.telemetry_anew(every)?;
+        }
+        fresh
+    }
 
     /// Whether unread telemetry has arrived: what was read is not the latest.
     fn is_behind(&self) -> bool {
@@ -171,6 +244,8 @@ pub trait Subject: Sized + Send + 'static {
     fn stop(&mut self) -> Result<(), BoardError>;
 
     fn step(telemetry: &Self::Telemetry) -> u32;
+
+    fn set_point(telemetry: &Self::Telemetry) -> Self::SetPoint;
 
     fn is_checking(telemetry: &Self::Telemetry) -> bool;
 

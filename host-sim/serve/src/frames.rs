@@ -19,8 +19,6 @@ pub trait Shown: Subject<SetPoint: Serialize> {
     /// Configurations of the muscles.
     fn muscles(config: &Self::Config) -> &[Config];
 
-    fn set_point(telemetry: &Self::Telemetry) -> Self::SetPoint;
-
     fn mode(telemetry: &Self::Telemetry) -> &'static str;
 
     fn is_limited(telemetry: &Self::Telemetry) -> bool;

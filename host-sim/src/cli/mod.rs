@@ -53,6 +53,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::str::FromStr;
 use thermyo_boards::checkout;
+use thermyo_boards::live::LiveBoard;
+use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::input::nearest;
 use thermyo_files::number::difference_text;
 use thermyo_files::output::OutputDir;
@@ -566,13 +568,13 @@ fn monitor_command(
     // At a terminal Ctrl-C comes as a key, otherwise as a signal.
     interrupt::watch();
     if monitor::joint_at(port)? {
-        monitor_as::<monitor::Joint>((port, every), folder, logs, to)
+        monitor_as::<LiveJoint>((port, every), folder, logs, to)
     } else {
-        monitor_as::<monitor::Muscle>((port, every), folder, logs, to)
+        monitor_as::<LiveBoard>((port, every), folder, logs, to)
     }
 }
 
-fn monitor_as<S: monitor::Subject>(
+fn monitor_as<S: monitor::Monitored>(
     (port, every): (&str, u16),
     folder: &Path,
     logs: &Logs,

@@ -39,10 +39,6 @@ impl Shown for LiveJoint {
         &config.muscles
     }
 
-    fn set_point(telemetry: &JointTelemetry) -> JointSetPoint {
-        telemetry.set_point
-    }
-
     fn mode(telemetry: &JointTelemetry) -> &'static str {
         let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
         mode.map_or("", |(_, name)| name)

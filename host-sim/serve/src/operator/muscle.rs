@@ -99,10 +99,6 @@ impl Shown for LiveBoard {
         slice::from_ref(config)
     }
 
-    fn set_point(telemetry: &Telemetry) -> SetPoint {
-        telemetry.set_point
-    }
-
     fn mode(telemetry: &Telemetry) -> &'static str {
         let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
         mode.map_or("", |(_, name)| name)

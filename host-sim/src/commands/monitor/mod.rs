@@ -8,7 +8,7 @@ mod subject;
 pub mod view;
 
 pub use session::{Configured, EVERY, Session, Status};
-pub use subject::{Joint, Muscle, Subject, joint_at};
+pub use subject::{Monitored, joint_at};
 use view::View;
 
 use crossterm::event::{self, Event, KeyCode, KeyModifiers};
@@ -20,13 +20,11 @@ use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_simulation::board::BoardError;
 
-/// Errors that end a monitor.
 #[derive(Debug, thiserror::Error)]
 pub enum MonitorError {
     /// The port cannot be opened, or the board uses another protocol.
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// The recording cannot be written.
     #[error("the recording cannot be written: {0}")]
     Recording(io::Error),
     /// A file beside the recording cannot be written.
@@ -61,7 +59,7 @@ pub enum Shown {
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board. `config.json`
 /// in `out` lists every configuration of the board, `scenario.toml` is the scenario of the last
 /// one. Without a terminal it records until `stopped`, or until the line is lost.
-pub fn run<S: Subject>(
+pub fn run<S: Monitored>(
     session: &mut Session<S>,
     out: &mut OutputDir,
     (shown, units): (Shown, UnitSystem),
@@ -91,7 +89,7 @@ impl Drop for Keys {
     }
 }
 
-fn watch<S: Subject>(
+fn watch<S: Monitored>(
     session: &mut Session<S>,
     out: &mut OutputDir,
     (shown, units): (Shown, UnitSystem),

@@ -1,7 +1,7 @@
 //! State of a monitored board, and its connection.
 
 use super::MonitorError;
-use super::subject::Subject;
+use super::subject::Monitored;
 use model_core::safety::supervisor::FirstFailure;
 use serde::Serialize;
 use std::io::Write;
@@ -43,7 +43,7 @@ pub struct Configured<C> {
     pub config: C,
 }
 
-pub struct Session<S: Subject> {
+pub struct Session<S: Monitored> {
     name: String,
     /// Steps per row.
     every: u16,
@@ -55,9 +55,9 @@ pub struct Session<S: Subject> {
     last_reset: Option<LastReset>,
     first_failure: Option<FirstFailure>,
     timing: Option<Timing>,
-    /// Sequence numbers, and the index in [`Subject::QUESTIONS`] of those.
+    /// Sequence numbers, and the index in [`Monitored::QUESTIONS`] of those.
     questions: Vec<(u8, Option<usize>)>,
-    /// Answers to [`Subject::QUESTIONS`].
+    /// Answers to [`Monitored::QUESTIONS`].
     answers: Vec<Option<Answer>>,
     asked: Option<Instant>,
     tried: Instant,
@@ -70,7 +70,7 @@ pub struct Session<S: Subject> {
     refused: Option<Refusal>,
 }
 
-impl<S: Subject> Session<S> {
+impl<S: Monitored> Session<S> {
     /// Records a row per `every` steps, at least 1.
     pub fn open(name: &str, every: u16, recorder: Recorder) -> Result<Self, BoardError> {
         let now = Instant::now();
@@ -139,7 +139,7 @@ impl<S: Subject> Session<S> {
         self.send_as(command, None);
     }
 
-    /// Sends a request, which is [`Subject::QUESTIONS`] of that index.
+    /// Sends a request, which is [`Monitored::QUESTIONS`] of that index.
     fn send_as(&mut self, command: HostCommand, index: Option<usize>) {
         self.last_sent = Instant::now();
         let (sequence, frame) = self.link.request(command);
@@ -158,7 +158,7 @@ impl<S: Subject> Session<S> {
 
     /// Vents what is driven before it is left alone.
     pub fn let_go(&mut self) {
-        if self.latest.as_ref().is_some_and(S::is_driven) {
+        if self.latest.is_some_and(|latest| S::set_point(&latest) != S::VENT) {
             self.vent();
         }
     }
@@ -243,7 +243,7 @@ impl<S: Subject> Session<S> {
                     return Err(BoardError::Protocol { board: version.protocol });
                 }
                 Some(Answer::Version(version)) => {
-                    S::check(version)?;
+                    S::fits(version)?;
                     self.version = Some(version);
                 }
                 Some(answer @ (Answer::Config(_) | Answer::Joint(_))) => {
@@ -266,7 +266,7 @@ impl<S: Subject> Session<S> {
         if let Some(place) = index.and_then(|index| self.answers.get_mut(index)) {
             *place = Some(answer);
         }
-        let Some(config) = S::config(&self.answers) else { return };
+        let Some(config) = S::config_of(&self.answers) else { return };
         self.answers.clear();
         if self.configurations.last().is_none_or(|last| last.config != config) {
             self.configurations.push(Configured { rows_before: self.recorder.rows(), config });
@@ -327,7 +327,6 @@ impl<S: Subject> Session<S> {
         self.recorder.rows()
     }
 
-    /// Ends the recording.
     pub fn finish(&mut self) -> Result<(), MonitorError> {
         self.recorder.hand_over().map_err(MonitorError::Recording)
     }

@@ -2,20 +2,18 @@
 
 use crate::commands::joint;
 use model_core::control::Mode;
-use model_core::joint::{JointConfig, JointMode, JointSetPoint, JointTelemetry, Motion};
+use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry, Motion};
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use serde::Serialize;
 use std::io;
 use thermyo_boards::line::Line;
-use thermyo_boards::link::Link;
-use thermyo_boards::live::for_one_muscle;
-use thermyo_boards::live_joint::for_a_joint;
+use thermyo_boards::live::LiveBoard;
+use thermyo_boards::live_joint::LiveJoint;
+use thermyo_boards::subject::Subject;
 use thermyo_files::input::InputError;
 use thermyo_files::units::UnitSystem;
 use thermyo_logs::topics::{self, Layout};
-use thermyo_protocol::{
-    Answer, HostCommand, Image, Side, Status, Version, checksum, joint_checksum,
-};
+use thermyo_protocol::{Answer, HostCommand, Image, Side, Status};
 use thermyo_record::board_trace::{Recorder, kind_and_values};
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
@@ -25,42 +23,19 @@ const MOVE_PA: f32 = 5.0e3;
 /// Increment of the angle's set point \[rad\].
 const MOVE_RAD: f32 = core::f32::consts::PI / 180.0;
 
-/// The image of a monitored board.
-pub trait Subject {
-    type Config: Copy + PartialEq + Default + Serialize;
-    type Telemetry: Copy;
-
+/// A board that is monitored.
+pub trait Monitored: Subject<Config: Default + Serialize> {
     /// Name of the record's file.
     const TRACE: &'static str;
-    /// Columns of the record.
     const LAYOUT: Layout;
     /// The quantity that the arrow keys move.
     const MOVED: &'static str;
     /// Requests whose answers are the configuration.
     const QUESTIONS: &'static [HostCommand];
 
-    /// Whether the board has the image.
-    ///
-    /// # Errors
-    /// [`BoardError`] that names the other one.
-    fn check(version: Version) -> Result<(), BoardError>;
-
     /// The configuration, once every one of [`Self::QUESTIONS`] is answered.
-    fn config(answers: &[Option<Answer>]) -> Option<Self::Config>;
+    fn config_of(answers: &[Option<Answer>]) -> Option<Self::Config>;
 
-    /// The checksum by which a board's status names a configuration.
-    fn checksum(config: &Self::Config) -> u32;
-
-    /// The next telemetry that has arrived.
-    fn take_telemetry(link: &mut Link) -> Option<Self::Telemetry>;
-
-    /// Whether the core is in its startup check.
-    fn is_checking(telemetry: &Self::Telemetry) -> bool;
-
-    /// Whether there is a set point other than to vent.
-    fn is_driven(telemetry: &Self::Telemetry) -> bool;
-
-    /// Writes a row.
     fn record(
         recorder: &mut Recorder,
         config: &Self::Config,
@@ -94,42 +69,17 @@ pub fn joint_at(port: &str) -> Result<bool, BoardError> {
     }
 }
 
-pub struct Muscle;
-
-impl Subject for Muscle {
-    type Config = Config;
-    type Telemetry = Telemetry;
-
+impl Monitored for LiveBoard {
     const TRACE: &'static str = "trace.csv";
     const LAYOUT: Layout = topics::MUSCLE;
     const MOVED: &'static str = "the pressure";
     const QUESTIONS: &'static [HostCommand] = &[HostCommand::ReadConfig];
 
-    fn check(version: Version) -> Result<(), BoardError> {
-        for_one_muscle(version)
-    }
-
-    fn config(answers: &[Option<Answer>]) -> Option<Config> {
+    fn config_of(answers: &[Option<Answer>]) -> Option<Config> {
         match answers {
             [Some(Answer::Config(config))] => Some(*config),
             _ => None,
         }
-    }
-
-    fn checksum(config: &Config) -> u32 {
-        checksum(config)
-    }
-
-    fn take_telemetry(link: &mut Link) -> Option<Telemetry> {
-        link.take_telemetry()
-    }
-
-    fn is_checking(telemetry: &Telemetry) -> bool {
-        telemetry.mode == Mode::StartupCheck
-    }
-
-    fn is_driven(telemetry: &Telemetry) -> bool {
-        telemetry.set_point != SetPoint::Vent
     }
 
     fn record(
@@ -201,13 +151,7 @@ fn set_point(set_point: SetPoint, units: UnitSystem) -> String {
     }
 }
 
-/// A joint of two muscles.
-pub struct Joint;
-
-impl Subject for Joint {
-    type Config = JointConfig;
-    type Telemetry = JointTelemetry;
-
+impl Monitored for LiveJoint {
     const TRACE: &'static str = thermyo_joint::trace::FILE;
     const LAYOUT: Layout = topics::JOINT;
     const MOVED: &'static str = "the angle";
@@ -217,11 +161,7 @@ impl Subject for Joint {
         HostCommand::ReadJoint,
     ];
 
-    fn check(version: Version) -> Result<(), BoardError> {
-        for_a_joint(version)
-    }
-
-    fn config(answers: &[Option<Answer>]) -> Option<JointConfig> {
+    fn config_of(answers: &[Option<Answer>]) -> Option<JointConfig> {
         match answers {
             [Some(Answer::Config(a)), Some(Answer::Config(b)), Some(Answer::Joint(rest))] => {
                 let (mechanism, tuning, angle_part) = *rest;
@@ -229,22 +169,6 @@ impl Subject for Joint {
             }
             _ => None,
         }
-    }
-
-    fn checksum(config: &JointConfig) -> u32 {
-        joint_checksum(config)
-    }
-
-    fn take_telemetry(link: &mut Link) -> Option<JointTelemetry> {
-        link.take_joint_telemetry()
-    }
-
-    fn is_checking(telemetry: &JointTelemetry) -> bool {
-        telemetry.mode == JointMode::StartupCheck
-    }
-
-    fn is_driven(telemetry: &JointTelemetry) -> bool {
-        telemetry.set_point != JointSetPoint::Vent
     }
 
     fn record(

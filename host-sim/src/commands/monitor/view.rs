@@ -1,6 +1,6 @@
 //! A session as text: notes, each printed when it changes, and one line of figures.
 
-use super::{Session, Shown, Status, Subject};
+use super::{Monitored, Session, Shown, Status};
 use crossterm::terminal;
 use model_core::joint::JointError;
 use model_core::{Faults, SetPointError};
@@ -28,7 +28,7 @@ impl View {
     }
 
     /// Prints new notes, and figures when they are due.
-    pub(super) fn show<S: Subject>(
+    pub(super) fn show<S: Monitored>(
         &mut self,
         to: &mut dyn Write,
         session: &Session<S>,
@@ -69,7 +69,7 @@ impl View {
 }
 
 /// State that changes rarely: connection, arming, failures.
-pub fn notes<S: Subject>(session: &Session<S>, units: UnitSystem) -> Vec<String> {
+pub fn notes<S: Monitored>(session: &Session<S>, units: UnitSystem) -> Vec<String> {
     let status = match session.status() {
         Status::Connected => "connected",
         Status::Silent => "no telemetry: is the firmware flashed?",
@@ -123,7 +123,7 @@ fn way_out(refusal: &Refusal) -> &'static str {
 }
 
 /// The latest telemetry in one line, the most important first: a narrow terminal truncates it.
-pub fn figures<S: Subject>(session: &Session<S>, units: UnitSystem) -> Option<String> {
+pub fn figures<S: Monitored>(session: &Session<S>, units: UnitSystem) -> Option<String> {
     let figures = S::figures(&session.config(), session.latest()?, units);
     let timing = session.timing().map_or(String::new(), |timing| {
         format!(

@@ -11,7 +11,6 @@ use model_core::control::Mode;
 use model_core::{Config, Sample};
 use thermyo_files::units::{Unit, Unread, Wanted};
 
-/// A sensor that can be calibrated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sensor {
     /// Absolute pressure \[Pa\].
@@ -65,16 +64,13 @@ pub enum Implausible {
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Uncalibrated reading of the sensor.
     pub reading: f64,
     pub reference: f64,
 }
 
 /// A sensor of a muscle or of a joint, whose readings are put right by a gain and an offset.
 pub trait Gauge: Copy + Send {
-    /// Of the board.
     type Config: Copy + Send;
-    /// Readings of one step.
     type Sample: Copy + Send;
 
     /// SI symbol.
@@ -97,7 +93,6 @@ pub trait Gauge: Copy + Send {
     /// The configuration that puts the readings of [`read`](Self::read) right: gain times the reading, and the offset.
     fn corrected(self, config: &Self::Config, gain: f64, offset: f64) -> Self::Config;
 
-    /// Mean of the uncalibrated readings.
     fn reading(self, config: &Self::Config, samples: &[Self::Sample]) -> Result<f64, Implausible> {
         let readings: Vec<f64> = samples.iter().map(|sample| self.read(config, sample)).collect();
         let count = readings.len().max(1) as f64;
@@ -227,7 +222,6 @@ impl<G: Gauge> Guide<G> {
         Self { sensor, config, points: Vec::new(), reference: None, samples: Vec::new() }
     }
 
-    /// The current question.
     pub fn question(&self) -> String {
         let (number, how) = if self.points.is_empty() {
             ("first", "vented")

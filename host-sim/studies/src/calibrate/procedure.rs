@@ -15,10 +15,8 @@ const SETTLING_STEPS: u32 = 3000;
 
 /// A board whose sensors are calibrated.
 pub trait Bench: Subject {
-    /// Its sensors.
     type Gauge: Gauge<Config = Self::Config>;
 
-    /// Readings of a step.
     fn sample(telemetry: &Self::Telemetry) -> <Self::Gauge as Gauge>::Sample;
 
     /// Whether a first point may be read.
@@ -26,9 +24,6 @@ pub trait Bench: Subject {
 
     /// The set point that holds a pressure \[Pa\], in both muscles of a joint, whose arm then stays where it is.
     fn holding(pressure_pa: f32) -> Self::SetPoint;
-
-    /// Telemetry of that many steps, of now.
-    fn telemetry_of_now(&mut self, every: u16) -> Result<(), BoardError>;
 }
 
 impl Bench for LiveBoard {
@@ -45,10 +40,6 @@ impl Bench for LiveBoard {
     fn holding(pressure_pa: f32) -> SetPoint {
         SetPoint::Pressure { pressure_pa }
     }
-
-    fn telemetry_of_now(&mut self, every: u16) -> Result<(), BoardError> {
-        self.telemetry_anew(every)
-    }
 }
 
 impl Bench for LiveJoint {
@@ -64,11 +55,6 @@ impl Bench for LiveJoint {
 
     fn holding(pressure_pa: f32) -> JointSetPoint {
         JointSetPoint::Pressures { pressure_pa: [pressure_pa; 2] }
-    }
-
-    fn telemetry_of_now(&mut self, every: u16) -> Result<(), BoardError> {
-        self.telemetry_every(every)?;
-        self.fresh_telemetry().map(drop)
     }
 }
 
@@ -100,7 +86,6 @@ pub struct Calibrated {
     pub config_checksum: u32,
 }
 
-/// Sensors of a dialogue's board.
 type GaugeOf<D> = <<D as Dialogue>::Board as Bench>::Gauge;
 type TelemetryOf<D> = <<D as Dialogue>::Board as Subject>::Telemetry;
 
@@ -197,7 +182,7 @@ fn averaged<B: Bench>(
     stopped: &dyn Fn() -> bool,
 ) -> Result<Result<Point, Implausible>, BoardError> {
     // Another rate may have been requested meanwhile, and what was sent before is not of now.
-    board.telemetry_of_now(VIEW_DIVIDER)?;
+    board.telemetry_anew(VIEW_DIVIDER)?;
     loop {
         let mut point = None;
         wait(board, stopped, |telemetry| {
