@@ -1,49 +1,67 @@
 //! `trace.csv`: one row per logged step, streamed while the run goes on.
 
-use model_core::{Sample, Telemetry};
+use model_core::Telemetry;
 use thermyo_plant::Truth;
+
+/// A column, and its cell in a row.
+type Column = (&'static str, fn(&Row) -> f64);
 
 /// The columns, in order. Scripts rely on the first fifteen; `thermyo replay` and the report need
 /// the rest.
-pub const COLUMNS: [&str; 37] = [
-    "time_s",
-    "pressure_pa",
-    "volume_m3",
-    "length_m",
-    "mass_kg",
-    "flow_in_kg_s",
-    "flow_out_kg_s",
-    "gas_temperature_k",
-    "wall_temperature_k",
-    "sensor_gas_k",
-    "sensor_wall_k",
-    "estimate_k",
-    "estimate_sd_k",
-    "duty_in",
-    "duty_out",
-    "model_k",
-    "model_sensor_k",
-    "wall_estimate_k",
-    "sensor_estimate_k",
-    "mass_estimate_kg",
-    "heat_scale",
-    "sensor_lag_s",
-    "set_point",
-    "measured_pressure_pa",
-    "measured_length_m",
-    "step",
-    "code_pressure",
-    "code_gas",
-    "code_length",
-    "emergency_stop",
-    "heard",
-    "flooded",
-    "missed_steps",
-    "faults",
-    "estimate_valid",
-    "mode",
-    "limited",
+const CELLS: [Column; 37] = [
+    ("time_s", |row| row.truth.time_s),
+    ("pressure_pa", |row| row.truth.pressure_pa),
+    ("volume_m3", |row| row.truth.volume_m3),
+    ("length_m", |row| row.truth.length_m),
+    ("mass_kg", |row| row.truth.mass_kg),
+    ("flow_in_kg_s", |row| row.truth.flow_in_kg_s),
+    ("flow_out_kg_s", |row| row.truth.flow_out_kg_s),
+    ("gas_temperature_k", |row| row.truth.gas_temperature_k),
+    ("wall_temperature_k", |row| row.truth.wall_temperature_k),
+    ("sensor_gas_k", |row| row.sensor_gas_k),
+    ("sensor_wall_k", |row| row.sensor_wall_k),
+    ("estimate_k", |row| f64::from(row.telemetry.estimate.gas_k)),
+    ("estimate_sd_k", |row| f64::from(row.telemetry.estimate.gas_sd_k)),
+    ("duty_in", |row| f64::from(row.telemetry.command.inlet.share())),
+    ("duty_out", |row| f64::from(row.telemetry.command.outlet.share())),
+    ("model_k", |row| row.model_k),
+    ("model_sensor_k", |row| row.model_sensor_k),
+    ("wall_estimate_k", |row| f64::from(row.telemetry.estimate.wall_k)),
+    ("sensor_estimate_k", |row| f64::from(row.telemetry.estimate.sensor_k)),
+    ("mass_estimate_kg", |row| f64::from(row.telemetry.estimate.mass_kg)),
+    ("heat_scale", |row| f64::from(row.telemetry.estimate.heat_scale)),
+    ("sensor_lag_s", |row| f64::from(row.telemetry.estimate.sensor_lag_s)),
+    ("set_point", |row| row.set_point),
+    ("measured_pressure_pa", |row| f64::from(row.telemetry.pressure_pa)),
+    ("measured_length_m", |row| f64::from(row.telemetry.length_m)),
+    ("step", |row| f64::from(row.telemetry.step)),
+    ("code_pressure", |row| f64::from(row.telemetry.sample.pressure.to_bits())),
+    ("code_gas", |row| f64::from(row.telemetry.sample.gas.to_bits())),
+    ("code_length", |row| f64::from(row.telemetry.sample.length.0)),
+    ("emergency_stop", |row| flag(row.telemetry.sample.emergency_stop)),
+    ("heard", |row| flag(row.telemetry.sample.heard)),
+    ("flooded", |row| flag(row.telemetry.sample.flooded)),
+    ("missed_steps", |row| f64::from(row.telemetry.sample.missed_steps)),
+    ("faults", |row| f64::from(row.telemetry.faults.0)),
+    ("estimate_valid", |row| flag(row.telemetry.estimate.valid)),
+    ("mode", |row| f64::from(row.telemetry.mode as u8)),
+    ("limited", |row| flag(row.telemetry.limited)),
 ];
+
+/// Their names.
+pub const COLUMNS: [&str; CELLS.len()] = {
+    let mut names = [""; CELLS.len()];
+    let mut i = 0;
+    while i < names.len() {
+        names[i] = CELLS[i].0;
+        i += 1;
+    }
+    names
+};
+
+fn flag(flag: bool) -> f64 {
+    f64::from(u8::from(flag))
+}
 
 /// Quantities in which two records of the same time can be compared, without counts and flags.
 pub const COMPARABLE: [&str; 20] = [
@@ -73,13 +91,9 @@ pub const COMPARABLE: [&str; 20] = [
 pub struct Row {
     /// The plant's state; its flows are means since the row before.
     pub truth: Truth,
-    /// Reading of the gas sensor with its noise \[K\].
     pub sensor_gas_k: f64,
-    /// Reading of the wall sensor with its noise \[K\].
     pub sensor_wall_k: f64,
-    /// Gas temperature of the forward model \[K\].
     pub model_k: f64,
-    /// Sensor temperature of the forward model \[K\].
     pub model_sensor_k: f64,
     /// The set point in its own unit; 0 where the drive has none.
     pub set_point: f64,
@@ -90,50 +104,7 @@ pub struct Row {
 impl Row {
     /// The cells, in the order of [`COLUMNS`].
     pub fn cells(&self) -> [f64; COLUMNS.len()] {
-        let Self { truth, telemetry, .. } = self;
-        let estimate = &telemetry.estimate;
-        let Sample { pressure, gas, length, emergency_stop, heard, flooded, missed_steps } =
-            telemetry.sample;
-        let flag = |flag: bool| f64::from(u8::from(flag));
-        [
-            truth.time_s,
-            truth.pressure_pa,
-            truth.volume_m3,
-            truth.length_m,
-            truth.mass_kg,
-            truth.flow_in_kg_s,
-            truth.flow_out_kg_s,
-            truth.gas_temperature_k,
-            truth.wall_temperature_k,
-            self.sensor_gas_k,
-            self.sensor_wall_k,
-            f64::from(estimate.gas_k),
-            f64::from(estimate.gas_sd_k),
-            f64::from(telemetry.command.inlet.share()),
-            f64::from(telemetry.command.outlet.share()),
-            self.model_k,
-            self.model_sensor_k,
-            f64::from(estimate.wall_k),
-            f64::from(estimate.sensor_k),
-            f64::from(estimate.mass_kg),
-            f64::from(estimate.heat_scale),
-            f64::from(estimate.sensor_lag_s),
-            self.set_point,
-            f64::from(telemetry.pressure_pa),
-            f64::from(telemetry.length_m),
-            f64::from(telemetry.step),
-            f64::from(pressure.to_bits()),
-            f64::from(gas.to_bits()),
-            f64::from(length.0),
-            flag(emergency_stop),
-            flag(heard),
-            flag(flooded),
-            f64::from(missed_steps),
-            f64::from(telemetry.faults.0),
-            flag(estimate.valid),
-            f64::from(telemetry.mode as u8),
-            flag(telemetry.limited),
-        ]
+        CELLS.map(|(_, cell)| cell(self))
     }
 }
 
