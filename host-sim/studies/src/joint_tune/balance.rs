@@ -55,7 +55,6 @@ const STAYS: f64 = 1.0e-6;
 const RADIUS_CHANGE: f64 = 2.0e-3;
 /// Most steps of lost telemetry that slip and creep are followed through.
 const MOST_LOST: u32 = 1000;
-/// Number of coefficients.
 pub const COUNT: usize = 8;
 
 /// A coefficient; its index is that of its column.
@@ -103,7 +102,6 @@ pub struct Point {
     pub residual_n_m: f64,
 }
 
-/// Result of a fit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
     /// Value and error by [`Term`]; an error of 0: it was held.
@@ -140,7 +138,6 @@ struct Torque {
     taut: bool,
 }
 
-/// Configured muscles.
 struct Muscles<'a> {
     config: &'a JointConfig,
     chambers: [AnyChamber; 2],

@@ -1,13 +1,13 @@
 //! The same short motion before and after tuning.
 
 use super::experiment::{Bench, BenchError, Plan, Record, record};
+use crate::tune::check::{self, mean};
 use model_core::joint::Motion;
 use serde::Serialize;
 use std::f64::consts::TAU;
 use thermyo_compute::math::ends;
 use thermyo_joint::JointLoaded;
 
-/// Rest before the sine \[s\].
 const BEFORE_S: f64 = 1.0;
 /// Frequency of the sine \[Hz\], and number of periods; the first one does not count.
 const SINE_HZ: f64 = 1.0;
@@ -18,24 +18,14 @@ const AMPLITUDE: f64 = 0.5;
 const REST_S: f64 = 3.0;
 const COUNTED_S: f64 = 1.5;
 
-/// Tracking figures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Figures {
-    /// RMS error of the sine \[rad\].
     pub sine_rms_rad: f64,
-    /// Mean error at rest \[rad\].
     pub rest_error_rad: f64,
-    /// Half of the motion at rest \[rad\].
     pub rest_motion_rad: f64,
 }
 
-/// One check with its chart's data.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Checked {
-    pub figures: Figures,
-    /// Time \[s\], set point and angle \[rad\].
-    pub points: Vec<(f64, f64, f64)>,
-}
+pub type Checked = check::Checked<Figures>;
 
 pub fn duration_s() -> f64 {
     BEFORE_S + PERIODS / SINE_HZ + REST_S
@@ -72,16 +62,12 @@ pub fn check(
         records.iter().filter(move |record| (from_s..to_s).contains(&record.time_s))
     };
     let error = |record: &Record| record.angle_rad - wanted(record);
-    let mean = |values: &mut dyn Iterator<Item = f64>| {
-        let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-        sum / count
-    };
     let moving = || within(BEFORE_S + 1.0 / SINE_HZ, end_s);
     let resting = || within(duration_s() - COUNTED_S, f64::INFINITY).map(error);
     let [low, high] = ends(resting());
     let figures = Figures {
-        sine_rms_rad: mean(&mut moving().map(|record| error(record).powi(2))).sqrt(),
-        rest_error_rad: mean(&mut resting()),
+        sine_rms_rad: mean(moving().map(|record| error(record).powi(2))).sqrt(),
+        rest_error_rad: mean(resting()),
         rest_motion_rad: 0.5 * (high - low),
     };
     let points = records.iter().map(|one| (one.time_s, wanted(one), one.angle_rad)).collect();

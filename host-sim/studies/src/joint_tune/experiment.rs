@@ -48,7 +48,6 @@ pub struct Record {
     pub reference_rad: f64,
     /// Absolute pressures \[Pa\].
     pub pressure_pa: [f64; 2],
-    /// Estimated wall temperatures \[K\].
     pub wall_k: [f64; 2],
 }
 
@@ -102,7 +101,6 @@ pub trait Bench {
 pub struct Simulated<'a> {
     /// Highest absolute pressure \[Pa\].
     pub highest_pa: f64,
-    /// Whether to end early.
     pub stopped: &'a dyn Fn() -> bool,
 }
 
@@ -185,7 +183,6 @@ pub fn record(
     Ok(filled(&records))
 }
 
-/// Form of a part of the motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Form {
     /// From an angle to another one, evenly \[rad\].
@@ -219,7 +216,6 @@ pub(super) fn least_radius_m(mechanism: &Mechanism) -> f64 {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// Ends of the sweeps \[rad\].
     pub ends_rad: [f64; 2],
     /// Soft and stiff \[N m/rad\].
     pub stiffness_n_m_rad: [f64; 2],

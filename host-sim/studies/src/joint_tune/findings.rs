@@ -313,12 +313,9 @@ pub struct Check {
     pub after: Figures,
 }
 
-/// Values of a joint from records.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Values {
-    /// Length of the records \[s\].
     pub duration_s: f64,
-    /// Highest pressure in them \[Pa\].
     pub highest_pa: f64,
     pub parameters: Vec<Parameter>,
     /// Keys that the data cannot tell, and that keep their values.
@@ -344,7 +341,6 @@ impl Values {
         self.parameters.iter().find(|parameter| parameter.path == path)
     }
 
-    /// The table of all values.
     pub fn table(&self) -> String {
         crate::tune::table(&self.parameters)
     }
@@ -378,7 +374,6 @@ impl Findings {
         Self { values, check: Check { before, after }, improved, adopted: calm && followed }
     }
 
-    /// The result in a sentence.
     pub fn headline(&self) -> String {
         let Check { before, after } = self.check;
         let (_, followed) = compared(before.sine_rms_rad, after.sine_rms_rad);

@@ -3,11 +3,10 @@
 use super::balance::Point;
 use super::findings::Estimate;
 use super::{Figures, Identified, Record, Tuned, Values};
-use crate::tune;
-use thermyo_files::number::significant;
+use crate::tune::{self, FollowedBy};
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
-use thermyo_report::page::{Page, Section, Table, Tile};
+use thermyo_report::page::{Page, Section, Tile};
 
 pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
@@ -22,8 +21,8 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
     let figure = motion(&tuned.records)
         .figure("Angle and pressures", "Slow sweeps, a sine and steps, first soft, then stiff.");
     begun(&title, &lead, &thermyo_joint::render(&tuned.scenario), &findings.values)
-        .tile(Tile::new("Sine of 1 Hz, RMS, before", degrees(check.before.sine_rms_rad), "deg"))
-        .tile(Tile::new("The same after", degrees(check.after.sine_rms_rad), "deg"))
+        .tile(Tile::new("Sine of 1 Hz, RMS, before", check.before.sine_rms_rad.to_degrees(), "deg"))
+        .tile(Tile::new("The same after", check.after.sine_rms_rad.to_degrees(), "deg"))
         .tile(Tile::new("Residual torque, RMS", findings.values.residual_rms_n_m, "N m"))
         .section(values(&findings.values))
         .section(torques(&tuned.estimate))
@@ -32,7 +31,6 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
         .render()
 }
 
-/// The page of values from a record.
 pub fn record_page(found: &Identified, title: &str) -> String {
     let values_of = &found.values;
     let lead = format!(
@@ -62,10 +60,6 @@ fn begun(title: &str, lead: &str, scenario: &str, values: &Values) -> Page {
         Some(open) => page.warning(&open),
         None => page,
     }
-}
-
-fn degrees(value_rad: f64) -> f64 {
-    value_rad.to_degrees()
 }
 
 fn values(values: &Values) -> Section {
@@ -137,44 +131,17 @@ fn motion(records: &[Record]) -> Chart {
 }
 
 fn followed(tuned: &Tuned) -> Section {
-    let row = |name: &str, f: &Figures| {
-        let cells = [f.sine_rms_rad, f.rest_error_rad, f.rest_motion_rad];
-        let cells = cells.map(|value| significant(degrees(value), 3));
-        [name.to_owned()].into_iter().chain(cells).collect()
-    };
     let check = &tuned.findings.check;
-    let columns = ["", "Sine, RMS [deg]", "At rest [deg]", "Moving at rest [deg]"];
-    let figure = check_chart(tuned).figure(
-        "Check, before and after",
-        "A sine of 1 Hz, then a step and a rest; the error is measured less set point.",
-    );
-    let rows = [row("before", &check.before), row("after", &check.after)];
-    Section::new("Check").figure(figure).table(Table::new(
-        "The same motion with both",
-        &columns,
-        rows,
-    ))
+    let cells = |f: &Figures| {
+        [f.sine_rms_rad, f.rest_error_rad, f.rest_motion_rad].map(f64::to_degrees).to_vec()
+    };
+    FollowedBy {
+        columns: &["Sine, RMS [deg]", "At rest [deg]", "Moving at rest [deg]"],
+        caption: "A sine of 1 Hz, then a step and a rest; the error is measured less set point.",
+    }
+    .section(&check_chart(tuned), [&check.before, &check.after].map(cells))
 }
 
 pub fn check_chart(tuned: &Tuned) -> Chart {
-    let (before, after) = (&tuned.before.points, &tuned.after.points);
-    let column = |points: &[(f64, f64, f64)], of: fn(&(f64, f64, f64)) -> f64| {
-        points.iter().map(of).collect::<Vec<f64>>()
-    };
-    let [time_before, time] = [before, after].map(|points| column(points, |point| point.0));
-    let angle: fn(&(f64, f64, f64)) -> f64 = |point| point.2.to_degrees();
-    let error: fn(&(f64, f64, f64)) -> f64 = |point| (point.2 - point.1).to_degrees();
-    Chart::new(Axis::new("Time", "s"))
-        .panel(
-            Panel::new(Axis::new("Angle", "deg"))
-                .wide("set point", Colour::Grey, &time, &column(after, |p| p.1.to_degrees()))
-                .line("before", Colour::Vermillion, &time_before, &column(before, angle))
-                .line("after", Colour::Blue, &time, &column(after, angle)),
-        )
-        .panel(
-            Panel::new(Axis::new("Angle less set point", "deg").range(-3.0, 3.0))
-                .height(150.0)
-                .line("before", Colour::Vermillion, &time_before, &column(before, error))
-                .line("after", Colour::Blue, &time, &column(after, error)),
-        )
+    FollowedBy::chart([&tuned.before, &tuned.after], ("Angle", "deg", 3.0), f64::to_degrees)
 }

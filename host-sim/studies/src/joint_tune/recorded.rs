@@ -43,7 +43,6 @@ pub struct Identified {
 }
 
 impl Identified {
-    /// The result for a terminal.
     pub fn text(&self) -> String {
         let Values { duration_s, torque_rms_n_m, residual_rms_n_m, .. } = self.values;
         let windows = self.estimate.fitted.points.len();

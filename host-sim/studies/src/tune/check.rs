@@ -7,7 +7,6 @@ use thermyo_scenario::DriveKind;
 use thermyo_setup::Loaded;
 use thermyo_simulation::run::RunError;
 
-/// Rest before the sine \[s\].
 const BEFORE_S: f64 = 1.0;
 /// Frequency of the sine \[Hz\], and number of periods; the first one does not count.
 const SINE_HZ: f64 = 0.5;
@@ -22,7 +21,6 @@ const SETTLED: f64 = 0.05;
 /// The stroke to which errors are relative, as in `thermyo evaluate control` \[-\].
 const STROKE: f64 = 0.3;
 
-/// Tracking figures.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Figures {
     /// RMS error of a slow sine, in percent of a stroke of 30 % \[%\].
@@ -37,10 +35,15 @@ pub struct Figures {
 
 /// One check with its chart's data.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Checked {
-    pub figures: Figures,
-    /// Time \[s\], set point and contraction \[-\].
+pub struct Checked<F = Figures> {
+    pub figures: F,
+    /// Time \[s\], set point and measured value: contraction \[-\], or angle \[rad\].
     pub points: Vec<(f64, f64, f64)>,
+}
+
+pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    sum / count
 }
 
 pub fn duration_s() -> f64 {
@@ -70,14 +73,9 @@ pub fn check(
     let within = |from_s: f64, to_s: f64| {
         records.iter().filter(move |record| (from_s..to_s).contains(&record.time_s))
     };
-    let mean = |values: &mut dyn Iterator<Item = f64>| {
-        let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + v, count + 1.0));
-        sum / count
-    };
     let counted_from_s = BEFORE_S + 1.0 / SINE_HZ;
-    let square = mean(
-        &mut within(counted_from_s, sine_end_s).map(|r| (contraction(r) - r.set_point).powi(2)),
-    );
+    let sine = within(counted_from_s, sine_end_s);
+    let square = mean(sine.map(|r| (contraction(r) - r.set_point).powi(2)));
     let mut figures = Figures {
         sine_rms_percent: square.sqrt() / STROKE * 100.0,
         rest_error_percent: 0.0,
@@ -92,7 +90,7 @@ pub fn check(
             .filter(|record| error(record).abs() > SETTLED)
             .fold(0.0, |_, record| record.time_s - start_s);
         let overshoot = within(start_s, end_s).map(error).fold(0.0, f64::max);
-        let rest = mean(&mut within(end_s - REST_S, end_s).map(|r| contraction(r) - value));
+        let rest = mean(within(end_s - REST_S, end_s).map(|r| contraction(r) - value));
         figures.settled_s = figures.settled_s.max(settled_s);
         figures.overshoot_percent = figures.overshoot_percent.max(100.0 * overshoot);
         figures.rest_error_percent = figures.rest_error_percent.max(rest.abs() / STROKE * 100.0);

@@ -44,7 +44,6 @@ const RAMPS: [(f64, usize); 2] = [(0.05, 2), (0.2, 4)];
 const DWELL_S: f64 = 0.3;
 /// Number of steps up, and of steps down.
 const STEPS: u32 = 5;
-/// Duration of each step \[s\].
 const STEP_S: f64 = 0.7;
 /// Lower end of the steps, as a fraction of the range of pressures: the outlet passes little below.
 const STEP_FROM: f64 = 0.15;
@@ -61,17 +60,11 @@ pub struct Record {
     pub set_point: f64,
     /// Measured absolute pressure \[Pa\].
     pub pressure_pa: f64,
-    /// Measured length \[m\].
     pub length_m: f64,
-    /// Estimated gas temperature \[K\].
     pub gas_k: f64,
-    /// Estimated wall temperature \[K\].
     pub wall_k: f64,
-    /// Duty of the inlet \[-\].
     pub inlet: f64,
-    /// Duty of the outlet \[-\].
     pub outlet: f64,
-    /// Active faults.
     pub faults: Faults,
 }
 
@@ -107,7 +100,6 @@ pub trait Bench {
 /// A board that gets the samples of a simulated muscle, step by step.
 pub struct Simulated<'a> {
     pub board: &'a mut dyn Board,
-    /// Whether to end early.
     pub stopped: &'a dyn Fn() -> bool,
 }
 
@@ -156,12 +148,10 @@ pub struct Plan {
     pub contractions: [f64; 2],
     /// Set points over time \[s, Pa\].
     pub profile: Vec<(f64, f64)>,
-    /// Rest before the motion \[s\].
     pub rest_s: Range<f64>,
     /// Even motion \[s\].
     pub ramps_s: Range<f64>,
     pub ramps: Vec<Ramp>,
-    /// Steps of the pressure \[s\].
     pub steps_s: Range<f64>,
 }
 
@@ -288,7 +278,6 @@ impl Profile {
     }
 }
 
-/// Records within an interval of time.
 pub fn during<'a>(records: &'a [Record], time_s: &Range<f64>) -> &'a [Record] {
     let from = records.partition_point(|record| record.time_s < time_s.start);
     let to = records.partition_point(|record| record.time_s < time_s.end);

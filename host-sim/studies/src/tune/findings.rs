@@ -30,14 +30,12 @@ pub struct Parameter {
     pub remark: String,
 }
 
-/// Inputs of the parameters.
 pub(super) struct Parts<'a> {
     pub configured: &'a Loaded,
     pub force: &'a Force,
     pub tunable: Tunable,
     /// Inlet and outlet.
     pub steps: [Steps; 2],
-    /// The valves have a switching time.
     pub switching: bool,
     pub switch_time_s: Option<Measure>,
     pub delay_s: Measure,
@@ -199,18 +197,13 @@ pub struct Check {
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// Length of the experiment \[s\].
     pub duration_s: f64,
-    /// Highest pressure in it \[Pa\].
     pub highest_pa: f64,
     pub parameters: Vec<Parameter>,
     /// From the pin to half of the opening, of the outlet \[s\].
     pub delay_s: f64,
-    /// Noise of one reading of the pressure \[Pa\].
     pub pressure_noise_pa: f64,
-    /// Noise of one reading of the length \[m\].
     pub length_noise_m: f64,
-    /// RMS residual of the balance of forces \[N\].
     pub force_rms_n: f64,
     /// Friction over its standard error \[-\].
     pub signal_to_noise: f64,
@@ -269,7 +262,6 @@ impl Findings {
         word(self.improved, self.adopted)
     }
 
-    /// The result in a sentence.
     pub fn headline(&self) -> String {
         let Check { before, after } = self.check;
         let [before, after] = [before, after].map(|figures| figures.sine_rms_percent);

@@ -65,10 +65,8 @@ pub struct Force {
 /// One interval of even motion.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
-    /// Time of its middle \[s\].
     pub time_s: f64,
     pub contraction: f64,
-    /// Speed of contraction \[m/s\].
     pub speed_m_s: f64,
     /// Pull of the gas, P_g A with the tuned area \[N\].
     pub pull_n: f64,

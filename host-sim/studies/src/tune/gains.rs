@@ -43,14 +43,11 @@ impl Noise {
     }
 }
 
-/// Inputs of the gains.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Basis {
-    /// The valves' delay \[s\].
     pub delay_s: Measure,
     /// Force area over the configured one; stiffness goes with it \[-\].
     pub area_scale: Measure,
-    /// Noise at rest.
     pub noise: Noise,
     /// Smallest contraction of the tested stroke, where the gas spring is stiffest \[-\].
     pub smallest: f64,

@@ -9,7 +9,7 @@
 //! Only telemetry is used, so that a board with a muscle of its own can be tuned like a simulated
 //! one. Only the core's configuration changes, never the plant. See `docs/background/tuning.md`.
 
-mod check;
+pub(crate) mod check;
 mod experiment;
 mod findings;
 mod force;
@@ -28,7 +28,7 @@ pub use findings::{Findings, Parameter, table};
 pub(crate) use findings::{compared, word};
 pub(crate) use force::SLIDING_M_S;
 pub use motion::{motion_record, motion_values};
-pub(crate) use page::values;
+pub(crate) use page::{FollowedBy, values};
 pub use page::{check_chart, page};
 
 use check::Checked;
@@ -69,11 +69,8 @@ const WORSE_PERCENT: f64 = 1.0;
      what set points are followed to), as configured"
 )]
 pub struct OutOfReach {
-    /// \[Pa\]
     asked_pa: f64,
-    /// \[Pa\]
     least_pa: f32,
-    /// \[Pa\]
     most_pa: f32,
 }
 
@@ -121,7 +118,6 @@ pub enum Refusal {
         reached_pa / 1e3, asked_pa / 1e3
     )]
     NotReached {
-        /// Highest measured \[Pa\].
         reached_pa: f64,
         /// Highest set point \[Pa\].
         asked_pa: f64,
@@ -131,11 +127,7 @@ pub enum Refusal {
          are allowed",
         rms_pa / 1e3, limit_pa / 1e3
     )]
-    LoopOpen {
-        /// RMS error \[Pa\].
-        rms_pa: f64,
-        limit_pa: f64,
-    },
+    LoopOpen { rms_pa: f64, limit_pa: f64 },
     #[error(
         "the muscle moved by {:.1} mm on a ramp, at least {:.1} mm are needed: is the load too heavy, or \
          too light to lengthen the muscle again, or the length sensor stuck?",
@@ -162,7 +154,6 @@ pub enum Refusal {
     Noisy {
         /// Friction over its standard error.
         signal: f64,
-        /// RMS residual \[N\].
         rms_n: f64,
     },
     #[error(

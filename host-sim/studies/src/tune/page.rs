@@ -1,6 +1,7 @@
 //! `report.html` of a tuning: hysteresis and fit, a step of the pressure, the check before and
 //! after.
 
+use super::check::Checked;
 use super::experiment::during;
 use super::force::Point;
 use super::{Figures, Parameter, Tuned};
@@ -142,48 +143,67 @@ fn step(tuned: &Tuned, jump_s: f64) -> Figure {
 }
 
 fn followed(tuned: &Tuned) -> Section {
-    let row = |name: &str, f: &Figures| {
-        vec![
-            name.to_owned(),
-            significant(f.sine_rms_percent, 3),
-            significant(f.rest_error_percent, 3),
-            significant(f.settled_s, 3),
-            significant(f.overshoot_percent, 3),
-        ]
-    };
     let check = &tuned.findings.check;
-    let columns =
-        ["", "Sine, RMS [% of stroke]", "At rest [% of stroke]", "Settled [s]", "Overshoot [%]"];
-    let rows = [row("before", &check.before), row("after", &check.after)];
-    let figure = check_chart(tuned).figure(
-        "Check, before and after",
-        "A sine of 0.5 Hz, then two steps; of steps the error below shows where they come to rest.",
-    );
-    Section::new("Check").figure(figure).table(Table::new(
-        "The same motion with both",
-        &columns,
-        rows,
-    ))
+    let cells = |f: &Figures| {
+        vec![f.sine_rms_percent, f.rest_error_percent, f.settled_s, f.overshoot_percent]
+    };
+    FollowedBy {
+        columns: &["Sine, RMS [% of stroke]", "At rest [% of stroke]", "Settled [s]", "Overshoot [%]"],
+        caption: "A sine of 0.5 Hz, then two steps; of steps the error below shows where they come to rest.",
+    }
+    .section(&check_chart(tuned), [&check.before, &check.after].map(cells))
 }
 
 pub fn check_chart(tuned: &Tuned) -> Chart {
-    let (before, after) = (&tuned.before.points, &tuned.after.points);
-    let time: Vec<f64> = after.iter().map(|point| point.0).collect();
-    let percent = |points: &[(f64, f64, f64)], of: fn(&(f64, f64, f64)) -> f64| {
-        points.iter().map(|point| 100.0 * of(point)).collect::<Vec<f64>>()
-    };
-    let error = |point: &(f64, f64, f64)| point.2 - point.1;
-    Chart::new(Axis::new("Time", "s"))
-        .panel(
-            Panel::new(Axis::new("Contraction", "%"))
-                .wide("set point", Colour::Grey, &time, &percent(after, |point| point.1))
-                .line("before", Colour::Vermillion, &time, &percent(before, |point| point.2))
-                .line("after", Colour::Blue, &time, &percent(after, |point| point.2)),
-        )
-        .panel(
-            Panel::new(Axis::new("Contraction less set point", "%").range(-1.5, 1.5))
-                .height(150.0)
-                .line("before", Colour::Vermillion, &time, &percent(before, error))
-                .line("after", Colour::Blue, &time, &percent(after, error)),
-        )
+    let quantity = ("Contraction", "%", 1.5);
+    FollowedBy::chart([&tuned.before, &tuned.after], quantity, |value| 100.0 * value)
+}
+
+/// A motion that is followed before and after tuning, on a page.
+pub struct FollowedBy<'a> {
+    /// Heads of the figures' columns.
+    pub columns: &'a [&'a str],
+    pub caption: &'a str,
+}
+
+impl FollowedBy<'_> {
+    pub fn section(&self, chart: &Chart, cells: [Vec<f64>; 2]) -> Section {
+        let columns = [&[""], self.columns].concat();
+        let rows = ["before", "after"].into_iter().zip(cells).map(|(name, cells)| {
+            let cells = cells.into_iter().map(|value| significant(value, 3));
+            [name.to_owned()].into_iter().chain(cells).collect()
+        });
+        Section::new("Check")
+            .figure(chart.figure("Check, before and after", self.caption))
+            .table(Table::new("The same motion with both", &columns, rows))
+    }
+
+    /// Set point and values, and the errors within a range, in a unit that `shown` converts to.
+    pub fn chart<F>(
+        checked: [&Checked<F>; 2],
+        (quantity, unit, range): (&str, &str, f64),
+        shown: fn(f64) -> f64,
+    ) -> Chart {
+        type Of = fn(&(f64, f64, f64)) -> f64;
+        let column = |of: Of| checked.map(|one| one.points.iter().map(of).collect::<Vec<f64>>());
+        let shown = |of: Of| column(of).map(|values| values.into_iter().map(shown).collect());
+        let [time_before, time] = column(|point| point.0);
+        let [_, wanted]: [Vec<f64>; 2] = shown(|point| point.1);
+        let [before, after]: [Vec<f64>; 2] = shown(|point| point.2);
+        let [error_before, error]: [Vec<f64>; 2] = shown(|point| point.2 - point.1);
+        let less = format!("{quantity} less set point");
+        Chart::new(Axis::new("Time", "s"))
+            .panel(
+                Panel::new(Axis::new(quantity, unit))
+                    .wide("set point", Colour::Grey, &time, &wanted)
+                    .line("before", Colour::Vermillion, &time_before, &before)
+                    .line("after", Colour::Blue, &time, &after),
+            )
+            .panel(
+                Panel::new(Axis::new(&less, unit).range(-range, range))
+                    .height(150.0)
+                    .line("before", Colour::Vermillion, &time_before, &error_before)
+                    .line("after", Colour::Blue, &time, &error),
+            )
+    }
 }

@@ -35,7 +35,6 @@ pub enum Direction {
 }
 
 impl Direction {
-    /// Duty of that valve \[-\].
     fn share(self, record: &Record) -> f64 {
         match self {
             Self::In => record.inlet,
@@ -44,7 +43,6 @@ impl Direction {
     }
 }
 
-/// Valve parameters from the steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Steps {
     /// Sonic conductance, with tube and regulator \[m3/(s Pa)\].
