@@ -21,7 +21,6 @@ const HOLD_S: f64 = 2.5;
 const REST_S: f64 = 0.5;
 /// Centre of the sines \[-\].
 pub(super) const MIDDLE: f64 = 0.15;
-/// Rest before a sine \[s\].
 const BEFORE_S: f64 = 1.0;
 /// Of some 170 combinations, the one with the least error of the slow sine on the nominal muscle,
 /// among those that hunt by at most 1 % of the stroke at rest.
@@ -111,7 +110,6 @@ pub mod rest {
     /// Worst result of all holds, in percent of full scale.
     #[derive(Debug, Clone, Copy, Default)]
     pub struct Held {
-        /// Largest error at rest \[%\].
         pub error_percent: f64,
         /// Largest motion at rest, peak to peak \[%\].
         pub ripple_percent: f64,
@@ -122,9 +120,7 @@ pub mod rest {
     #[derive(Debug, Clone, Copy)]
     pub(super) struct Holds<'a> {
         pub values: &'a [f64],
-        /// Start of the first hold \[s\].
         pub start_s: f64,
-        /// Full scale of the errors.
         pub full_scale: f64,
     }
 
@@ -275,17 +271,14 @@ pub fn sine(
     })
 }
 
-/// Error of a sine \[mm\].
 pub fn rms_mm(loaded: &Loaded, sine: &Sine) -> f64 {
     10.0 * sine.rms_percent * STROKE * loaded.plant.muscle.rest_length_m
 }
 
-/// Result of a step of the pressure.
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
     /// Time to stay within 2 % of the step, over that with the open valve \[-\].
     pub times_open_valve: f64,
-    /// Overshoot as a fraction of the step \[%\].
     pub overshoot_percent: f64,
 }
 
@@ -369,39 +362,40 @@ pub(super) fn configured(mut loaded: Loaded, change: Change) -> Loaded {
     loaded
 }
 
-fn hold_line(
-    case: String,
-    loaded: &Loaded,
-    strokes: u32,
-    bound_percent: f64,
-) -> Result<CaseFigures, RunError> {
+/// Holds after so many strokes, to errors of `most_percent`.
+fn holds(loaded: &Loaded, strokes: u32, most_percent: f64) -> Result<Vec<Figure>, RunError> {
     let held = rest::hold(loaded, strokes, &mut CoreBoard::default())?;
     // Creep goes on: 1.5 N/s after a way of 27 mm, 0.1 mm/s, for which a pulse is due every 2 to 4 s. A muscle
     // that does not creep is left alone.
     let muscle = &loaded.plant.muscle;
     let creeps = muscle.creep_fast_n_m > 0.0 || muscle.creep_slow_n_m > 0.0;
     let (ripple_percent, driven) = if creeps { (0.5, 0.12) } else { (0.2, 0.0) };
-    let error = held.error_percent;
     // The crept bladder holds 15 mm against 20 N and friction: the vented muscle does not come back.
-    let light = load_n(&loaded.plant) < LIGHT_N && creeps;
-    Ok(CaseFigures {
-        case,
-        figures: if light {
-            vec![Figure::shown("error_percent", error)]
-        } else {
-            vec![
-                Figure::at_most("error_percent", error, bound_percent),
-                Figure::at_most("ripple_percent", held.ripple_percent, ripple_percent),
-                Figure::at_most("valves_driven", held.driven, driven),
-            ]
-        },
-    })
+    if load_n(&loaded.plant) < LIGHT_N && creeps {
+        return Ok(vec![Figure::shown("error_percent", held.error_percent)]);
+    }
+    Ok(held_within(&held, [most_percent, ripple_percent, driven]))
+}
+
+/// Error and ripple at rest \[%\], and the fraction of it in which a valve may be driven.
+pub(super) fn held_within(held: &rest::Held, [error, ripple, driven]: [f64; 3]) -> Vec<Figure> {
+    vec![
+        Figure::at_most("error_percent", held.error_percent, error),
+        Figure::at_most("ripple_percent", held.ripple_percent, ripple),
+        Figure::at_most("valves_driven", held.driven, driven),
+    ]
+}
+
+pub(super) fn step_figures(step: &Step) -> Vec<Figure> {
+    vec![
+        Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+        Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+    ]
 }
 
 /// Below this load, slip and creep hold the muscle where it was \[N\].
 const LIGHT_N: f64 = 40.0;
 
-/// Load of a muscle \[N\].
 fn load_n(scenario: &Scenario) -> f64 {
     match scenario.load.kind {
         LoadKind::Mass => scenario.load.mass_kg * 9.81,
@@ -428,27 +422,27 @@ pub fn full(nominal: &Loaded) -> Loaded {
 
 pub(super) type Job<'a> = Box<dyn Fn() -> Result<CaseFigures, RunError> + Send + Sync + 'a>;
 
+pub(super) fn job<'a>(
+    case: String,
+    figures: impl Fn() -> Result<Vec<Figure>, RunError> + Send + Sync + 'a,
+) -> Job<'a> {
+    Box::new(move || Ok(CaseFigures { case: case.clone(), figures: figures()? }))
+}
+
 fn holding(full: &Loaded) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job> = Vec::new();
     for temperature_k in [283.15, 298.15, 313.15] {
+        let at =
+            move |loaded: &Loaded, force_n| load(ambient(loaded.clone(), temperature_k), force_n);
+        let celsius = temperature_k - 273.15;
         for force_n in [20.0, 100.0, 200.0] {
-            jobs.push(Box::new(move || {
-                let loaded = load(ambient(full.clone(), temperature_k), force_n);
-                let celsius = temperature_k - 273.15;
-                hold_line(format!("hold, {force_n} N, {celsius:.0} degC, cold"), &loaded, 0, 1.0)
-            }));
+            let case = format!("hold, {force_n} N, {celsius:.0} degC, cold");
+            jobs.push(job(case, move || holds(&at(full, force_n), 0, 1.0)));
         }
-        jobs.push(Box::new(move || {
-            let loaded = load(ambient(creepless(full.clone()), temperature_k), 20.0);
-            let celsius = temperature_k - 273.15;
-            hold_line(format!("hold, 20 N, {celsius:.0} degC, no creep"), &loaded, 0, 1.0)
-        }));
-        jobs.push(Box::new(move || {
-            let loaded = ambient(full.clone(), temperature_k);
-            let celsius = temperature_k - 273.15;
-            let case = format!("hold, 100 N, {celsius:.0} degC, after 200 strokes");
-            hold_line(case, &loaded, 200, 1.0)
-        }));
+        let case = format!("hold, 20 N, {celsius:.0} degC, no creep");
+        jobs.push(job(case, move || holds(&at(&creepless(full.clone()), 20.0), 0, 1.0)));
+        let case = format!("hold, 100 N, {celsius:.0} degC, after 200 strokes");
+        jobs.push(job(case, move || holds(&ambient(full.clone(), temperature_k), 200, 1.0)));
     }
     let wrong: [(&str, Change); 8] = [
         ("friction 20 % low", |s| s.friction.force_n *= 0.8),
@@ -461,9 +455,8 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
         ("load 80 N too low", |s| s.load.force_n -= 80.0),
     ];
     for (name, change) in wrong {
-        jobs.push(Box::new(move || {
-            hold_line(format!("hold, {name}"), &configured(full.clone(), change), 0, 2.0)
-        }));
+        let case = format!("hold, {name}");
+        jobs.push(job(case, move || holds(&configured(full.clone(), change), 0, 2.0)));
     }
     jobs
 }
@@ -508,39 +501,35 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
     };
     for mass_kg in [2.0, 10.0, 20.0] {
         let loaded = hanging(mass_kg);
-        jobs.push(Box::new(move || {
-            hold_line(format!("hold, {mass_kg} kg hanging"), &loaded, 0, 1.0)
-        }));
+        let case = format!("hold, {mass_kg} kg hanging");
+        jobs.push(job(case, move || holds(&loaded, 0, 1.0)));
     }
     for mass_kg in [5.0, 10.0, 20.0, 30.0] {
         let loaded = hanging(mass_kg);
-        jobs.push(Box::new(move || {
-            let overshoot = overshoot_percent(&loaded, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: format!("steps of 4 to 15 % contraction, {mass_kg} kg hanging"),
-                figures: vec![Figure::at_most("overshoot_percent", overshoot, 10.0)],
-            })
-        }));
+        jobs.push(job(
+            format!("steps of 4 to 15 % contraction, {mass_kg} kg hanging"),
+            move || {
+                let overshoot = overshoot_percent(&loaded, &mut CoreBoard::default())?;
+                Ok(vec![Figure::at_most("overshoot_percent", overshoot, 10.0)])
+            },
+        ));
     }
     for length_m in [0.29, 0.27, 0.24] {
         let loaded = with(&|load| {
             load.kind = LoadKind::Isometric;
             load.length_m = length_m;
         });
-        jobs.push(Box::new(move || {
+        jobs.push(job(format!("isometric, {:.0} mm", 1e3 * length_m), move || {
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;
             let held = force_hold(&loaded, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: format!("isometric, {:.0} mm", 1e3 * length_m),
-                figures: vec![
-                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
-                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
-                    Figure::at_most("force_error_percent", held.error_percent, 1.0),
-                    // 1.5 % of the last step, 2 bar, either way while the gas relaxes.
-                    Figure::at_most("force_ripple_percent", held.ripple_percent, 2.0),
-                    Figure::at_most("valves_driven", held.driven, 0.04),
-                ],
-            })
+            Ok(vec![
+                Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
+                Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
+                Figure::at_most("force_error_percent", held.error_percent, 1.0),
+                // 1.5 % of the last step, 2 bar, either way while the gas relaxes.
+                Figure::at_most("force_ripple_percent", held.ripple_percent, 2.0),
+                Figure::at_most("valves_driven", held.driven, 0.04),
+            ])
         }));
     }
     jobs
@@ -562,18 +551,12 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
     // At 50 N the muscle works at 1.4 bar, where the open outlet passes 0.5 g/s: the reversal of 30
     // N of friction alone takes a third of half a period at 5 Hz.
     for (force_n, bandwidth_target_hz) in [(50.0, 5.0), (100.0, 5.0), (200.0, 5.0)] {
-        jobs.push(Box::new(move || {
+        jobs.push(job(format!("pressure 2 to 4 bar, {force_n} N"), move || {
             let loaded = load(full.clone(), force_n);
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: format!("pressure 2 to 4 bar, {force_n} N"),
-                figures: vec![
-                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
-                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
-                ],
-            })
+            Ok(step_figures(&step))
         }));
-        jobs.push(Box::new(move || {
+        jobs.push(job(format!("sine of 2.5 % of stroke, {force_n} N"), move || {
             let loaded = load(full.clone(), force_n);
             let at = |hz: f64| sine(&loaded, hz, 0.025, &mut CoreBoard::default());
             let mut peak: f64 = 0.0;
@@ -589,21 +572,15 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
                     bandwidth_hz = hz;
                 }
             }
-            Ok(CaseFigures {
-                case: format!("sine of 2.5 % of stroke, {force_n} N"),
-                figures: vec![
-                    Figure::at_least("bandwidth_hz", bandwidth_hz, bandwidth_target_hz),
-                    Figure::at_most("largest_gain", peak, 1.5),
-                ],
-            })
+            Ok(vec![
+                Figure::at_least("bandwidth_hz", bandwidth_hz, bandwidth_target_hz),
+                Figure::at_most("largest_gain", peak, 1.5),
+            ])
         }));
-        jobs.push(Box::new(move || {
+        jobs.push(job(format!("0.5 Hz over 30 % of stroke, {force_n} N"), move || {
             let loaded = load(full.clone(), force_n);
             let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: format!("0.5 Hz over 30 % of stroke, {force_n} N"),
-                figures: vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)],
-            })
+            Ok(vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)])
         }));
     }
     jobs
@@ -619,8 +596,8 @@ pub(super) fn for_the_room(s: &mut Scenario) {
 fn compared(full: &Loaded) -> Vec<Job<'_>> {
     [283.15, 313.15]
         .into_iter()
-        .map(|temperature_k| -> Job {
-            Box::new(move || {
+        .map(|temperature_k| {
+            job(format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15), move || {
                 let loaded = ambient(full.clone(), temperature_k);
                 let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
                 let room = configured(loaded.clone(), for_the_room);
@@ -632,23 +609,19 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
                 let uncompensated = rms(&fixed, &mut CoreBoard::default())?;
                 let by_thermometer = rms(&room, &mut CoreBoard::default())?;
                 let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;
-                Ok(CaseFigures {
-                    case: format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15),
-                    figures: vec![
-                        Figure::at_most("rms_percent", compensated, 2.0),
-                        // The load observer makes up for a friction that is believed not to soften.
-                        Figure::at_most("fixed_friction_times", uncompensated / compensated, 2.0),
-                        // A thermometer in the room does nearly the same as the estimated wall.
-                        Figure::shown("room_friction_times", by_thermometer / compensated),
-                        Figure::at_least("pid_times", usual / compensated, 3.0),
-                    ],
-                })
+                Ok(vec![
+                    Figure::at_most("rms_percent", compensated, 2.0),
+                    // The load observer makes up for a friction that is believed not to soften.
+                    Figure::at_most("fixed_friction_times", uncompensated / compensated, 2.0),
+                    // A thermometer in the room does nearly the same as the estimated wall.
+                    Figure::shown("room_friction_times", by_thermometer / compensated),
+                    Figure::at_least("pid_times", usual / compensated, 3.0),
+                ])
             })
         })
         .collect()
 }
 
-/// The cases of this module.
 pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {
     [holding(full), other_loads(full), moving(full), compared(full)].into_iter().flatten().collect()
 }

@@ -1,8 +1,8 @@
 //! A heavy load that follows a sine with other valves than those of 100 Hz, and from hosts whose set points come seldom
 //! or late.
 
-use super::control::{Job, rms_mm, sine};
-use super::{CaseFigures, Figure};
+use super::Figure;
+use super::control::{Job, job, rms_mm, sine};
 use model_core::{Config, Sample, SetPoint};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
@@ -66,7 +66,6 @@ pub fn heavy(full: &Loaded, pwm_hz: f64) -> Loaded {
     loaded
 }
 
-/// The cases of this module.
 pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {
     let cases = [
         ("valves at 50 Hz", 50.0, 1, 0, 0.4),
@@ -79,12 +78,11 @@ pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {
         ("50 set points a second, up to 4 ms late", 100.0, 2, 4, 0.5),
         ("set points up to 8 ms late", 100.0, 1, 8, 1.0),
     ];
-    let jobs = cases.into_iter().map(|(name, pwm_hz, one_of, latest_steps, most_mm)| -> Job {
-        Box::new(move || {
+    let jobs = cases.into_iter().map(|(name, pwm_hz, one_of, latest_steps, most_mm)| {
+        job(format!("0.5 Hz sine, 20 kg, {name}"), move || {
             let loaded = heavy(full, pwm_hz);
             let followed = sine(&loaded, 0.5, 0.15, &mut Host::new(one_of, latest_steps))?;
-            let figures = vec![Figure::at_most("rms_mm", rms_mm(&loaded, &followed), most_mm)];
-            Ok(CaseFigures { case: format!("0.5 Hz sine, 20 kg, {name}"), figures })
+            Ok(vec![Figure::at_most("rms_mm", rms_mm(&loaded, &followed), most_mm)])
         })
     });
     jobs.collect()

@@ -3,7 +3,7 @@
 
 use super::control::rest::{self, Held};
 use super::control::{
-    Job, Point, STROKE, configured, creepless, load, rms_mm, sine, stepped_trace,
+    Job, Point, STROKE, configured, creepless, job, load, rms_mm, sine, stepped_trace,
 };
 use super::{CaseFigures, Figure};
 use thermyo_compute::parallel::{self, Watch};
@@ -48,8 +48,8 @@ fn sines(full: &Loaded) -> Vec<Job<'_>> {
         ("10 kg, believed 2", TEN_KG, 2.0, 0.05, 0.5),
         ("friction twice the believed, 200 N", TWICE, 2.0, 0.05, 0.5),
     ];
-    let jobs = cases.into_iter().map(|(name, change, hz, amplitude, most_mm)| -> Job {
-        Box::new(move || {
+    let jobs = cases.into_iter().map(|(name, change, hz, amplitude, most_mm)| {
+        job(format!("{hz} Hz sine, {name}"), move || {
             let mut loaded = unexpected(full.clone(), change);
             if name.ends_with("200 N") {
                 loaded = super::control::load(loaded, 200.0);
@@ -59,7 +59,7 @@ fn sines(full: &Loaded) -> Vec<Job<'_>> {
             if hz < 1.0 {
                 figures.push(Figure::at_most("pulses_per_s", followed.pulses_per_s, 60.0));
             }
-            Ok(CaseFigures { case: format!("{hz} Hz sine, {name}"), figures })
+            Ok(figures)
         })
     });
     jobs.collect()
@@ -131,17 +131,14 @@ fn loads(full: &Loaded) -> Vec<Job<'_>> {
         ("conductance twice the believed", TWICE_THE_FLOW),
         ("conductance half the believed", HALF_THE_FLOW),
     ];
-    let jobs = cases.into_iter().map(|(name, change)| -> Job {
-        Box::new(move || {
+    let jobs = cases.into_iter().map(|(name, change)| {
+        job(format!("load steps of 50 N, {name}"), move || {
             let steps = worst_load_steps(unexpected(full.clone(), change))?;
-            Ok(CaseFigures {
-                case: format!("load steps of 50 N, {name}"),
-                figures: vec![
-                    Figure::at_most("back_s", steps.back_s, 0.5),
-                    Figure::at_most("error_percent", steps.error_percent, 0.5),
-                    Figure::at_most("late_pulses_per_s", steps.late_pulses_per_s, 20.0),
-                ],
-            })
+            Ok(vec![
+                Figure::at_most("back_s", steps.back_s, 0.5),
+                Figure::at_most("error_percent", steps.error_percent, 0.5),
+                Figure::at_most("late_pulses_per_s", steps.late_pulses_per_s, 20.0),
+            ])
         })
     });
     jobs.collect()
@@ -156,19 +153,16 @@ fn resting(full: &Loaded) -> Vec<Job<'_>> {
         ("creep that is only believed", false, NO_CREEP),
         ("conductance twice the believed", false, TWICE_THE_FLOW),
     ];
-    let jobs = cases.into_iter().map(|(name, still, change)| -> Job {
-        Box::new(move || {
+    let jobs = cases.into_iter().map(|(name, still, change)| {
+        job(format!("at rest, {name}"), move || {
             let loaded = if still { creepless(full.clone()) } else { full.clone() };
             let loaded = unexpected(loaded, change);
             let held = rest::hold(&loaded, 0, &mut CoreBoard::default())?;
             let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
-            Ok(CaseFigures {
-                case: format!("at rest, {name}"),
-                figures: vec![
-                    Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.25),
-                    Figure::at_most("valves_driven", held.driven, if still { 0.0 } else { 0.12 }),
-                ],
-            })
+            Ok(vec![
+                Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.25),
+                Figure::at_most("valves_driven", held.driven, if still { 0.0 } else { 0.12 }),
+            ])
         })
     });
     jobs.collect()
@@ -194,18 +188,15 @@ fn across_a_wide_code(full: &Loaded) -> Vec<Job<'_>> {
         ("creep", full.clone()),
         ("no friction", unexpected(full.clone(), NO_FRICTION)),
     ];
-    let jobs = cases.into_iter().map(|(name, loaded)| -> Job {
-        Box::new(move || {
+    let jobs = cases.into_iter().map(|(name, loaded)| {
+        job(format!("across a wide code, {name}"), move || {
             let held = hold_across_a_wide_code(&loaded, &mut CoreBoard::default())?;
             let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
-            Ok(CaseFigures {
-                case: format!("across a wide code, {name}"),
-                figures: vec![
-                    // Half of the code, and the dead zone to either side.
-                    Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.75),
-                    Figure::at_most("valves_driven", held.driven, 0.12),
-                ],
-            })
+            Ok(vec![
+                // Half of the code, and the dead zone to either side.
+                Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.75),
+                Figure::at_most("valves_driven", held.driven, 0.12),
+            ])
         })
     });
     jobs.collect()
@@ -238,8 +229,8 @@ fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
     };
     let stirred: fn(&mut Scenario) = |_| {};
     let jobs =
-        [("stirred gas", stirred), ("still gas", still)].into_iter().map(|(name, change)| -> Job {
-            Box::new(move || {
+        [("stirred gas", stirred), ("still gas", still)].into_iter().map(|(name, change)| {
+            job(format!("pressure 2 to 4 bar and back, 270 mm, {name}"), move || {
                 let isometric: fn(&mut Scenario) = |s| {
                     s.load.kind = LoadKind::Isometric;
                     s.load.length_m = 0.27;
@@ -249,13 +240,10 @@ fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
                     loaded = configured(unexpected(loaded, change), change);
                 }
                 let [filled, vented] = late_pulses(&loaded, &mut CoreBoard::default())?;
-                Ok(CaseFigures {
-                    case: format!("pressure 2 to 4 bar and back, 270 mm, {name}"),
-                    figures: vec![
-                        Figure::at_most("late_pulses", filled as f64, 5.0),
-                        Figure::at_most("late_pulses_back", vented as f64, 5.0),
-                    ],
-                })
+                Ok(vec![
+                    Figure::at_most("late_pulses", filled as f64, 5.0),
+                    Figure::at_most("late_pulses_back", vented as f64, 5.0),
+                ])
             })
         });
     jobs.collect()

@@ -23,13 +23,11 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// The chart as an SVG file.
     pub fn svg(&self) -> String {
         self.chart.document(self.title)
     }
 }
 
-/// All plots, on `full`.
 pub fn plots(nominal: &Loaded) -> Result<Vec<Plot>, TuneError> {
     let full = control::full(nominal);
     Ok(vec![

@@ -1,7 +1,7 @@
 //! Control with proportional valves: the cases of switching ones, and a dead band that is not as believed.
 
-use super::control::{Job, pressure_step_between, rest, sine};
-use super::{CaseFigures, Figure};
+use super::Figure;
+use super::control::{Job, held_within, job, pressure_step_between, rest, sine, step_figures};
 use thermyo_scenario::{Scenario, ValveKind};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::CoreBoard;
@@ -23,7 +23,6 @@ pub fn proportional(mut loaded: Loaded, believed: f64) -> Loaded {
     loaded
 }
 
-/// The cases of this module.
 pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job> = Vec::new();
     for believed in BELIEVED {
@@ -31,36 +30,20 @@ pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {
             1.0 => format!("proportional valves, {what}"),
             _ => format!("proportional valves, dead band believed {believed} times, {what}"),
         };
-        jobs.push(Box::new(move || {
+        jobs.push(job(case("pressure 10 to 90 %"), move || {
             let loaded = proportional(full.clone(), believed);
             let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: case("pressure 10 to 90 %"),
-                figures: vec![
-                    Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
-                    Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
-                ],
-            })
+            Ok(step_figures(&step))
         }));
-        jobs.push(Box::new(move || {
+        jobs.push(job(case("hold"), move || {
             let loaded = proportional(full.clone(), believed);
             let held = rest::hold(&loaded, 0, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: case("hold"),
-                figures: vec![
-                    Figure::at_most("error_percent", held.error_percent, 1.0),
-                    Figure::at_most("ripple_percent", held.ripple_percent, 0.5),
-                    Figure::at_most("valves_driven", held.driven, DRIVEN),
-                ],
-            })
+            Ok(held_within(&held, [1.0, 0.5, DRIVEN]))
         }));
-        jobs.push(Box::new(move || {
+        jobs.push(job(case("0.5 Hz over 30 % of stroke"), move || {
             let loaded = proportional(full.clone(), believed);
             let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default())?;
-            Ok(CaseFigures {
-                case: case("0.5 Hz over 30 % of stroke"),
-                figures: vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)],
-            })
+            Ok(vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)])
         }));
     }
     jobs
