@@ -213,7 +213,6 @@ pub enum Outcome {
     /// One step, whose telemetry is the answer.
     #[cfg(feature = "hil")]
     Step(kind::Sample),
-    /// There is no answer.
     Silent,
 }
 

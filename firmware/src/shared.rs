@@ -58,11 +58,8 @@ impl Order {
     }
 }
 
-/// Request from the link to the keeper.
 pub enum StoreRequest {
-    /// Save the active configuration.
     Save,
-    /// Forget the saved configuration.
     Forget,
     /// Read the event of this number; the last event is number 0.
     Event(u8),
@@ -79,7 +76,6 @@ pub enum Slot {
     Full(Held),
 }
 
-/// Number of lines to the host.
 pub const LINES: usize = if cfg!(feature = "usb") { 2 } else { 1 };
 
 /// One line to the host. Each line has its own telemetry divider: there is no telemetry before the
@@ -338,7 +334,6 @@ impl Shared {
         self.status.lock(Cell::get)
     }
 
-    /// Changes the status and posts it to the hosts.
     pub fn change_status(&self, change: impl FnOnce(&mut Status)) {
         self.status.lock(|cell| {
             let mut status = cell.get();

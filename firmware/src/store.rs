@@ -177,7 +177,6 @@ impl<F: NorFlash> Store<F> {
         MapStorage::new(&mut self.flash, MapConfig::new(range), cache)
     }
 
-    /// Reads the value of a copy to the beginning of the buffer.
     async fn read(&mut self, copy: usize, key: Key, buffer: &mut Buffer) -> Entry {
         let found = self.map(copy).fetch_item::<&[u8]>(buffer, &(key as u8)).await;
         let (start, length, number) = match found {
@@ -198,7 +197,6 @@ impl<F: NorFlash> Store<F> {
         Entry::Value(number, length)
     }
 
-    /// Writes a value with its head to a copy and verifies it.
     async fn write(&mut self, copy: usize, key: Key, headed: &[u8]) -> Result<(), Unwritable> {
         if self.try_write(copy, key, headed).await.is_ok() {
             return Ok(());

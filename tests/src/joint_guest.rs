@@ -15,12 +15,10 @@ const TARGET: &str = "thumbv6m-none-eabi";
 /// Longest content of the guest's buffer \[bytes\].
 const BUFFER_BYTES: usize = 2048;
 
-/// A joint on an RP2040.
 pub struct EmulatedJoint {
     process: Child,
     requests: ChildStdin,
     responses: BufReader<ChildStdout>,
-    /// Addresses and sizes.
     symbols: BTreeMap<String, (u32, u64)>,
     /// Memory that a joint takes \[bytes\].
     pub joint_bytes: u64,

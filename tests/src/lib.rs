@@ -11,7 +11,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// Result of one command.
 #[derive(Debug)]
 pub struct Outcome {
     pub code: u8,
@@ -19,7 +18,6 @@ pub struct Outcome {
     pub err: String,
 }
 
-/// Runs `thermyo` with these arguments.
 pub fn thermyo(arguments: &[&str]) -> Outcome {
     let (mut out, mut err) = (Vec::new(), Vec::new());
     let all = ["thermyo"].iter().chain(arguments);
@@ -67,7 +65,6 @@ impl Finished {
         fs::read_to_string(self.path(name)).expect("the run wrote it")
     }
 
-    /// A column of `trace.csv`.
     pub fn column(&self, name: &str) -> Vec<f64> {
         let text = self.text("trace.csv");
         let mut lines = text.lines();

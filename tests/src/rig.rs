@@ -33,12 +33,10 @@ impl Muscle {
         &self.config
     }
 
-    /// Current sample of the sensors.
     pub fn sample(&mut self) -> Sample {
         self.adc.convert(&self.plant.truth()).into()
     }
 
-    /// Advances the plant by one step.
     pub fn advance(&mut self, actuation: Actuation) {
         self.plant.advance(actuation).expect("the plant goes on");
     }

@@ -218,7 +218,6 @@ fn assert_stops_vent(cases: u32) {
     assert!((0.5..=3.0).contains(&worst_ms), "{worst_ms} ms");
 }
 
-/// Kind of flood.
 #[derive(Debug, Clone, Copy)]
 #[allow(clippy::large_enum_variant)] // A handful of them.
 enum Flood {

@@ -27,7 +27,6 @@ struct Bench {
     loaded: JointLoaded,
 }
 
-/// The joint of a scenario, at rest.
 fn joint(scenario: &str) -> (JointLoaded, Rig) {
     let loaded = parse(scenario, "joint.toml".as_ref()).unwrap();
     let rig = Rig::new(&loaded, Inputs::of(Motion::still(0.0, 14.0))).unwrap();

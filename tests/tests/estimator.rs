@@ -19,7 +19,6 @@ fn broken(line: &str, fault: &str) -> Finished {
 
 /// Quality of the estimate from one time to another.
 struct Worth {
-    /// RMS error [K].
     error_k: f64,
     /// Fraction of the time within two stated deviations.
     within: f64,

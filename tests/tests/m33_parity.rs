@@ -23,7 +23,6 @@ fn ten_thousand_steps(target: &str) {
     assert!(MEAN.contains(&mean) && WORST.contains(&worst), "{mean}, {worst} at worst");
 }
 
-/// The code of the Pico 2.
 #[test]
 fn code_for_the_cortex_m33_is_equal_to_the_bit() {
     ten_thousand_steps("thumbv8m.main-none-eabihf");

@@ -14,7 +14,6 @@ const WARM_S: f64 = 600.0;
 /// By then the estimator has forgotten how it started: 1500 s, four time constants of the wall and five of its memory.
 const SETTLED_CYCLE: u32 = 300;
 
-/// One step of the record.
 struct Step {
     sample: Sample,
     /// Command that the valves then got.

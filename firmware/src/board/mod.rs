@@ -40,7 +40,6 @@ use thermyo_protocol::Chip;
 
 pub trait Board: Sized {
     const CHIP: Chip;
-    /// Longest PWM period, in steps.
     fn maximum_period_steps() -> u16;
 
     type Adc: Adc;

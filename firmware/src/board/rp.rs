@@ -65,7 +65,6 @@ pub trait Member {
     fn boot_loader() -> !;
 }
 
-/// A board of this family.
 pub struct Rp<M>(PhantomData<M>);
 
 impl<M: Member> Board for Rp<M> {

@@ -45,7 +45,6 @@ impl Serialize for ActiveConfig {
     }
 }
 
-/// A core that the tasks share.
 pub type Held = Core;
 
 pub fn is_configured(_: &Core) -> bool {
@@ -149,7 +148,6 @@ pub fn take_parts(
     }
 }
 
-/// Fills the slot with a core.
 pub fn prepare(slot: &mut Slot, config: &Config) -> Result<(), Refusal> {
     *slot = Slot::Full(Core::new(config)?);
     Ok(())

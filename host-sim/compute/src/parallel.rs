@@ -8,7 +8,6 @@ use std::thread;
 pub trait Watch: Sync {
     /// `count` more parts are to be done.
     fn parts(&self, _count: usize) {}
-    /// One part is done.
     fn done(&self) {}
     /// Whether to end early, such as by Ctrl-C: finished parts are kept.
     fn stopped(&self) -> bool {

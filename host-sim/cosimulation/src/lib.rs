@@ -18,7 +18,6 @@ mod running;
 pub mod scenario;
 pub mod variables;
 
-/// Content of a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Plant,

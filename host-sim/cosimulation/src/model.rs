@@ -10,7 +10,6 @@ use std::path::Path;
 /// Tolerance of times as a fraction of a step, for rounding errors of sums.
 const TOLERANCE: f64 = 1e-3;
 
-/// A scenario as a unit.
 pub struct Model {
     kind: Kind,
     scenario: Scenario,
@@ -26,7 +25,6 @@ pub struct Model {
 }
 
 impl Model {
-    /// The unit with the resources in a folder.
     pub fn load(resources: &Path) -> Result<Self, ModelError> {
         let kind =
             Kind::ALL.into_iter().find(|kind| resources.join(kind.scenario_file()).is_file());
@@ -137,7 +135,6 @@ impl Model {
         variable.is_some_and(|variable| variable.role == Role::Parameter)
     }
 
-    /// Reads a Boolean.
     pub fn switch(&self, reference: u32) -> Result<bool, ModelError> {
         if !self.is_switch(reference) {
             return Err(ModelError::Reference { reference, what: "truth value" });

@@ -21,7 +21,6 @@ pub enum ModelError {
     /// The joint cannot be built, its core refuses, or its plant left the range of its equations.
     #[error(transparent)]
     Joint(#[from] thermyo_joint::RunError),
-    /// A step of a wrong length.
     #[error(
         "a communication step of {asked_s} s: must be a whole number of steps of {step_s} s, at least one"
     )]
@@ -42,16 +41,11 @@ pub enum ModelError {
         /// When it is allowed.
         must: &'static str,
     },
-    /// A value out of range.
     #[error("{name} = {value}: must be {allowed}")]
     Value { name: &'static str, value: f64, allowed: String },
     /// There is no such variable of that type, or it cannot be set now.
     #[error("value reference {reference}: no {what}")]
-    Reference {
-        reference: u32,
-        /// The expected type.
-        what: &'static str,
-    },
+    Reference { reference: u32, what: &'static str },
 }
 
 impl ModelError {

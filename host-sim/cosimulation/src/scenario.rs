@@ -41,7 +41,6 @@ impl Scenario {
         }
     }
 
-    /// Its length and step.
     pub fn run(&self) -> &thermyo_scenario::Run {
         match self {
             Self::Muscle(loaded) => &loaded.plant.run,

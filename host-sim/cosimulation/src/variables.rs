@@ -8,7 +8,6 @@ pub struct Variable {
     /// Its name; for an output, the column of the trace.
     pub name: &'static str,
     pub description: &'static str,
-    /// Where its value comes from.
     pub role: Role,
 }
 
@@ -32,7 +31,6 @@ pub const FIRST_INPUT: u32 = 1;
 
 const TIME_S: Variable = Variable { name: "time_s", description: "Time", role: Role::Time };
 
-/// Inputs of a plant.
 const OPENINGS: [Variable; 2] = [
     opening("duty_in", "Share of the PWM period for which the inlet is open, 0 to 1"),
     opening("duty_out", "Share of the PWM period for which the outlet is open, 0 to 1"),
@@ -40,7 +38,6 @@ const OPENINGS: [Variable; 2] = [
 
 pub const SET_POINT: &str = "set_point";
 
-/// Inputs of a core.
 const DRIVE: [Variable; 2] = [
     input(SET_POINT, "Set point of the scenario's drive, where follow_scenario is false"),
     Variable {

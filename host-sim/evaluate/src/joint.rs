@@ -31,13 +31,11 @@ const LOAD_N_M: f64 = 2.0;
 const VARIES_PER_RAD: f64 = 0.191;
 /// Faults injected, in turn into muscle a and into muscle b.
 const FAULTS: u64 = 100;
-/// Longest time of a lock \[s\].
 const LOCK_S: f64 = 3.0;
 
 /// Targets that depend on what is configured and on the arm.
 #[derive(Debug, Clone, Copy)]
 struct Targets {
-    /// RMS errors of the sines \[deg\].
     sines_deg: [f64; 4],
     stiffness_percent: f64,
 }
@@ -46,14 +44,12 @@ const RIGHT: Targets = Targets { sines_deg: [0.15, 0.2, 0.35, 0.3], stiffness_pe
 const HEAVY: Targets = Targets { sines_deg: [0.15, 0.2, 0.35, 0.2], stiffness_percent: 1.0 };
 const WRONG: Targets = Targets { sines_deg: [0.3, 0.8, 1.7, 1.7], stiffness_percent: 5.0 };
 
-/// One case of the table.
 struct Case {
     name: &'static str,
     loaded: JointLoaded,
     measure: fn(&JointLoaded) -> Result<Vec<Figure>, RunError>,
 }
 
-/// The shipped joint.
 pub fn nominal() -> Result<JointLoaded, InputError> {
     thermyo_joint::parse(shipped::text("joint.toml"), Path::new("scenarios/joint.toml"))
 }
@@ -103,7 +99,6 @@ fn gravity_unknown(loaded: &JointLoaded) -> JointLoaded {
     believing(loaded, |loaded| loaded.believed.gravity_n_m = 0.0)
 }
 
-/// The table.
 pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
     let nominal = nominal().map_err(|_| RunError::Build(BuildError::NoEnd))?;
     let heavy = heavy(&nominal);
@@ -402,7 +397,6 @@ fn tuned(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     Ok(figures)
 }
 
-/// The fault of one case.
 fn broken(number: u64) -> (usize, FaultWindow) {
     let mut window = FaultWindow::default();
     match (number / 2) % 5 {

@@ -148,7 +148,6 @@ fn cylinder(
     (text, force_n, rest_m, [ends[0].min(ends[1]), ends[0].max(ends[1])])
 }
 
-/// Results of one run.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Outcome {
     refused: bool,

@@ -10,7 +10,6 @@ use thermyo_scenario::schema::Limits;
 /// Column of the reference sensor, and one of its standard deviation, which it may have.
 const REFERENCE: &str = "reference_gas_k";
 const REFERENCE_SD: &str = "reference_sd_k";
-/// Time for the estimate to settle \[s\].
 const SETTLING_S: f64 = 10.0;
 /// Largest RMS error \[K\], and least fraction of the rows within two stated deviations: the targets of
 /// the simulation. One record repeats its errors, so that all of its rows may lie within.

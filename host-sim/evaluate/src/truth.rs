@@ -26,7 +26,6 @@ use thermyo_simulation::run::RunError;
 /// Largest residual of a fit to five readings at the other readings, as a fraction of the largest
 /// force.
 const FIVE_SHARE: f64 = 0.05;
-/// Loads at which contractions are held \[N\].
 const HELD_N: [(&str, f64); 4] = [
     ("20_n_percent", 20.0),
     ("50_n_percent", 50.0),

@@ -15,9 +15,7 @@ use thermyo_record::measured::{check_pressures, check_rising};
 
 /// Smallest coefficient of determination of what a pair does, from the commanded force alone.
 const PAIR_R2: f64 = 0.97;
-/// Piston of the cylinders \[m\].
 const BORE_M: f64 = 0.0257;
-/// Ambient pressure of the records \[Pa\].
 const AMBIENT_PA: f64 = 101_325.0;
 /// Share of a stroke at either end that is left out: there it turns \[-\].
 const ENDS: f64 = 0.25;
@@ -32,7 +30,6 @@ const SEAL_N: f64 = 1.0;
 const SHUT_S: f64 = 15.0;
 /// Share of a vessel's record that is fitted \[-\].
 const FITTED: f64 = 0.6;
-/// Fewest rows of it.
 const FEWEST: usize = 10;
 /// Largest error of a vessel's pressure in the rest, of the pressure at the start \[%\].
 const VESSEL_PERCENT: f64 = 1.0;

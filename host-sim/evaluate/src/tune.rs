@@ -11,7 +11,6 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_studies::tune;
 use thermyo_studies::tune::{HIGHEST_PA, TuneError, Tuned};
 
-/// Cases: name and change.
 pub const CASES: [(&str, Change); 8] = [
     ("all configured right", |_| {}),
     ("friction 30 % low", |s| s.friction.force_n *= 0.7),

@@ -71,7 +71,6 @@ fn an_observer_stops_a_run() {
     assert_eq!(rows, 3);
 }
 
-/// The finished searches are kept, a row each.
 #[test]
 fn a_stopped_identification_returns_its_finished_searches() {
     let text = "[run]\nduration_s = 3.0\n[plant]\nmodel = \"lumped\"\n[identify]\nstarts = 40\n\

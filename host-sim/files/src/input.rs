@@ -22,14 +22,9 @@ pub struct InputError {
 #[derive(Debug, thiserror::Error)]
 pub enum Problem {
     #[error("no such file{}", near.as_ref().map_or_else(String::new, |near| format!("; did you mean {}?", near.display())))]
-    NotFound {
-        /// A file of a similar name.
-        near: Option<PathBuf>,
-    },
-    /// A folder in place of a file.
+    NotFound { near: Option<PathBuf> },
     #[error("is a folder; a file is needed")]
     IsFolder,
-    /// A file in place of a folder.
     #[error("is a file; a folder is needed")]
     IsFile,
     /// A pipe or device: it has no end or cannot be read twice.
@@ -44,12 +39,8 @@ pub enum Problem {
     /// It can be read, and not used.
     #[error("{0}")]
     Unusable(String),
-    /// Too large for the memory.
     #[error("has more than {most} bytes: must be at most {} MiB", most >> 20)]
-    TooLarge {
-        /// Allowed bytes.
-        most: u64,
-    },
+    TooLarge { most: u64 },
     /// The system refuses to read.
     #[error("cannot be read: {0}")]
     Unreadable(String),
@@ -74,7 +65,6 @@ pub enum Problem {
     /// A table whose columns do not match the sweep beside it.
     #[error("is damaged, or an older program wrote it: the columns must be {columns}")]
     OtherColumns { columns: String },
-    /// Bytes that are not UTF-8.
     #[error("is not UTF-8 text")]
     NotUtf8,
     /// UTF-16 text, as spreadsheets save it by "Unicode text".
@@ -98,19 +88,13 @@ pub enum Problem {
     /// A value where a table belongs.
     #[error("{table} = {value}: must be a table, [{table}]")]
     NotATable {
-        /// The table's path.
         table: String,
         /// The value found instead.
         value: String,
     },
     /// A value of the wrong type, out of range, or inconsistent with another one.
     #[error("{key} = {value}: must be {allowed}")]
-    NotAllowed {
-        key: String,
-        /// The value as written in the file.
-        value: String,
-        allowed: String,
-    },
+    NotAllowed { key: String, value: String, allowed: String },
     /// A key that does not take a number.
     #[error("{key} takes no number: it is {allowed}")]
     NotANumber { key: String, allowed: String },
@@ -136,28 +120,18 @@ pub enum Problem {
     },
     /// A valid value with an unwanted consequence.
     #[error("{key} = {value}: {why}")]
-    NoSense {
-        key: String,
-        /// The value as written in the file.
-        value: String,
-        why: String,
-    },
-    /// A table without its header.
+    NoSense { key: String, value: String, why: String },
     #[error("is empty; the first line must name the columns")]
     NoHeader,
-    /// A table without rows.
     #[error("has no row below the names of the columns")]
     NoRows,
-    /// A header without names.
     #[error("{found} in the first line: must be the names of the columns")]
     NotNames { found: String },
-    /// A column without a name.
     #[error("column {position} has no name")]
     UnnamedColumn {
         /// Number of the column, from 1.
         position: usize,
     },
-    /// Two columns of one name.
     #[error("column {column} appears twice")]
     DuplicateColumn { column: String },
     #[error("unknown column {column}; {instead}")]
@@ -167,11 +141,7 @@ pub enum Problem {
         instead: Instead,
     },
     #[error("column {column} is missing; the file has {there}")]
-    MissingColumn {
-        column: String,
-        /// Columns of the file.
-        there: String,
-    },
+    MissingColumn { column: String, there: String },
     /// A table with other separators, as spreadsheets of some countries write it.
     #[error("cells are separated by {found}: must be commas, and numbers need a decimal point")]
     Separator { found: &'static str },
@@ -184,7 +154,6 @@ pub enum Problem {
     /// Times without measured values.
     #[error("has no column to compare beside {time}; known here: {}", known.join(", "))]
     NothingToCompare {
-        /// The column of times.
         time: &'static str,
         /// Columns that can be compared.
         known: Vec<String>,
@@ -215,9 +184,7 @@ pub enum Problem {
         if *found == 1 { "reading" } else { "readings" }
     )]
     TooFewLoaded {
-        /// Loaded readings.
         found: usize,
-        /// Smallest number.
         fewest: usize,
         /// Purpose of the readings, or advice.
         why: String,
@@ -227,10 +194,7 @@ pub enum Problem {
         "column direction seems the wrong way round: friction would be {friction_n:.1} N. 1 is come to by \
          contracting, -1 by lengthening"
     )]
-    Backwards {
-        /// Force by the readings \[N\].
-        friction_n: f64,
-    },
+    Backwards { friction_n: f64 },
     /// A folder without the measurements that are needed.
     #[error(
         "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv, hyddown/air_discharge.csv, dynamic/*.csv \

@@ -3,7 +3,6 @@
 use super::units::{Unit, UnitSystem, si_of_column};
 use std::fmt::Write;
 
-/// Shown for a missing value.
 pub const MISSING: &str = "–";
 
 /// In place of a unit: a whole number.

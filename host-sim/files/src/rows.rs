@@ -4,7 +4,6 @@
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
-/// Longest time that rows wait.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
 /// Bytes that are gathered: one system call for about 200 rows of a trace.
 const MOST_WAITING: usize = 1 << 16;
@@ -66,7 +65,6 @@ impl<W: Write> Rows<W> {
 mod tests {
     use super::*;
 
-    /// Records each write separately.
     #[derive(Default)]
     struct Writes(Vec<Vec<u8>>);
 

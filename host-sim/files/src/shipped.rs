@@ -3,7 +3,6 @@
 use std::ffi::OsStr;
 use std::path::{Component, Path};
 
-/// Files of the folder `scenarios/`.
 const FILES: [(&str, &str); 15] = [
     ("air_discharge.toml", include_str!("../../../scenarios/air_discharge.toml")),
     ("bellows.csv", include_str!("../../../scenarios/bellows.csv")),

@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 pub struct Table {
     file: PathBuf,
     columns: Vec<Column>,
-    /// Line of each row in the file.
     lines: Vec<u64>,
     damage: Option<Damage>,
 }
@@ -289,7 +288,6 @@ impl Table {
         self.lines.get(row).copied().unwrap_or_default()
     }
 
-    /// Cells of a required column.
     pub fn column(&self, name: &str) -> Result<&[Option<f64>], InputError> {
         match self.columns.iter().find(|column| column.name == name) {
             Some(column) => Ok(&column.cells),

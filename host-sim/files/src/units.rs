@@ -24,14 +24,12 @@ enum Scale {
 
 use Scale::{From, Ten, Times};
 
-/// A quantity of keys and columns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantity {
     /// Suffix of its keys and columns; empty for a ratio.
     suffix: &'static str,
     /// SI symbol, as the keys' declarations have it.
     pub si: &'static str,
-    /// Symbol of the shown unit.
     shown: &'static str,
     /// Units that may be written, the SI unit first.
     written: &'static [(&'static str, Scale)],
@@ -145,7 +143,6 @@ impl Unit {
         QUANTITIES.iter().find(|row| row.si == symbol && !symbol.is_empty()).map(Quantity::unit)
     }
 
-    /// The shown values of SI `values`.
     pub fn convert(self, values: &[f64]) -> Vec<f64> {
         values.iter().map(|v| v * self.factor).collect()
     }
@@ -317,7 +314,6 @@ pub fn script(symbols: &[&'static str]) -> String {
     text + "};\n"
 }
 
-/// A number and what follows it.
 fn split(text: &str) -> (&str, &str) {
     let is_number = |(_, c): &(usize, char)| !(c.is_ascii_digit() || "+-.eE".contains(*c));
     let end = text.char_indices().find(is_number).map_or(text.len(), |(at, _)| at);

@@ -38,7 +38,6 @@ impl Log {
     }
 }
 
-/// A model and its importer.
 pub struct Instance {
     model: Model,
     log: Log,

@@ -42,12 +42,10 @@ const STIRRING_S: f64 = 0.005;
 /// Steps of the differences that linearise the model, per state.
 const DIFFERENCES: [f64; STATES] = [1e-5, 1e-2, 1e-2, 1e-2, 1e-3, 1e-3];
 
-/// Inputs of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Known {
     /// Smoothed absolute pressure \[Pa\].
     pub pressure_pa: f64,
-    /// Measured length \[m\].
     pub length_m: f64,
     pub volume_m3: f64,
     /// Gas may have come in since the step before.
@@ -123,7 +121,6 @@ impl Model {
         (known.pressure_pa * known.volume_m3 / (gas_k * gas_constant)).ln()
     }
 
-    /// The sensor's lag \[s\].
     pub fn lag_s(&self, state: &State) -> f64 {
         f64::from(self.config.sensors.gas.time_constant_s) * state[LAG].exp()
     }

@@ -42,7 +42,6 @@ impl Quantity {
         OBSERVABLE.iter().zip(all).find(|(known, _)| **known == name).map(|(_, quantity)| quantity)
     }
 
-    /// Column of the trace.
     pub fn column(self) -> &'static str {
         OBSERVABLE[self as usize]
     }
@@ -86,7 +85,6 @@ pub struct Observed {
     pub quantity: Quantity,
     /// (time \[s\], value), times rising.
     pub points: Vec<(f64, f64)>,
-    /// Standard deviation of one value.
     pub deviation: f64,
 }
 
@@ -118,7 +116,6 @@ pub struct Given {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Data {
-    /// Columns that are compared.
     pub observed: Vec<Observed>,
     /// Recorded inputs of the plant.
     pub input: Input,

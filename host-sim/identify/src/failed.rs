@@ -5,6 +5,5 @@ use thermyo_plant::{BuildError, Diverged};
 pub enum Failed {
     Build(BuildError),
     Diverged(Diverged),
-    /// Stopped by [`stop`].
     Stopped,
 }

@@ -61,10 +61,8 @@ impl Fitted {
 pub struct Rmse {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub pressure_pa: Option<f64>,
-    /// Sensor in the gas \[K\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature_k: Option<f64>,
-    /// Sensor in the wall \[K\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub wall_temperature_k: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -74,7 +72,6 @@ pub struct Rmse {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Searches {
     pub starts: usize,
-    /// Searches that converged.
     pub converged: usize,
     /// Searches that ended where the best one did.
     pub agreeing: usize,
@@ -87,7 +84,6 @@ pub struct Findings {
     pub converged: bool,
     /// Fitted values by key, and `gas_mass_kg` where they set it.
     pub parameters: BTreeMap<String, Fitted>,
-    /// Residuals.
     pub rmse: Rmse,
     /// Effective number of independent rows, by measured column.
     pub effective_rows: BTreeMap<&'static str, f64>,
@@ -105,7 +101,6 @@ pub struct Findings {
     open_from: f64,
 }
 
-/// Inputs of [`Findings`].
 pub(super) struct Parts<'a> {
     pub parameters: &'a [Parameter],
     pub data: &'a Data,
@@ -226,7 +221,6 @@ impl Findings {
         remarks
     }
 
-    /// Remarks on the error of a parameter, and on its correlation with others.
     fn remarks_on(&self, parameter: &Parameter, others: &[Parameter]) -> Vec<String> {
         let path = &parameter.path;
         let mut remarks = Vec::new();

@@ -38,13 +38,11 @@ pub struct Problem<'a> {
     pub scenario: &'a Scenario,
     pub parameters: &'a [Parameter],
     pub data: &'a Data,
-    /// The plant to compare with.
     pub experiment: Experiment<'a>,
     pub watch: &'a dyn Watch,
 }
 
 impl Problem<'_> {
-    /// The scenario at a point of the search.
     pub fn scenario_at(&self, place: &DVector<f64>) -> Scenario {
         let values = self.parameters.iter().zip(place.iter());
         with_numbers(self.scenario, values.map(|(p, u)| (p.path.as_str(), p.value(*u))))

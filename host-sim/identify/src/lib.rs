@@ -79,7 +79,6 @@ pub enum IdentifyError {
     #[error("stopped after {finished} of {starts} searches")]
     Stopped {
         finished: usize,
-        /// Searches planned.
         starts: u64,
         /// Table with a row per finished search: cost, convergence, values.
         csv: String,
@@ -163,7 +162,6 @@ fn constant_where_given(loaded: &Loaded, config: &Path, data: &Data) -> Result<(
     Err(InputError::file(config, InputProblem::Unusable(why.to_owned())))
 }
 
-/// The parameters that the scenario names.
 fn named(loaded: &Loaded, config: &Path) -> Result<Vec<Parameter>, InputError> {
     let parameters = Parameter::all(&loaded.plant);
     if parameters.is_empty() {
@@ -184,7 +182,6 @@ fn misfits(data: &Data, residuals: &[Vec<f64>], parameters: usize) -> Vec<Misfit
     compared.map(|(own, observed)| Misfit::new(own, observed.deviation, freedom)).collect()
 }
 
-/// Residuals of each measured column.
 fn by_column(data: &Data, residuals: &[f64]) -> Vec<Vec<f64>> {
     let mut left = residuals.iter().copied();
     let mut take = |count| left.by_ref().take(count).collect();

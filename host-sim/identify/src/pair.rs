@@ -14,12 +14,10 @@ use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::table::Table;
 use thermyo_record::measured::check_rising;
 
-/// Columns of a record.
 const COLUMNS: [&str; 6] =
     ["time_s", "force_command_n", "length_1_m", "length_2_m", "pressure_1_pa", "pressure_2_pa"];
 /// Last part of the record, which is not fitted \[s\].
 const HELD_OUT_S: f64 = 9.0;
-/// Fewest rows before it.
 const FEWEST: usize = 10;
 /// Step of the differences.
 const DIFFERENCE: f64 = 1.0e-4;
@@ -31,11 +29,8 @@ pub struct Pair {
     pub r2: [f64; 3],
     /// The same of a pair without friction \[-\].
     pub frictionless_r2: [f64; 3],
-    /// Force of the slip \[N\].
     pub slip_n: f64,
-    /// Its stiffness \[N/m\].
     pub slip_n_m: f64,
-    /// Stiffness of the pair \[N/m\].
     pub stiffness_n_m: f64,
 }
 

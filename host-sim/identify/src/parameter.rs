@@ -19,7 +19,6 @@ pub struct Parameter {
     pub path: String,
     /// Unit, as the SI writes it.
     pub unit: &'static str,
-    /// Value in the scenario.
     pub given: f64,
     low: f64,
     high: f64,
@@ -49,7 +48,6 @@ impl Parameter {
         })
     }
 
-    /// Value at a coordinate of the search.
     pub fn value(&self, u: f64) -> f64 {
         let value = self.low * (self.span() / (1.0 + (-u).exp())).exp();
         // At a limit rounding may lead past it, and the scenario would refuse the value.

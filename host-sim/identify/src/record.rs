@@ -136,7 +136,6 @@ impl Found {
         }
     }
 
-    /// The scenario with the fitted values.
     pub fn scenario(&self) -> &Loaded {
         match self {
             Self::Record(found) => &found.scenario,

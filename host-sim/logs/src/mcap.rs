@@ -11,7 +11,6 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 use thermyo_record::sinks::Sink;
 
-/// Longest time that messages wait.
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
 
 pub struct McapLog<W: Write = File> {

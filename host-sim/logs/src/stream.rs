@@ -13,7 +13,6 @@ use thermyo_record::sinks::Sink;
 /// Second name of a row's time besides `time_s`: every PlotJuggler accepts it.
 const TIMESTAMP: &str = "timestamp";
 
-/// Destination of the rows.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct StreamTo {
     address: SocketAddr,

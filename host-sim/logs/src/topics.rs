@@ -25,10 +25,8 @@ pub struct Layout {
     pub columns: fn() -> Vec<&'static str>,
 }
 
-/// Of one muscle.
 pub const MUSCLE: Layout = Layout { topics: &TOPICS, columns: every_column };
 
-/// Of a joint.
 pub const JOINT: Layout = Layout { topics: &JOINT_TOPICS, columns: board_columns };
 
 const TOPICS: [Topic; 5] = [

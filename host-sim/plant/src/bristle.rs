@@ -23,7 +23,6 @@ pub struct Bristle {
     damping_n_s_m: f64,
 }
 
-/// Friction at one instant.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Drag {
     /// Force against contraction \[N\].

@@ -15,7 +15,6 @@ use super::gas::IdealGas;
 use thermyo_compute::math;
 use thermyo_scenario::{HeatModel, Paper, PlantModel, Scenario};
 
-/// The closure in use.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Kind {
     Balance,

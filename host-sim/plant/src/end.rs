@@ -3,10 +3,8 @@
 use super::bristle::Bristle;
 use thermyo_scenario::{Load, LoadKind, Scenario};
 
-/// How the end moves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EndMotion {
-    /// By the balance of its forces.
     Free,
     /// Not at all: no force of it counts.
     Fixed,
@@ -15,7 +13,6 @@ pub enum EndMotion {
 }
 
 impl EndMotion {
-    /// Of a scenario's load.
     pub fn of(scenario: &Scenario) -> Self {
         if scenario.load.kind == LoadKind::Isometric { Self::Fixed } else { Self::Free }
     }

@@ -108,7 +108,6 @@ pub struct Nozzle {
 }
 
 impl Nozzle {
-    /// A nozzle of that diameter \[m\] and discharge coefficient \[-\].
     pub fn new(diameter_m: f64, discharge_coefficient: f64, gas: &IdealGas) -> Self {
         Self {
             conductance: discharge_coefficient * PI / 4.0 * diameter_m * diameter_m / gas.r.sqrt(),

@@ -144,7 +144,6 @@ struct Now {
     /// Volume \[m3\] and surface \[m2\] of a zone.
     zone_m3: f64,
     zone_m2: f64,
-    /// Temperature at the port \[K\].
     port_k: f64,
 }
 
@@ -480,7 +479,6 @@ impl<C: Chamber> Constants<C> {
         drag
     }
 
-    /// Force of the slip \[N\].
     fn slip_n(&self, y: &[f64], pressure: f64, softening: f64) -> f64 {
         let slip = &self.hysteresis.slip;
         let limit = slip.limit(pressure - self.pull.ambient_pa, softening);
@@ -805,7 +803,6 @@ impl AirNow {
     }
 }
 
-/// A full plant in operation.
 #[derive(Debug, Clone)]
 pub struct Full<C> {
     constants: Constants<C>,
@@ -825,7 +822,6 @@ pub struct Full<C> {
 }
 
 impl<C: Chamber + Copy + Send> Full<C> {
-    /// The full plant of a scenario with that chamber.
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let pull = Pull::new(scenario, chamber);
         let start = Start::of_chamber(scenario, &pull);

@@ -72,14 +72,12 @@ pub fn inlet_diameter_m(scenario: &Scenario) -> f64 {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InnerHeat {
     law: Law,
-    /// `heat.scale`.
     scale: f64,
     stirring_decay_s: f64,
     /// Where the gas is one zone.
     whole: Shares,
 }
 
-/// Law of the coefficient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Law {
     /// No heat passes.
@@ -100,7 +98,6 @@ enum Law {
 struct Air {
     /// Diameter of vessel or muscle D \[m\].
     diameter_m: f64,
-    /// Diameter of the jet d \[m\].
     jet_diameter_m: f64,
     gas: IdealGas,
 }

@@ -18,7 +18,6 @@ pub struct Hysteresis {
     pub creep: [Arm; ARMS],
 }
 
-/// A spring with a slider.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Slip {
     force_n: f64,

@@ -22,19 +22,16 @@ use thermyo_scenario::Scenario;
 /// Exchange step times the angular frequency of the arm on everything that is elastic, at most: Verlet's error of
 /// the frequency is a 24th of its square.
 const STEP_TIMES_SWING: f64 = 0.05;
-/// Most exchanges in a step of the scenario.
 const MOST_EXCHANGES: f64 = 100.0;
 /// Dry friction of the bearing builds up over this way: assumed, much less than what an arm's motion shows \[rad\].
 const PRESLIDING_RAD: f64 = 0.002;
 
-/// The mechanism.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Arm {
     /// Radii over the angle.
     pub pulley: Pulley,
     /// Lengths of muscles a and b at angle 0 \[m\].
     pub mid_length_m: [f64; 2],
-    /// Moment of inertia \[kg m2\].
     pub inertia_kg_m2: f64,
     /// Largest torque of gravity \[N m\].
     pub gravity_n_m: f64,
@@ -83,7 +80,6 @@ pub struct ArmLedger {
     pub tendon_work_j: [f64; 2],
     /// Work with which muscles pushed along slack tendons, and that the arm did not get.
     pub slack_work_j: [f64; 2],
-    /// Work of the external torque.
     pub external_work_j: f64,
     /// Heat of viscous and dry friction of the bearing.
     pub friction_heat_j: f64,
@@ -106,15 +102,12 @@ impl ArmLedger {
 /// The joint as an observer with perfect instruments would see it, SI.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointTruth {
-    /// Angle \[rad\].
     pub angle_rad: f64,
-    /// Speed \[rad/s\].
     pub speed_rad_s: f64,
     /// Torque of both tendons on the pulley \[N m\].
     pub torque_n_m: f64,
     /// Tensions of tendons a and b \[N\].
     pub tension_n: [f64; 2],
-    /// Muscles a and b.
     pub muscles: [Truth; 2],
 }
 
@@ -215,7 +208,6 @@ impl Joint {
         Ok(())
     }
 
-    /// The state now.
     pub fn truth(&self) -> JointTruth {
         let tension_n = self.tensions_n();
         JointTruth {
@@ -227,17 +219,14 @@ impl Joint {
         }
     }
 
-    /// The mechanism.
     pub fn arm(&self) -> &Arm {
         &self.arm
     }
 
-    /// The ledger of the mechanism.
     pub fn arm_ledger(&self) -> ArmLedger {
         self.ledger
     }
 
-    /// The ledgers of muscles a and b.
     pub fn ledgers(&self) -> [Ledger; 2] {
         [self.muscles[0].ledger(), self.muscles[1].ledger()]
     }

@@ -45,7 +45,6 @@ impl Lag {
         self.output
     }
 
-    /// The output now.
     pub fn output(&self) -> f64 {
         self.output
     }

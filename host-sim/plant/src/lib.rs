@@ -61,29 +61,22 @@ impl From<Command> for Actuation {
 /// The plant's state as an outside observer with perfect instruments would see it, SI.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Truth {
-    /// Time since the start \[s\].
     pub time_s: f64,
     /// Absolute pressure in the muscle or vessel \[Pa\].
     pub pressure_pa: f64,
-    /// Gas volume \[m3\].
     pub volume_m3: f64,
     /// Muscle length; a vessel's is its volume over its section \[m\].
     pub length_m: f64,
     /// Rate of change of the length \[m/s\].
     pub speed_m_s: f64,
-    /// Gas mass \[kg\].
     pub mass_kg: f64,
-    /// Mass flow in \[kg/s\].
     pub flow_in_kg_s: f64,
-    /// Mass flow out \[kg/s\].
     pub flow_out_kg_s: f64,
     /// Mass-weighted mean gas temperature \[K\].
     pub gas_temperature_k: f64,
     /// Mean temperature of the wall, weighted by heat capacity \[K\].
     pub wall_temperature_k: f64,
-    /// Temperature of the element in the gas \[K\].
     pub sensor_gas_k: f64,
-    /// Temperature of the sensor in the wall \[K\].
     pub sensor_wall_k: f64,
     /// Pressure at the sensor's element after its lag \[Pa\].
     pub sensor_pressure_pa: f64,
@@ -96,23 +89,16 @@ pub struct Truth {
 /// The ledger of one run: flows in and out since the start, and the content, in J and kg.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct Ledger {
-    /// Gas mass at the start \[kg\].
     pub mass_initial_kg: f64,
-    /// Gas mass now \[kg\].
     pub mass_kg: f64,
-    /// Mass that flowed in \[kg\].
     pub mass_in_kg: f64,
-    /// Mass that flowed out \[kg\].
     pub mass_out_kg: f64,
     /// Internal energy of the gas at the start \[J\].
     pub energy_initial_j: f64,
     /// Internal energy of the gas now \[J\].
     pub energy_j: f64,
-    /// Enthalpy that flowed in \[J\].
     pub enthalpy_in_j: f64,
-    /// Enthalpy that flowed out \[J\].
     pub enthalpy_out_j: f64,
-    /// Heat from gas to wall \[J\].
     pub heat_to_wall_j: f64,
     /// Work of the gas on the muscle's wall (integral of P dV) \[J\].
     pub work_j: f64,
@@ -122,7 +108,6 @@ pub struct Ledger {
     pub hysteresis_energy_j: f64,
     /// Part of the friction heat that went into the wall \[J\].
     pub friction_to_wall_j: f64,
-    /// Heat from wall to ambient \[J\].
     pub heat_to_ambient_j: f64,
     /// Energy of the wall now, relative to the initial temperature \[J\].
     pub wall_energy_j: f64,
@@ -176,7 +161,6 @@ impl Ledger {
 /// The plant left the range in which its equations hold.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diverged {
-    /// When \[s\].
     pub time_s: f64,
     /// The state, as `name = value unit` pairs.
     pub state: String,
@@ -192,7 +176,6 @@ impl fmt::Display for Diverged {
 
 impl std::error::Error for Diverged {}
 
-/// A simulated plant.
 pub trait Plant: Send {
     /// From the start on, an [`Actuation`] is the action of a board's pins in each step. Without
     /// this it is their duty, from which the plant makes its own pulses. For ideal valves both are
@@ -209,7 +192,6 @@ pub trait Plant: Send {
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError>;
     /// Sets the faults of the plant from the next step on.
     fn disturb(&mut self, disturbance: Disturbance);
-    /// The state now.
     fn truth(&self) -> Truth;
     /// The ledger since the start.
     fn ledger(&self) -> Ledger;
@@ -241,19 +223,11 @@ const HOLE_TOO_LARGE: &str =
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BuildError {
     /// The volume profile holds a volume that is not positive.
-    VolumeNotPositive {
-        /// When \[s\].
-        time_s: f64,
-        /// The volume \[m3\].
-        volume_m3: f64,
-    },
+    VolumeNotPositive { time_s: f64, volume_m3: f64 },
     /// A vessel has no end that a mechanism could move.
     NoEnd,
     /// The arm of a joint swings faster than it is integrated.
-    TooLight {
-        /// Least inertia \[kg m2\].
-        least_kg_m2: f64,
-    },
+    TooLight { least_kg_m2: f64 },
     /// The plant is so fast that a run would not end.
     TooFast {
         /// Required integration step, below 1e-7 \[s\].

@@ -90,7 +90,6 @@ impl Bore {
         (64.0 + share * (blasius - 64.0), LAMINAR_NUSSELT + share * (colburn - LAMINAR_NUSSELT))
     }
 
-    /// Volume of that length \[m3\].
     pub fn volume_m3(&self, length_m: f64) -> f64 {
         self.section_m2 * length_m
     }
@@ -149,7 +148,6 @@ impl Bore {
         PI * self.conductivity_w_m_k * nusselt * volume_m3 / self.section_m2
     }
 
-    /// Heat to the wall \[W\] from gas of that volume \[m3\] and temperature \[K\], at a flow \[kg/s\].
     pub fn heat_w(&self, volume_m3: f64, gas_k: f64, flow: f64) -> f64 {
         self.conductance(volume_m3, self.friction(flow).1) * (gas_k - self.wall_k)
     }

@@ -25,7 +25,6 @@ use super::{
 use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
-/// Longest integration step \[s\].
 const LONGEST_STEP_S: f64 = 0.002;
 /// Integration step times the fastest rate, at most: well inside the stability of RK4, 2.8.
 const STEP_TIMES_RATE: f64 = 1.0;
@@ -363,7 +362,6 @@ impl<C: Chamber> Constants<C> {
     }
 }
 
-/// A lumped plant in operation.
 #[derive(Debug, Clone)]
 pub struct Lumped<C> {
     constants: Constants<C>,
@@ -381,7 +379,6 @@ pub struct Lumped<C> {
 }
 
 impl<C: Chamber + Copy> Lumped<C> {
-    /// The lumped plant of a scenario with that chamber.
     pub fn new(scenario: &Scenario, chamber: C) -> Result<Self, BuildError> {
         let pull = Pull::new(scenario, chamber);
         let start = Start::of_chamber(scenario, &pull);

@@ -25,7 +25,6 @@ pub struct Rk4 {
 }
 
 impl Rk4 {
-    /// For a number of states.
     pub fn new(states: usize) -> Self {
         let zeros = vec![0.0; states];
         Self { rates: from_fn(|_| zeros.clone()), trial: zeros }
@@ -70,7 +69,6 @@ fn ahead(trial: &mut [f64], state: &[f64], step: f64, rates: &[f64]) {
 /// Dormand and Prince's pair of order 5(4) (J. Comp. Appl. Math. 6, 1980) with step control.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DormandPrince {
-    /// Relative tolerance of one step.
     tolerance: f64,
     /// The step to try next.
     step: f64,

@@ -46,7 +46,6 @@ impl Default for Travel {
 pub struct Piping {
     valve: Iso6358,
     conductance_m3_s_pa: f64,
-    /// The permanent leak, if there is one.
     leak: Option<Iso6358>,
     supply: (f64, f64),
     ambient: (f64, f64),

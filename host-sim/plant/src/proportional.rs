@@ -16,7 +16,6 @@ const STRAIGHT: f64 = 0.25;
 /// Nearer to its goal than this it is there \[-\].
 const ARRIVED: f64 = 1e-4;
 
-/// A proportional valve in operation.
 #[derive(Debug, Clone)]
 pub struct ProportionalValve {
     /// Time for which a command is held \[s\].

@@ -13,14 +13,11 @@ pub struct Pull<C> {
     pub chamber: C,
     /// Lengths at which stops carry the load \[m\].
     pub stops: [f64; 2],
-    /// Pressure outside \[Pa\].
     pub ambient_pa: f64,
-    /// Force of the load \[N\].
     pub load_n: f64,
 }
 
 impl<C: Chamber> Pull<C> {
-    /// For a scenario with that chamber.
     pub fn new(scenario: &Scenario, chamber: C) -> Self {
         Self {
             stops: chamber.stops(),
@@ -118,12 +115,10 @@ pub struct Pressed {
 }
 
 impl Pressed {
-    /// For that share \[-\].
     pub fn new(share: f64) -> Self {
         Self { without: 1.0 - share, per_pa: share / CONFIGURED_AT_PA }
     }
 
-    /// Factor on the force \[-\] at a gauge pressure \[Pa\].
     pub fn factor(&self, gauge_pa: f64) -> f64 {
         (self.without + self.per_pa * gauge_pa).max(0.0)
     }

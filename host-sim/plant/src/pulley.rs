@@ -5,7 +5,6 @@ use std::sync::Arc;
 /// Angles between the stops at which the largest radius is sought.
 const SOUGHT: u32 = 64;
 
-/// Course of both radii.
 #[derive(Debug, Clone, PartialEq)]
 enum Course {
     /// Coefficients of the angle's powers, over the radius of the pulley, of muscles a and b.
@@ -14,7 +13,6 @@ enum Course {
     Rows(Arc<[[f64; 3]]>),
 }
 
-/// A pulley with a radius for each muscle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pulley {
     /// Radius that those of the muscles are shares of \[m\].

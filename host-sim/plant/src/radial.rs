@@ -53,7 +53,6 @@ pub struct Conduction {
     left: [f64; 3],
 }
 
-/// Sum over the modes.
 fn sum(weights: &[f64; 3], values: &[f64; 3]) -> f64 {
     weights[0] * values[0] + weights[1] * values[1] + weights[2] * values[2]
 }

@@ -12,13 +12,10 @@ pub struct Exposure {
     pub gas_k: f64,
     /// Wall around the wall sensor \[K\].
     pub wall_k: f64,
-    /// Pressure at the sensor \[Pa\].
     pub pressure_pa: f64,
-    /// Length at the potentiometer \[m\].
     pub length_m: f64,
 }
 
-/// The four sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sensors {
     housing: Lag,
@@ -91,7 +88,6 @@ impl Sensors {
         self.length.advance(now.length_m);
     }
 
-    /// Writes the readings into the truth.
     pub fn read(&self, truth: &mut Truth) {
         truth.sensor_gas_k = self.gas.output();
         truth.sensor_wall_k = self.wall.output();

@@ -4,7 +4,6 @@ use super::proportional::ProportionalValve;
 use super::pwm::PwmValve;
 use thermyo_scenario::{Valve, ValveKind};
 
-/// One valve in operation.
 #[derive(Debug, Clone)]
 pub enum DrivenValve {
     Switching(PwmValve),

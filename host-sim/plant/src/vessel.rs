@@ -31,7 +31,6 @@ const STIRRED_IN: usize = 10;
 const STIRRED_OUT: usize = 11;
 const STATES: usize = 12;
 
-/// The openings of the vessel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Ports {
     Closed,
@@ -153,7 +152,6 @@ impl Constants {
     }
 }
 
-/// A vessel in operation.
 #[derive(Debug, Clone)]
 pub struct Vessel {
     constants: Constants,

@@ -39,7 +39,6 @@ impl Shares {
 pub struct Stirring {
     /// Strength of the jet at the face between zone i and i + 1 \[-\].
     faces: Vec<f64>,
-    /// Shares of the zones in what the flows stir.
     zones: Vec<Shares>,
 }
 
@@ -66,7 +65,6 @@ impl Stirring {
         }
     }
 
-    /// Shares of the zones in what the flows stir.
     pub fn zones(&self) -> &[Shares] {
         &self.zones
     }

@@ -12,7 +12,6 @@ pub struct Joint {
     loaded: JointLoaded,
 }
 
-/// A run with its core.
 pub struct JointRun {
     run: Run,
     latest: Option<(JointMode, [Faults; 2], JointFaults)>,

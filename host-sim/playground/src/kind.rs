@@ -10,9 +10,7 @@ pub const ENDLESS_S: f64 = 1.0e9;
 
 /// A kind of scenario: one muscle, or a joint.
 pub trait Kind: Sized {
-    /// Names of the columns of its trace.
     const COLUMNS: &'static [&'static str];
-    /// A run in progress.
     type Run;
 
     /// Reads a text; with the warnings of `thermyo run`, a line each.
@@ -46,7 +44,6 @@ pub fn no_file(key: &str, line: Option<u64>) -> String {
     )
 }
 
-/// The name in messages as a path.
 pub fn origin() -> &'static Path {
     ORIGIN.as_ref()
 }

@@ -12,7 +12,6 @@ mod muscle;
 use live::Running;
 use std::cell::RefCell;
 
-/// State of the module.
 #[derive(Default)]
 struct Playground {
     text: Vec<u8>,

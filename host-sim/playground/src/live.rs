@@ -20,7 +20,6 @@ pub trait Running {
     fn state(&self) -> String;
     /// Warnings of `thermyo run`, a line each.
     fn warnings(&self) -> String;
-    /// The scenario with its present values.
     fn scenario(&self) -> String;
 }
 

@@ -12,7 +12,6 @@ use thermyo_simulation::run::Run;
 
 pub struct Muscle(Loaded);
 
-/// A run with its core.
 pub struct MuscleRun {
     run: Run,
     board: CoreBoard,

@@ -41,7 +41,6 @@ pub fn kind_and_values(set_point: SetPoint) -> (u8, f32, f32) {
 /// The last kind of [`kind_and_values`].
 pub const LAST_KIND: u8 = 5;
 
-/// The set point of a kind and its values.
 pub fn set_point(kind: u8, value: f32, second: f32) -> SetPoint {
     match kind {
         1 => SetPoint::Duty { inlet: value, outlet: second },
@@ -152,7 +151,6 @@ impl<W: Write> Recorder<W> {
         Ok(Self { out, beside: Sinks::default(), clock: Clock::default(), rows: 0 })
     }
 
-    /// Adds sinks for its rows.
     #[must_use]
     pub fn beside(self, beside: Sinks) -> Self {
         Self { beside, ..self }
@@ -163,7 +161,6 @@ impl<W: Write> Recorder<W> {
         self.clock.time_s(step, step_s)
     }
 
-    /// Writes the cells of a row.
     pub fn push(&mut self, cells: &[f64]) -> io::Result<()> {
         self.rows += 1;
         self.out.push(&cells_text(cells.iter().copied()))?;

@@ -26,7 +26,6 @@ pub struct LimitCycle {
     pub amplitude: f64,
 }
 
-/// A turning point.
 #[derive(Debug, Clone, Copy)]
 struct Turn {
     time_s: f64,
@@ -46,7 +45,6 @@ pub struct Detector {
     rising: Option<bool>,
     /// Valves that have been driven since the last turning point: inlet, outlet.
     driven: [bool; 2],
-    /// The last turning points.
     turns: VecDeque<Turn>,
     /// The one around the present set point.
     present: Option<LimitCycle>,

@@ -5,7 +5,6 @@ use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_scenario::schema::Limits;
 
-/// The column of the times.
 pub const TIME: &str = "time_s";
 
 /// Limits of plausible values: beyond them the unit is wrong or a line is broken.

@@ -13,22 +13,18 @@ use thermyo_files::number::fixed;
 use thermyo_plant::Ledger;
 use thermyo_protocol::Timing;
 
-/// The content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Simulated time \[s\].
     pub duration_s: f64,
     /// Working strokes; 0 where the drive has no period.
     pub strokes: u64,
     /// Simulated time per wall-clock time \[-\].
     pub real_time_factor: f64,
-    /// The board that ran the core.
     pub board: String,
     pub pressure_pa: Range,
     /// Contraction, as a fraction of the rest length \[-\]; of a muscle.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contraction: Option<Range>,
-    /// The plant's gas temperature \[K\].
     pub gas_temperature_k: Range,
     pub sensor_gas_k: Readings,
     pub sensor_wall_k: Readings,
@@ -40,7 +36,6 @@ pub struct Summary {
     pub estimate_stated_k: f64,
     pub mass_balance_error: f64,
     pub energy_balance_error: f64,
-    /// The ledger of mass and energy.
     pub ledger: Ledger,
     /// Surface temperature along the muscle at the end, port first \[K\].
     pub axial_temperature_k: Vec<f64>,
@@ -144,7 +139,6 @@ impl CoreFigures {
     }
 }
 
-/// Difference to a measured column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
     pub rmse: f64,
@@ -183,19 +177,14 @@ impl From<&Timing> for TimingFigures {
 /// Inputs for the summary that the accumulator does not have.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ending {
-    /// Wall-clock time of the run \[s\].
     pub wall_clock_s: f64,
-    /// The board that ran the core.
     pub board: &'static str,
     /// Period of the working cycle, if it has one \[s\].
     pub period_s: Option<f64>,
     pub controlled: Option<Controlled>,
-    /// The largest limit cycle.
     pub limit_cycle: Option<LimitCycle>,
     pub rest_length_m: Option<f64>,
-    /// The plant's ledger.
     pub ledger: Ledger,
-    /// Surface temperatures \[K\].
     pub axial_wall_k: Vec<f64>,
     pub axial_gas_k: Vec<f64>,
     /// Timing of the board's steps.
@@ -427,7 +416,6 @@ impl Accumulator {
         }
     }
 
-    /// Completes the summary.
     pub fn finish(self, ending: Ending) -> Summary {
         let count = self.steps as f64;
         let rms = |squares: f64| (squares / count).sqrt();

@@ -17,7 +17,6 @@ const OFTEN: f64 = 0.1;
 /// Duties this close to 0 and 1 are no pulses \[-\].
 const END: f64 = 1e-3;
 
-/// The controlled quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Controlled {
@@ -35,7 +34,6 @@ impl Controlled {
         }
     }
 
-    /// Its unit as shown.
     pub fn unit(self) -> Unit {
         match self {
             Self::Pressure => Unit::of_column("pressure_pa"),
@@ -43,7 +41,6 @@ impl Controlled {
         }
     }
 
-    /// A value or difference as text.
     pub fn text(self, value: f64, units: UnitSystem) -> String {
         let Unit { symbol, factor } = match (units, self) {
             (UnitSystem::Practical, _) => self.unit(),
@@ -58,7 +55,6 @@ impl Controlled {
 /// the muscle gets to where it begins.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Control {
-    /// The controlled quantity.
     pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
@@ -112,7 +108,6 @@ impl Control {
 /// Inputs of the figures from a scenario.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
-    /// Period of a sine \[s\].
     sine_s: Option<f64>,
     /// The set point jumps and is constant in between.
     jumps: bool,
@@ -121,7 +116,6 @@ pub struct Reference {
     pwm_hz: f64,
     step_s: f64,
     duration_s: f64,
-    /// Time from which on the figures count \[s\].
     from_s: f64,
 }
 
@@ -156,7 +150,6 @@ impl Reference {
     }
 }
 
-/// A jump of the set point.
 #[derive(Debug, Clone, Copy)]
 struct Jump {
     at_s: f64,

@@ -29,7 +29,6 @@ pub enum Colour {
 }
 
 impl Colour {
-    /// Class in the style sheet.
     pub(super) fn class(self) -> &'static str {
         match self {
             Self::Truth => "c-truth",

@@ -7,7 +7,6 @@ pub const POINTS: usize = 1500;
 /// Most points of all curves of one drawing: enough for five; more curves get fewer points each.
 pub const DRAWING: usize = 5 * POINTS;
 
-/// Extremes to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
     /// Extremes of y: a series over a rising x.

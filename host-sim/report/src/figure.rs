@@ -3,7 +3,6 @@
 use super::chart::Chart;
 use maud::{Markup, html};
 
-/// Result of a drawing module.
 #[derive(Debug, Clone)]
 pub struct Drawing {
     /// Stands above the drawing; may be empty.

@@ -12,7 +12,6 @@ use super::scale::Scale;
 use super::series::{CAPACITY, Recorder};
 use serde_json::{Value, json};
 
-/// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Mark {
     /// A thin line over rising x.
@@ -23,7 +22,6 @@ pub(super) enum Mark {
     Wide,
     /// A dashed line over rising x.
     Dashed,
-    /// Separate points.
     Dots,
     /// The area between two edges over rising x.
     Band,

@@ -111,7 +111,6 @@ impl Table {
 #[derive(Debug, Clone)]
 enum Block {
     Paragraph(String),
-    /// Figures side by side.
     Figures(Vec<Figure>),
     Table(Table),
 }

@@ -12,7 +12,6 @@ pub(super) struct Path {
 }
 
 impl Path {
-    /// Path data through `points`.
     pub(super) fn through(points: impl IntoIterator<Item = (f64, f64)>) -> Self {
         let mut path = Self::default();
         path.polyline(points);
@@ -62,7 +61,6 @@ impl Path {
         }
     }
 
-    /// The data for a `d` attribute.
     pub(super) fn data(&self) -> &str {
         &self.data
     }

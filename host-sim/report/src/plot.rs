@@ -32,7 +32,6 @@ impl Bits {
     }
 }
 
-/// The arrays of a page.
 #[derive(Debug, Default)]
 pub(super) struct Store {
     arrays: Vec<Value>,

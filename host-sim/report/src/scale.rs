@@ -2,7 +2,6 @@
 
 use thermyo_files::number::{fixed, power_of_ten, significant};
 
-/// Spacing of values on an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Spacing {
     /// Equal differences take equal lengths.

@@ -16,7 +16,6 @@ pub const CAPACITY: usize = 10_240;
 pub struct Recorder {
     names: Vec<String>,
     columns: Vec<Vec<f64>>,
-    /// Most rows.
     capacity: usize,
     /// Samples per stretch.
     stretch: usize,

@@ -1,6 +1,5 @@
 //! Style sheets and the script of charts, which reports, the live page and the playground share.
 
-/// Colours and strokes of every drawing.
 pub const DRAWING_STYLE: &str = include_str!("drawing.css");
 /// Legend, cursor and buttons of the charts.
 pub const CHART_STYLE: &str = include_str!("chart.css");

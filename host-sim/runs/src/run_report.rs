@@ -15,7 +15,6 @@ const TRUTH: &str = "gas_temperature_k";
 /// Columns drawn against their measurement; the table has all.
 const MOST_COMPARED: usize = 6;
 
-/// Name of a column in a legend.
 pub(crate) fn label(column: &str) -> &str {
     match column {
         TRUTH => "gas (plant)",
@@ -80,7 +79,6 @@ impl Measured {
     }
 }
 
-/// A line of the summary.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SummaryRow {
     pub label: String,
@@ -90,7 +88,6 @@ pub struct SummaryRow {
     pub unit: String,
 }
 
-/// Content of the page.
 #[derive(Debug, Clone)]
 pub struct RunReport<'a> {
     pub title: &'a str,
@@ -177,7 +174,6 @@ impl RunReport<'_> {
         )
     }
 
-    /// Comparison with measurements, column by column.
     fn comparison(&self) -> Option<Section> {
         let rows: Vec<Vec<String>> = self
             .measured
@@ -342,7 +338,6 @@ impl RunReport<'_> {
         }
     }
 
-    /// Name of the chamber.
     fn plant(&self) -> &'static str {
         match self.kind {
             PlantKind::Muscle => "muscle",

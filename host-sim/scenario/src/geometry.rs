@@ -8,9 +8,7 @@ use super::violation::Violation;
 use std::f64::consts::PI;
 use thermyo_compute::math;
 
-/// Default rest length \[m\].
 const REST_LENGTH_M: f64 = 0.30;
-/// Default diameter at rest \[m\].
 const DIAMETER_M: f64 = 0.020;
 /// Default braid angle at rest \[deg\]: usual braids have 20 to 25.
 const BRAID_ANGLE_DEG: f64 = 23.0;
@@ -18,10 +16,8 @@ const BRAID_ANGLE_DEG: f64 = 23.0;
 /// rounded by hand.
 const AGREEMENT: f64 = 1.0e-3;
 
-/// The dimensions of a muscle at rest.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dimensions {
-    /// Thread length b \[m\].
     pub thread_length_m: f64,
     /// Thread turns n \[-\].
     pub turns: f64,
@@ -32,7 +28,6 @@ pub struct Dimensions {
 }
 
 impl Dimensions {
-    /// The default muscle.
     pub fn nominal() -> Self {
         Self::at_rest(REST_LENGTH_M, DIAMETER_M, BRAID_ANGLE_DEG)
     }
@@ -75,7 +70,6 @@ pub fn at_rest(
     Dimensions::at_rest(rest_length_m, diameter_m, braid_angle_deg).applied_to(muscle)
 }
 
-/// Dimensions in a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Given {
     thread_length_m: Option<f64>,
@@ -86,7 +80,6 @@ pub struct Given {
 }
 
 impl Given {
-    /// Dimensions in these entries.
     pub fn of(entries: &Entries) -> Self {
         let [thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg] =
             DIMENSIONS.map(|name| entries.get(&format!("muscle.{name}"))?.value.as_float());

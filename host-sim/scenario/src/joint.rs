@@ -32,7 +32,6 @@ choice! {
 }
 
 impl AngleKind {
-    /// As the core has it.
     pub fn part(self) -> AnglePart {
         match self {
             Self::Potentiometer => AnglePart::Potentiometer,
@@ -94,9 +93,7 @@ table! {
 }
 
 choice! {
-    /// Drive of a joint.
     JointDriveKind {
-        /// Angle and stiffness.
         Joint = "joint",
     }
 }
@@ -141,15 +138,12 @@ pub const RADII: [&str; 8] = [
 /// A scenario of a joint, split and read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointDocument {
-    /// The mechanism.
     pub joint: Joint,
     /// The mechanism that the core is configured with.
     pub believed: Joint,
-    /// The controller's tuning.
     pub controller: JointController,
     /// The set point over time.
     pub drive: JointDrive,
-    /// Muscles a and b.
     pub muscles: [Document; 2],
     /// Entries of muscles a and b alone, which are above the shared ones.
     own: [Document; 2],
@@ -157,7 +151,6 @@ pub struct JointDocument {
     given: Vec<(String, u64)>,
 }
 
-/// Own tables of a joint.
 const OWN: [(&str, Table); 4] = [
     ("joint", Joint::TABLE),
     ("believed.joint", Joint::TABLE),
@@ -392,7 +385,6 @@ impl JointDocument {
     }
 }
 
-/// The entry of a whole path.
 fn entry<'a>(document: &'a Document, full_path: &str) -> Option<&'a Entry> {
     match full_path.strip_prefix("believed.") {
         Some(path) => document.believed.get(path),
@@ -400,7 +392,6 @@ fn entry<'a>(document: &'a Document, full_path: &str) -> Option<&'a Entry> {
     }
 }
 
-/// The muscles that a key is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Owner {
     Both,

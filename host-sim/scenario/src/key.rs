@@ -21,12 +21,10 @@ impl Table {
         Self { name, meaning, believed: false, physical: false, keys }
     }
 
-    /// Sets [`Self::believed`].
     pub const fn believed(self) -> Self {
         Self { believed: true, ..self }
     }
 
-    /// Sets [`Self::physical`].
     pub const fn physical(self) -> Self {
         Self { physical: true, ..self }
     }

@@ -4,21 +4,17 @@
 use super::declare::choice;
 use toml::Value;
 
-/// A value of a preset.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PresetValue {
     Number(f64),
     Word(&'static str),
 }
 
-/// A part and its values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Preset {
     /// Table of its key `preset`.
     pub table: &'static str,
-    /// The word in a file.
     pub word: &'static str,
-    /// Paths and values.
     pub values: &'static [(&'static str, PresetValue)],
     /// Source, and what the values leave of it.
     pub source: &'static str,
@@ -27,7 +23,6 @@ pub struct Preset {
 }
 
 choice! {
-    /// A muscle.
     MusclePreset {
         None = "none",
         Dmsp10 = "dmsp-10",
@@ -36,7 +31,6 @@ choice! {
 }
 
 choice! {
-    /// A valve.
     ValvePreset {
         None = "none",
         Mhe2 = "mhe2-class",
@@ -47,7 +41,6 @@ choice! {
 }
 
 choice! {
-    /// A pressure sensor.
     PressurePreset {
         None = "none",
         Hsc100 = "hsc-100psi-a",
@@ -92,7 +85,6 @@ const HSC100: [(&str, PresetValue); 4] = ratiometric(689_476.0);
 const HSC150: [(&str, PresetValue); 4] = ratiometric(1_034_214.0);
 const SENSOR_UNKNOWN: &[&str] = &["sensor.pressure.gain", "sensor.pressure.offset_pa"];
 
-/// Every preset.
 pub static PRESETS: [Preset; 9] = [
     Preset {
         table: "muscle",

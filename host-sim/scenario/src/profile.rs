@@ -12,7 +12,6 @@ pub struct Profile {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProfileError {
     Empty,
-    /// A time or value is not finite.
     NotFinite {
         row: usize,
     },

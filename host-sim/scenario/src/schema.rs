@@ -62,7 +62,6 @@ pub fn fittable(path: &str) -> Option<Limits> {
     }
 }
 
-/// Every path that is [`fittable`].
 pub fn fittable_paths() -> impl Iterator<Item = String> {
     TABLES
         .iter()
@@ -83,7 +82,6 @@ mod tests {
     use crate::Scenario;
     use std::collections::BTreeSet;
 
-    /// Paths of tables with keys.
     fn tables(path: &str, table: &toml::Table, found: &mut BTreeSet<String>) {
         for (name, value) in table {
             match value.as_table() {

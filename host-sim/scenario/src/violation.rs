@@ -19,7 +19,6 @@ pub struct Violation {
     pub fault: Fault,
 }
 
-/// The problem of a key.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Fault {
     /// Its value is inconsistent with others.

@@ -5,7 +5,6 @@ use super::tree::value;
 use thermyo_scenario::PlantKind;
 use toml::{Table, Value};
 
-/// Keys of every chamber.
 const COMMON: [&str; 6] = [
     "plant.kind",
     "load.kind",
@@ -14,7 +13,6 @@ const COMMON: [&str; 6] = [
     "sensor.pressure.range_pa",
     "sensor.length.range_m",
 ];
-/// Keys of each kind.
 const MUSCLE: [&str; 3] = ["muscle.rest_length_m", "muscle.diameter_m", "muscle.braid_angle_deg"];
 const CYLINDER: [&str; 4] =
     ["cylinder.acts", "cylinder.rest_length_m", "cylinder.stroke_m", "cylinder.area_m2"];

@@ -217,7 +217,6 @@ fn check_heat(scenario: &Scenario, given: &Entries) -> Result<(), Violation> {
     }
 }
 
-/// The scenario with the entries of a file.
 fn overlaid(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
     let paths: Vec<(String, Value)> =
         entries.iter().map(|entry| (entry.path(), entry.value.clone())).collect();
@@ -257,7 +256,6 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
     }
 }
 
-/// The error for a violated rule.
 fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
     let key = entries.full_path(&violation.path);
     let mut entry = entries.get(&violation.path);
@@ -290,7 +288,6 @@ pub fn paths_in(text: &str) -> impl Iterator<Item = &str> {
     text.split(move |c| !is_path(c)).filter(|word| word.contains('.'))
 }
 
-/// The error for an entry of the file `origin`.
 fn at(entry: &Entry, origin: &Path, problem: Problem) -> InputError {
     InputError { file: origin.to_path_buf(), line: entry.line, problem: Box::new(problem) }
 }

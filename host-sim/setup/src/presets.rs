@@ -8,7 +8,6 @@ use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{Muscle, Scenario, at_rest};
 use toml::{Table, Value};
 
-/// Presets that entries name.
 pub fn presets_of(entries: &Entries) -> impl Iterator<Item = &'static Preset> {
     entries.iter().filter(|entry| entry.key.name == "preset").filter_map(|entry| {
         let word = entry.value.as_str()?;
@@ -16,7 +15,6 @@ pub fn presets_of(entries: &Entries) -> impl Iterator<Item = &'static Preset> {
     })
 }
 
-/// The scenario with the values of the presets that entries name.
 pub fn preset(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
     let values = presets_of(entries).flat_map(|preset| preset.values);
     let mut preset = with_values(base, values.map(|(path, value)| (*path, value.toml())), origin)?;

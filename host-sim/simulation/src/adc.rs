@@ -40,7 +40,6 @@ pub const MPR_S: f64 = 0.006;
 /// Codes of a sensor chip's scale.
 const PART_CODES: f64 = 32_768.0;
 
-/// Raw codes of one step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Codes {
     pub pressure: RawCode,
@@ -68,7 +67,6 @@ pub fn e11_transfer(input_lsb: f64, excess_lsb: f64) -> f64 {
     (input_lsb - swallowed) * slope
 }
 
-/// A stream of Gaussian noise.
 #[derive(Debug, Clone)]
 struct Noise(Xoshiro256PlusPlus);
 
@@ -90,7 +88,6 @@ struct Channel {
     part: Option<Part>,
 }
 
-/// A sensor chip.
 #[derive(Debug, Clone)]
 struct Part {
     period_s: f64,
@@ -269,7 +266,6 @@ impl VirtualAdc {
         }
     }
 
-    /// The codes of one exchange step.
     pub fn convert(&mut self, truth: &Truth) -> Codes {
         let pressure = self.pressure.sense(truth.sensor_pressure_pa);
         let length = self.length.sense(truth.sensor_length_m);

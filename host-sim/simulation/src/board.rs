@@ -35,7 +35,6 @@ pub trait Board {
     }
 }
 
-/// Result of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BoardStep {
     /// The core's output for this sample, or for an earlier one over a serial link in real time:
@@ -51,13 +50,10 @@ pub enum BoardError {
     /// The core refuses its configuration.
     #[error("the core refuses its configuration: {0}")]
     Config(ConfigError),
-    /// The core refuses a set point.
     #[error("the core refuses the set point: {0}")]
     SetPoint(SetPointError),
-    /// A step before the start.
     #[error("the board was asked for a step before it was started")]
     NotStarted,
-    /// Node.js is missing.
     #[error(
         "Node.js was not found: install Node.js 18 or newer for the emulated board, or set \
          THERMYO_SKIP_EMULATOR=1 to skip its tests"
@@ -65,28 +61,22 @@ pub enum BoardError {
     NoNode,
     /// Node.js is older than the emulator needs.
     #[error("Node.js {version} is too old for the emulated board: install 18 or newer")]
-    OldNode {
-        /// Output of `node --version`.
-        version: String,
-    },
+    OldNode { version: String },
     /// Emulator and images of this program cannot be written to where Node.js finds them.
     #[error(
         "{folder}: cannot be written ({reason}), and the emulated board wants its files there: set \
          XDG_CACHE_HOME to a folder that can be"
     )]
     NotUnpacked { folder: PathBuf, reason: String },
-    /// `npm ci` failed.
     #[error("`npm ci` failed; it needs npm and its registry: {message}")]
     Npm { message: String },
     #[error("{message}")]
     Build { message: String },
-    /// The image is missing.
     #[error("{path}: no such image: give the ELF or UF2 file that a build of the firmware left")]
     NoImage { path: PathBuf },
     /// The emulator cannot run the image.
     #[error("{message}")]
     Image { message: String },
-    /// The emulator ended.
     #[error("the emulated board stopped: {message}")]
     Emulator { message: String },
     /// The serial port cannot be opened.
@@ -114,7 +104,6 @@ pub enum BoardError {
     /// The emulated board does not answer: there is no wiring to check.
     #[error("the emulated board does not answer ({asked}): this machine may be too busy for it")]
     EmulatedSilent { asked: &'static str },
-    /// The board speaks another version of the protocol.
     #[error(
         "the board's firmware speaks protocol {board}, this program {PROTOCOL}: flash the \
          firmware of the same version"
@@ -136,36 +125,29 @@ pub enum BoardError {
         "the configuration is one for the RP2040, whose converter has codes that are too wide; the board's \
          ({chip}) has none: [adc] wide_code_lsb = 0"
     )]
-    OtherChip {
-        /// The board's chip.
-        chip: Chip,
-    },
+    OtherChip { chip: Chip },
     /// The board does not have the configuration that was sent.
     #[error("the board's configuration is not the one that was sent: another program talks to it")]
     Damaged,
     /// The user stopped the run; the board vents.
     #[error("ended by Ctrl-C; the board vents")]
     Interrupted,
-    /// Faults vent the muscle.
     #[error("the board vents: {0}")]
     Vented(Faults),
     /// A pressure that the board, as configured and armed, cannot hold.
     #[error("{}", pressure(*.pressure_pa, *.least_pa, *.most_pa))]
     Pressure {
-        /// Requested pressure \[Pa\].
         pressure_pa: f32,
         /// Ambient pressure of its configuration \[Pa\].
         least_pa: f32,
         /// Pressure up to which it is armed \[Pa\].
         most_pa: f32,
     },
-    /// The board refused a request.
     #[error("{}", refused(.0))]
     Refused(Refusal),
     /// The board restarted in the middle of a run.
     #[error("the board restarted in the middle of the run")]
     Restarted,
-    /// This board cannot be restarted from here.
     #[error(
         "faults.board_restart: nothing here can restart this board; leave it out, or run in \
          process or on the emulated board"

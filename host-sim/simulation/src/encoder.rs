@@ -7,7 +7,6 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use thermyo_scenario::Scenario;
 
-/// Readings in a turn.
 const READINGS: f64 = 4096.0;
 /// Noise with the fastest filter, which the firmware chooses: 0.043 deg (data sheet), standard deviation \[turns\].
 const NOISE_TURNS: f64 = 0.043 / 360.0;

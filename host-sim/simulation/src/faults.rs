@@ -18,14 +18,12 @@ const NOISE: i32 = CODE_MAX as i32 / 20;
 pub struct InjectedFaults {
     windows: Vec<FaultWindow>,
     step_s: f64,
-    /// Codes of the last step.
     arrived: Codes,
     generator: Xoshiro256PlusPlus,
     noise: Uniform<i32>,
 }
 
 impl InjectedFaults {
-    /// The faults of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
         let unbroken = FaultWindow::default();
         let windows = scenario.faults.windows().map(|(_, window)| window.clone());
@@ -57,7 +55,6 @@ impl InjectedFaults {
         sensed
     }
 
-    /// Inputs of the core.
     pub fn apply(&mut self, time_s: f64, codes: Codes) -> Sample {
         let of = |line: fn(&FaultWindow) -> ChannelFault| {
             let mut faults = self.active(time_s).map(line);

@@ -60,7 +60,6 @@ impl Rig {
         self.plant.truth()
     }
 
-    /// The plant's ledger.
     pub fn ledger(&self) -> Ledger {
         self.plant.ledger()
     }

@@ -91,7 +91,6 @@ impl<F: FnMut(&Row) -> io::Result<()>> Observer for F {
     }
 }
 
-/// Runs a scenario on a board.
 pub fn run(
     loaded: &Loaded,
     board: &mut dyn Board,
@@ -121,7 +120,6 @@ pub fn rows(loaded: &Loaded) -> Result<Vec<Row>, RunError> {
     Ok(rows)
 }
 
-/// A run in progress, step by step.
 pub struct Run {
     loaded: Loaded,
     rig: Rig,
@@ -334,7 +332,6 @@ struct Waiting {
 struct StepAlignment {
     /// The run's step at the board's step 0; none during the startup check after a restart.
     zero: Option<u64>,
-    /// Steps by which telemetry is late.
     late: u64,
 }
 
@@ -416,7 +413,6 @@ impl SetPoints {
         }
     }
 
-    /// The set point for the core.
     pub fn at(&self, time_s: f64) -> SetPoint {
         if self.shut_s.iter().any(|shut_s| shut_s.contains(&time_s)) {
             return SetPoint::Duty { inlet: 0.0, outlet: 0.0 };

@@ -4,12 +4,10 @@ use model_core::joint::{JointMode, JointTelemetry};
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::named;
 
-/// Every fault that is shown.
 pub fn faults(telemetry: &JointTelemetry) -> Option<String> {
     named(telemetry.muscles.map(|muscle| muscle.faults), telemetry.faults)
 }
 
-/// The joint in one line.
 pub fn line(telemetry: &JointTelemetry, units: UnitSystem) -> String {
     let [a, b] = telemetry.muscles.map(|muscle| units.text(muscle.pressure_pa.into(), "Pa", 1));
     let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);

@@ -40,7 +40,6 @@ pub enum PlaygroundError {
         .0.display()
     )]
     NoCheckout(PathBuf),
-    /// The module did not build.
     #[error(transparent)]
     Build(#[from] NotBuilt),
     /// The folder holds a page that is not a playground.

@@ -12,7 +12,6 @@ use thermyo_protocol::{USB_ID, Version};
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Found {
-    /// Name of the port, or of the drive.
     pub port: String,
     /// The system's description.
     pub device: String,

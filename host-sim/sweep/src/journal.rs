@@ -35,7 +35,6 @@ pub struct Journal {
 /// State of the folder that was found.
 #[derive(Debug, Default)]
 pub struct Kept {
-    /// Finished points.
     pub rows: Vec<Point>,
     /// Points that were begun but not finished when it ended.
     pub died: Vec<usize>,

@@ -15,7 +15,6 @@ pub struct Outcome<'a> {
     pub rows: Vec<Point>,
 }
 
-/// `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     pub points: usize,
@@ -36,7 +35,6 @@ pub struct Summary {
     /// Smallest and largest root-mean-square error of the set point, in its unit; none where points control
     /// different quantities.
     pub control_rms_error: [Option<f64>; 2],
-    /// Conclusion in words.
     pub conclusion: String,
     /// Keys without effect on any figure.
     pub without_effect: Vec<String>,
@@ -45,9 +43,7 @@ pub struct Summary {
 /// Errors over a grid.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Extent {
-    /// Smallest \[K\].
     pub min_k: Option<f64>,
-    /// Largest \[K\].
     pub max_k: Option<f64>,
     /// Number of points within the limit.
     pub within: usize,

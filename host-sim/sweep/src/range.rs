@@ -29,7 +29,6 @@ pub struct Range {
     /// The range contains everything between its two ends.
     #[serde(skip)]
     pub interval: bool,
-    /// Text as the user wrote it.
     #[serde(skip)]
     written: String,
 }

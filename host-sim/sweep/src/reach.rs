@@ -71,7 +71,6 @@ impl Reach {
 pub struct Lines<'a> {
     /// The key along which they run, and its unit.
     pub key: (&'a str, &'a str),
-    /// Range of each line.
     pub reaches: Vec<Reach>,
     /// The other key, and its value on each line; none where several others change.
     pub other: Option<(&'a str, Vec<f64>)>,

@@ -23,7 +23,6 @@ pub(super) enum Assembled {
 }
 
 impl Swept {
-    /// Reads a scenario.
     pub(super) fn read(path: &Path) -> Result<Self, InputError> {
         Self::parse(&read_text(path)?, path)
     }
@@ -44,7 +43,6 @@ impl Swept {
         }
     }
 
-    /// Sets a key.
     pub(super) fn set(&mut self, full_path: &str, value: Setting<'_>) -> Result<(), Problem> {
         match (self, value) {
             (Self::Joint(document), value) => document.set(full_path, value),

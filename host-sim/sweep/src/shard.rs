@@ -12,7 +12,6 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// The whole grid.
     pub const WHOLE: Self = Self { index: 0, of: 1 };
 
     /// The shard has this point of the grid, counted from 0. Neighbouring points take about equally

@@ -20,7 +20,6 @@ use thermyo_scenario::schema::Allowed;
 pub struct Study {
     plan: Plan,
     pub(super) shard: Shard,
-    /// Name of the scenario.
     pub name: String,
     /// The scenario without the varied keys' values, with all defaults.
     pub scenario: String,
@@ -30,7 +29,6 @@ pub struct Study {
 /// Content of `study.json`: the label of a results folder.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Label {
-    /// Version of the program.
     thermyo: String,
     scenario: String,
     /// Checksum of the scenario and of its tables.
@@ -41,7 +39,6 @@ pub(super) struct Label {
     pub(super) shard: String,
 }
 
-/// Result of one point.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
     /// Its number in the whole sweep, from 0.
@@ -129,7 +126,6 @@ impl Study {
         each.collect::<Vec<_>>().join(", ")
     }
 
-    /// Columns of [`Figures::of_joint`].
     fn joint_columns(&self) -> &'static [&'static str] {
         if self.is_joint() { &JOINT_COLUMNS } else { &[] }
     }
@@ -138,7 +134,6 @@ impl Study {
         joint::is_joint(&self.scenario)
     }
 
-    /// An error of the set point as text.
     pub(super) fn tracking_text(&self, error: f64, controlled: Option<Controlled>) -> String {
         match controlled {
             Some(quantity) => quantity.text(error, UnitSystem::Practical),

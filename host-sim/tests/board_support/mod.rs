@@ -83,7 +83,6 @@ impl Bench {
         info
     }
 
-    /// Message of a command that has to be refused.
     #[track_caller]
     pub fn refused(&self, line: &str) -> String {
         self.run(line).ends(2).in_one_line().err

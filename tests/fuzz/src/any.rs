@@ -6,9 +6,7 @@ use serde::de::{
     VariantAccess, Visitor,
 };
 
-/// Source of choices.
 pub trait Choices {
-    /// A number.
     fn real(&mut self) -> f32;
     /// A whole number of at most so many bits.
     fn whole(&mut self, bits: u32) -> u64;

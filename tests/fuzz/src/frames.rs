@@ -6,7 +6,6 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use thermyo_protocol::{Decoder, MAX_FRAME, Message, Request, encode};
 
-/// Frames of one case.
 const MOST_FRAMES: usize = 64;
 
 /// Sends a stream; returns its frames, those of garbage included.

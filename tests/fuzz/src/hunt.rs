@@ -9,7 +9,6 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::{cell::RefCell, fs, io, thread};
 
-/// Bytes of a case.
 const MOST_BYTES: u32 = 600;
 /// Cases that are tried to make one shorter.
 const SHORTENINGS: u32 = 20_000;
@@ -25,7 +24,6 @@ pub struct Target {
     pub run: fn(&[u8]) -> u64,
 }
 
-/// All of them.
 pub const TARGETS: [Target; 5] = [
     Target { name: "core", counts: "steps of the core", run: crate::core::run },
     Target { name: "frames", counts: "frames", run: crate::frames::run },
@@ -34,7 +32,6 @@ pub const TARGETS: [Target; 5] = [
     Target { name: "hosts", counts: "steps of two hosts", run: crate::hosts::run },
 ];
 
-/// A violated property.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Violation {
     /// Place in the source, one for each kind.
@@ -45,10 +42,8 @@ pub struct Violation {
     pub case: Vec<u8>,
 }
 
-/// Result of a hunt.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hunted {
-    /// Cases tried.
     pub cases: u64,
     /// Steps, frames, scenarios or tables in them.
     pub count: u64,

@@ -11,7 +11,6 @@ use thermyo_scenario::schema::{Allowed, Key, TABLES, Table, fittable_paths};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, OBSERVABLE};
 
-/// Keys of one case.
 const MOST_KEYS: usize = 24;
 /// In a folder that does not exist, so that no CSV file is found.
 const ORIGIN: &str = "nowhere/scenario.toml";

@@ -22,7 +22,6 @@ enum Waveform {
     Random,
 }
 
-/// One channel.
 #[derive(Debug, Clone, Copy)]
 pub struct Signal {
     waveform: Waveform,

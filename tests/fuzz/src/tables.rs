@@ -14,7 +14,6 @@ use thermyo_runs::replay;
 use thermyo_setup::Loaded;
 
 const FILE: &str = "nowhere/data.csv";
-/// Cells of one case.
 const MOST_CELLS: usize = 200;
 
 /// Scenarios whose data differ: a muscle by flows, by duties, by its gas sensor alone; vessels.

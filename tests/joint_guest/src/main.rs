@@ -24,7 +24,6 @@ static JOINT: Static<Option<Joint>> = Static(UnsafeCell::new(None));
 static SAMPLE: Static<Option<JointSample>> = Static(UnsafeCell::new(None));
 static TELEMETRY: Static<Option<JointTelemetry>> = Static(UnsafeCell::new(None));
 
-/// Content of the buffer.
 fn taken<T: for<'de> serde::Deserialize<'de>>() -> T {
     // SAFETY: no reference to it outlives a call.
     let buffer = unsafe { &*BUFFER.0.get() };

@@ -7,7 +7,6 @@ pub struct Mailbox {
     pub turn: u32,
     /// Cycles of the last [`step`](model_core::Core::step).
     pub step_cycles: u32,
-    /// Bytes that are in use.
     pub length: u32,
     /// The request while it is the guest's turn, then its answer.
     pub bytes: [u8; thermyo_protocol::MAX_FRAME],

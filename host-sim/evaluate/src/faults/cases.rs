@@ -8,7 +8,6 @@ use model_core::{Command, Duty, Faults, Telemetry};
 use thermyo_plant::Truth;
 use thermyo_scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFault};
 
-/// Required reaction.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reaction {
     /// The muscle vents, latched: below 1.2 bar within [`super::VENTED_S`], and it stays there.
@@ -46,7 +45,6 @@ pub enum Counted {
 }
 
 impl Counted {
-    /// The step counts.
     pub fn counts(self, telemetry: &Telemetry, truth: &Truth, above: bool) -> bool {
         let Command { inlet, outlet } = telemetry.command;
         let [inlet, outlet] = [inlet, outlet].map(|duty| duty > Duty::ZERO);
@@ -79,12 +77,10 @@ pub struct Fault {
     pub size: &'static str,
     /// Tasks of the muscle during the fault.
     pub tasks: &'static [Task],
-    /// Sets the injected fault in its window.
     pub inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
     /// Any of these bits counts as found.
     pub found: Faults,
     pub counted: Counted,
-    /// Time limit of the detection \[s\].
     pub within_s: f64,
     pub reaction: Reaction,
     /// Time from the fault's start to the end of the observation \[s\].
@@ -304,7 +300,6 @@ fn of_the_length_sensor() -> Vec<Fault> {
     ]
 }
 
-/// Faults of the valves and of the supply.
 fn of_the_valves() -> Vec<Fault> {
     vec![
         fault(
@@ -379,7 +374,6 @@ fn of_the_valves() -> Vec<Fault> {
     ]
 }
 
-/// Faults of leaks and of the inflow.
 fn of_the_gas() -> Vec<Fault> {
     vec![
         fault(
@@ -418,7 +412,6 @@ fn of_the_gas() -> Vec<Fault> {
     ]
 }
 
-/// Faults of board, button and link.
 fn of_the_board() -> Vec<Fault> {
     vec![
         fault(

@@ -19,9 +19,7 @@ const VALVES: [f64; 2] = [2.0, 3.5];
 /// Range of the gas sensor's front end \[K\]: a fast fill drives an element with a lag of a second
 /// out of the nominal range, which would be detected as a rail fault.
 const RANGE_K: [f64; 2] = [230.0, 390.0];
-/// Time between two steps \[s\].
 const BETWEEN_STEPS_S: [f64; 2] = [0.5, 2.5];
-/// Dimensions of the nominal muscle \[m\].
 const NOMINAL_DIAMETER_M: f64 = 0.020;
 const NOMINAL_LENGTH_M: f64 = 0.30;
 /// Gas mass of a stroke in the nominal cycle \[kg\].
@@ -30,7 +28,6 @@ const NOMINAL_MOVED_KG: f64 = 9.0e-4;
 /// Ranges of loads and sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Spread {
-    /// Smallest and largest load \[N\].
     pub loads_n: [f64; 2],
     /// Shortest and longest lag of the gas sensor \[s\].
     pub lags_s: [f64; 2],

@@ -13,7 +13,6 @@ use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Below this pressure a muscle is vented \[Pa\].
 pub const VENTED_PA: f64 = 1.2e5;
 /// Range of the fault's start \[s\].
 pub const COMES_S: [f64; 2] = [4.0, 7.0];
@@ -21,7 +20,6 @@ pub const COMES_S: [f64; 2] = [4.0, 7.0];
 /// and noise \[-\].
 const NO_RISE: f64 = 1.02;
 
-/// Result of one run.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Outcome {
     /// Time until detection, counted as `Counted` requires \[s\].

@@ -9,7 +9,6 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Pressure before venting \[Pa\].
 const FULL_PA: f64 = 5.0e5;
 /// Time of the emergency stop, when the muscle has filled \[s\].
 const STOP_S: f64 = 3.0;
@@ -20,7 +19,6 @@ const NOMINAL_S: f64 = 1.5;
 /// Sonic conductance per gas volume at 5 bar that vents any muscle within [`VENTED_S`] \[1/(s MPa)\].
 const NEEDED_S_MPA: f64 = 25.0;
 
-/// Result of venting a muscle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vented {
     /// From the emergency stop until below 1.2 bar \[s\].
@@ -60,7 +58,6 @@ pub fn vent(muscle: &Loaded) -> Result<Vented, RunError> {
     Ok(Vented { time_s, per_volume_s_pa })
 }
 
-/// The nominal muscle, and random ones.
 pub fn muscles(nominal: &Loaded) -> Vec<(&'static str, Vec<Loaded>)> {
     let random = |number| {
         let mut draw = Draw::new(0x0DE0_0000 + number);

@@ -25,7 +25,6 @@ use thermyo_identify::core_model::{
     HOUSING, Known, LAG, MASS, Matrix, Model, SCALE, SENSOR, State, WALL, hold_back,
 };
 
-/// Steps per interval, as in the core.
 const INTERVAL_STEPS: usize = 20;
 /// Steps after a valve has shut in which a change of pressure still counts as flow. A mass held
 /// constant between two pulses would keep the noise of each pulse, and drift.

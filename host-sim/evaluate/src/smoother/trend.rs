@@ -24,7 +24,6 @@ pub struct Reading {
     pub variance: f64,
     /// The rate after this reading is independent of the rate before it.
     pub turns: bool,
-    /// Gas may be flowing.
     pub flowing: bool,
 }
 

@@ -39,7 +39,6 @@ const STARTS: [[f64; 4]; 5] = [
 const LOG_SPREAD: f64 = 1.5;
 /// Limits of the logarithm, from the scenario's value.
 const LOG_LIMIT: f64 = 4.0;
-/// Spreads of the forces at the start \[N\].
 const START_N: [f64; 2] = [5.0, 15.0];
 /// Deviation, in a spread's share, above which the record leaves a parameter open ...
 const OPEN: f64 = 0.7;
@@ -55,7 +54,6 @@ pub enum Scale {
     Linear { unit: f64, least: f64 },
 }
 
-/// A parameter of the law.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
     pub key: &'static str,
@@ -111,7 +109,6 @@ impl Parameter {
         Some(Self { key, unit, given, scale })
     }
 
-    /// Its value at a point of the search.
     fn value(&self, place: f64) -> f64 {
         match self.scale {
             Scale::Log => self.given * place.clamp(-LOG_LIMIT, LOG_LIMIT).exp(),
@@ -151,7 +148,6 @@ impl Parameter {
     }
 }
 
-/// One value found.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Value {
     pub value: f64,
@@ -184,7 +180,6 @@ impl<'a> Problem<'a> {
         Start { slip_n: START_N[0] * place[count], slow_n: START_N[1] * place[count + 1] }
     }
 
-    /// The scenario at a point of the search.
     pub fn at(&self, place: &DVector<f64>) -> Scenario {
         let values =
             self.parameters.iter().zip(place.iter()).map(|(p, place)| (p.key, p.value(*place)));

@@ -33,7 +33,6 @@ use thermyo_scenario::{PlantKind, Scenario};
 use thermyo_setup::Loaded;
 
 const SLIP_FORCE: &str = "muscle.slip_force_n";
-/// Most rows of a search.
 const MOST_ROWS: usize = 4000;
 /// Residual above which the law does not hold: of the length over the stroke, of the force over the
 /// largest \[-\].
@@ -57,7 +56,6 @@ pub struct Left {
     pub force_n: f64,
     /// Length over the stroke, or force over the largest \[-\].
     pub share: f64,
-    /// Rows compared.
     pub rows: usize,
 }
 
@@ -69,7 +67,6 @@ pub struct Findings {
     /// Keys that the record leaves open: they stay at the scenario's values.
     pub open: Vec<&'static str>,
     pub parameters: BTreeMap<&'static str, Fitted>,
-    /// Residuals of the fit.
     pub rmse: Left,
     /// Residuals of a record that the fit has not used.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -80,7 +77,6 @@ pub struct Findings {
 #[derive(Debug)]
 pub struct Identified {
     pub findings: Findings,
-    /// The scenario with the values found.
     pub scenario: Loaded,
     record: Record,
     /// Predicted less measured, by row.
@@ -94,7 +90,6 @@ pub fn is_asked_for(loaded: &Loaded) -> bool {
     plant.kind == PlantKind::Muscle && identify.parameters.iter().any(of_motion)
 }
 
-/// The scenario's parameters.
 fn parameters(scenario: &Scenario, config: &Path) -> Result<Vec<Parameter>, InputError> {
     let refused = |key: &str, value: String, allowed: &str| {
         let (key, allowed) = (key.to_owned(), allowed.to_owned());
@@ -133,7 +128,6 @@ pub fn identify(
     Ok(of_record(loaded, all, record, against.as_ref(), watch))
 }
 
-/// End of a search.
 struct Searched {
     open: Vec<Parameter>,
     values: Vec<Value>,

@@ -13,7 +13,6 @@ const HIGH: f64 = 0.9;
 /// Shortest time of a change of pressure: no step, which a record could not resolve \[s\].
 const CHANGE_S: f64 = 0.2;
 
-/// One part of the experiment.
 struct Part {
     why: &'static str,
     /// Time since the part's start \[s\], share of the pressures \[-\].

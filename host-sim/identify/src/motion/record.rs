@@ -30,10 +30,8 @@ const REVERSED: f64 = 0.5;
 const BELOW_ZERO: f64 = 0.05;
 /// A muscle vents to less than this, times ambient pressure \[-\].
 const VENTED: f64 = 1.2;
-/// Fewest rows.
 const FEWEST: usize = 50;
 
-/// One row.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     pub time_s: f64,
@@ -48,7 +46,6 @@ pub struct Row {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     pub rows: Vec<Row>,
-    /// The force has been measured.
     pub has_force: bool,
 }
 
@@ -90,7 +87,6 @@ impl Record {
         span(self.rows.iter().map(|row| row.length_m))
     }
 
-    /// Longest length \[m\].
     pub fn longest_m(&self) -> f64 {
         self.rows.iter().map(|row| row.length_m).fold(f64::NEG_INFINITY, f64::max)
     }
@@ -106,7 +102,6 @@ impl Record {
         self.stroke_m() > MOVES * rest_m
     }
 
-    /// Largest force \[N\].
     pub fn largest_n(&self) -> f64 {
         self.rows.iter().map(|row| row.force_n).fold(0.0, f64::max)
     }

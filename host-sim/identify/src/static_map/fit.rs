@@ -31,7 +31,6 @@ const DIFFERENCE: f64 = 1e-6;
 const TOLERANCE: f64 = 30.0 * f64::EPSILON;
 /// Evaluations per parameter before a search is given up.
 const PATIENCE: usize = 100;
-/// Limits of the diameter in the search \[m\].
 const DIAMETERS_M: [f64; 2] = [1.0e-3, 0.2];
 /// Limits of the braid angle in the search \[deg\]: at 54.7 the force vanishes.
 const ANGLES_DEG: [f64; 2] = [5.0, 53.0];

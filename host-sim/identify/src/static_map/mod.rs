@@ -45,28 +45,24 @@ const KEYS: [(&str, &str); 6] = [
 /// Keys of the geometry: without them the other values mean nothing.
 const GEOMETRY: [&str; 2] = [KEYS[0].0, KEYS[1].0];
 
-/// Residuals of the law.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Left {
     /// Root mean square \[N\].
     pub force_n: f64,
     /// As a fraction of the largest force \[-\].
     pub share: f64,
-    /// Number of loaded readings.
     pub readings: usize,
 }
 
 /// `summary.json` of a static map.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// The law holds for this muscle.
     pub holds: bool,
     /// Keys whose values went to a limit of the search.
     pub at_limit: Vec<&'static str>,
     /// Keys that the readings hardly determine: they stay near the scenario's values.
     pub open: Vec<&'static str>,
     pub parameters: BTreeMap<&'static str, Fitted>,
-    /// Residuals of the fit.
     pub rmse: Left,
     /// Residuals of readings that the fit has not used.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -80,7 +76,6 @@ pub struct Findings {
 #[derive(Debug)]
 pub struct Identified {
     pub findings: Findings,
-    /// The scenario with the fitted muscle.
     pub scenario: Loaded,
     readings: Readings,
     /// Law less reading \[N\].
@@ -185,7 +180,6 @@ fn enough(problem: &Problem, readings: &Readings, data: &Path) -> Result<(), Inp
     Err(InputError::file(data, InputProblem::TooFewLoaded { found, fewest: FEWEST, why }))
 }
 
-/// Lines that are copies, in words.
 fn copied(readings: &Readings) -> Option<String> {
     let [[line, of], ..] = readings.copies[..] else { return None };
     let others = match readings.copies.len() - 1 {

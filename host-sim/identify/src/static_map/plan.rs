@@ -17,7 +17,6 @@ pub const LEAST_STROKE: f64 = 0.01;
 /// Contraction below which it is better to take a reading at rest with more pressure \[-\].
 const NEAR_REST: f64 = 0.002;
 
-/// One planned reading.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     pub contraction: f64,

@@ -4,7 +4,6 @@ use thermyo_files::input::{InputError, Instead, Problem, quoted};
 use thermyo_files::table::Table;
 use thermyo_record::measured::unit_of_highest;
 
-/// Required columns.
 pub const COLUMNS: [&str; 4] = ["rest_length_m", "gauge_pressure_pa", "length_m", "force_n"];
 /// Optional column: the direction from which each reading was approached.
 pub const DIRECTION: &str = "direction";
@@ -21,7 +20,6 @@ const SAME_LENGTH: f64 = 1e-6;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// Line in the file.
     pub line: u64,
     pub gauge_pressure_pa: f64,
     pub length_m: f64,
@@ -33,7 +31,6 @@ pub struct Reading {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Readings {
     pub rest_length_m: f64,
-    /// Readings with a force.
     pub loaded: Vec<Reading>,
     /// Readings without a force.
     pub slack: Vec<Reading>,
@@ -127,7 +124,6 @@ impl Readings {
         Ok(Self { rest_length_m, loaded, slack, copies })
     }
 
-    /// Largest force \[N\].
     pub fn largest_n(&self) -> f64 {
         largest_n(&self.loaded)
     }
@@ -141,7 +137,6 @@ impl Readings {
         self.loaded.iter().enumerate().filter(is_first).count()
     }
 
-    /// Contraction of a reading \[-\].
     pub fn contraction(&self, reading: &Reading) -> f64 {
         1.0 - reading.length_m / self.rest_length_m
     }

@@ -11,19 +11,15 @@ pub const SHORTEST_S: f64 = 5.0;
 /// Inflow before the stop is the mean over this time \[s\].
 const INFLOW_S: f64 = 0.3;
 
-/// One row of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
     pub time_s: f64,
     /// Measured absolute pressure \[Pa\].
     pub pressure_pa: f64,
-    /// Measured length \[m\].
     pub length_m: f64,
-    /// Reading of the sensor in the gas \[K\].
     pub sensor_k: f64,
     pub estimate_k: Option<f64>,
     pub estimate_sd_k: Option<f64>,
-    /// Estimated gas mass \[kg\].
     pub mass_kg: Option<f64>,
     /// Of a simulated plant \[K\].
     pub truth_k: Option<f64>,
@@ -98,7 +94,6 @@ fn closing_s(config: &Config) -> f64 {
     period_s + f64::from(config.valve.dead_time_s) + f64::from(config.valve.switch_time_s)
 }
 
-/// The stops of a record.
 pub fn holds(rows: &[Row], config: &Config) -> Vec<Hold> {
     let mut found = Vec::new();
     let mut from = 0;

@@ -34,7 +34,6 @@ const HOUSING: &str = "sensor.gas.housing_time_constant_s";
 const PLACE: &str = "location_factor";
 /// Keys whose values follow from stops.
 const KEYS: [&str; 6] = [STILL, SCALE, PER_FLOW, DECAY, LAG, HOUSING];
-/// Keys of the heat transfer.
 const HEAT: [&str; 4] = [STILL, SCALE, PER_FLOW, DECAY];
 /// Stops at random phases of which enough follow an inflow: simulated, of eight 3 to 5 do, of seven sometimes 2.
 const USUAL_STOPS: usize = 8;
@@ -72,7 +71,6 @@ pub fn are_asked_for(loaded: &Loaded, table: &Table) -> bool {
     would_do(loaded) && find::are_in(table, &core_config(&loaded.believed))
 }
 
-/// The analysis of a record by a scenario.
 pub fn analyse_with(loaded: &Loaded, rows: &Rows) -> Analysis {
     let plant = &loaded.believed;
     let heat = match chamber::of(plant) {

@@ -46,7 +46,6 @@ use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use thermometer::Read;
 
-/// Fewest usable stops.
 pub const FEWEST: usize = 3;
 /// Fit of the product P V at the stop: quadratic over this time \[s\].
 const FITTED_S: f64 = 0.2;
@@ -103,7 +102,6 @@ impl Causes {
     }
 }
 
-/// One stop.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Stop {
     /// Time at which both valves are shut \[s\].
@@ -127,7 +125,6 @@ pub struct Stop {
     pub end_k: f64,
     /// Absolute pressure at the stop \[Pa\].
     pub pressure_pa: f64,
-    /// Gas mass \[kg\].
     pub mass_kg: f64,
     /// Share of the gas that the muscle loses in a second \[1/s\]; 0 where none is seen.
     pub leak_1_s: f64,
@@ -210,7 +207,6 @@ impl Closed<'_> {
     }
 }
 
-/// Analyses a record.
 pub fn analyse(rows: &Rows, known: &Known) -> Analysis {
     let config = known.config;
     let chamber = AnyChamber::new(&config.chamber);

@@ -82,7 +82,6 @@ pub struct Relaxation {
     pub charged: usize,
 }
 
-/// Integrals of one stop.
 struct Heat {
     time_s: Vec<f64>,
     /// Heat given to the wall \[J\].

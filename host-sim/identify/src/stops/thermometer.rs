@@ -41,16 +41,13 @@ const LAG_OFF: f64 = 0.2;
 /// Lags and place of the sensor. Standard errors are of the logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Sensor {
-    /// Lag of the element \[s\].
     pub lag_s: f64,
     pub lag_sd: f64,
-    /// Lag of the housing \[s\].
     pub housing_s: f64,
     pub housing_sd: f64,
     /// Difference of the gas at the sensor to the wall, over that of the mean \[-\].
     pub location_factor: f64,
     pub location_sd: f64,
-    /// Residual \[K\], RMS.
     pub rms_k: f64,
 }
 
@@ -68,7 +65,6 @@ pub struct Read {
     pub behind_k: f64,
 }
 
-/// The configured sensor.
 pub fn configured(config: &Config) -> Sensor {
     let gas = &config.sensors.gas;
     Sensor {

@@ -9,7 +9,6 @@ use std::f64::consts::PI;
 /// A braid of inextensible threads around a cylinder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
-    /// Thread length b \[m\].
     pub thread_length_m: f64,
     /// Thread turns n \[-\].
     pub turns: f64,
@@ -82,7 +81,6 @@ pub struct Muscle {
 }
 
 impl Muscle {
-    /// The muscle of a scenario.
     pub fn of(muscle: &thermyo_scenario::Muscle) -> Self {
         Self {
             braid: Geometry::new(muscle.thread_length_m, muscle.turns, muscle.dead_volume_m3),

@@ -61,7 +61,6 @@ struct Knot {
     slope: f64,
 }
 
-/// A measured chamber.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measured {
     lengths: [f64; MOST_ROWS],

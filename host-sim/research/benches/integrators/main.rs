@@ -39,7 +39,6 @@ const CYCLES: usize = 4;
 const SAMPLE_S: f64 = 0.01;
 /// The exchange step, in which a core is called and openings may change \[s\].
 const STEP_S: f64 = 0.001;
-/// Number of timed rounds.
 const ROUNDS: usize = 7;
 /// Relative tolerance of the finest solution.
 const FINEST: f64 = 1e-13;
@@ -113,7 +112,6 @@ struct Table {
 
 struct Row {
     name: String,
-    /// Time of each round.
     seconds: Vec<f64>,
     errors: Sample,
 }

@@ -116,7 +116,6 @@ pub struct Phase<'a> {
     pub muscle: &'a Muscle,
     pub inlet: f64,
     pub outlet: f64,
-    /// Length at the start \[m\].
     pub held_m: f64,
     /// Last solution for the length \[m\].
     pub guess_m: Cell<f64>,

@@ -22,7 +22,6 @@ const SAME_LENGTH: f64 = 0.01;
 #[derive(Debug, Clone)]
 pub struct Run {
     pub name: String,
-    /// Whose columns it has.
     pub subject: Subject,
     /// `plant.kind` of its scenario, where that is known: a vessel's trace has a length too.
     kind: Option<&'static str>,
@@ -132,7 +131,6 @@ impl Run {
         })
     }
 
-    /// Differences from `first`.
     pub fn compared(&self, first: &Self) -> Compared {
         let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
         let rows = first.time_s.iter().filter(|time| (from_s..=to_s).contains(*time)).count();
@@ -167,7 +165,6 @@ impl Run {
     }
 }
 
-/// Table for a terminal.
 pub fn text(all: &[Compared], units: UnitSystem) -> String {
     let mut text = String::new();
     for compared in all {

@@ -111,7 +111,6 @@ impl Comparison {
         unlike.chain(apart).collect()
     }
 
-    /// Content of `summary.json`.
     pub fn summary(&self) -> String {
         let mut json = serde_json::to_value(&self.compared).expect("figures are plain data");
         let entries = json.as_array_mut().into_iter().flatten();

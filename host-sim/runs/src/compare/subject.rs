@@ -69,7 +69,6 @@ const JOINT_SECTIONS: [Drawn; 4] = [
     ),
 ];
 
-/// Whose record it is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Subject {
     /// One muscle, or a vessel.
@@ -87,7 +86,6 @@ impl Subject {
         }
     }
 
-    /// Columns that are compared.
     pub(super) fn columns(self) -> &'static [&'static str] {
         match self {
             Self::Muscle => &COMPARABLE,
@@ -95,7 +93,6 @@ impl Subject {
         }
     }
 
-    /// Sections of the page.
     pub(super) fn sections(self) -> &'static [Drawn] {
         match self {
             Self::Muscle => &MUSCLE_SECTIONS,
@@ -117,7 +114,6 @@ fn of_side(column: &str) -> Option<(&str, &str)> {
     column.split_once('_').filter(|(side, _)| ["a", "b"].contains(side))
 }
 
-/// Name of a column in a legend.
 pub(super) fn label(column: &str) -> String {
     let of_mechanism = MECHANISM.iter().find(|(name, ..)| *name == column);
     match (of_mechanism, of_side(column)) {

@@ -14,7 +14,6 @@ use thermyo_joint::{JointLoaded, Row as TraceRow};
 use thermyo_protocol::joint_checksum;
 use thermyo_simulation::board::BoardError;
 
-/// Steps of a startup check, at most.
 const MOST_CHECK_STEPS: u32 = 100_000;
 
 /// Columns and lines of its page.
@@ -43,7 +42,6 @@ pub(super) const DRAWN: Drawn = Drawn {
     ],
 };
 
-/// Inputs of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Inputs {
     sample: JointSample,
@@ -83,7 +81,6 @@ pub fn read_record(loaded: &JointLoaded, table: &Table) -> Result<Record, InputE
     Ok(Record { config, part, inputs, outputs })
 }
 
-/// The input columns of a record.
 struct Columns {
     /// Codes of pressure and gas of each muscle, and whether they are of digital sensors.
     codes: [[Vec<u32>; 2]; 2],
@@ -193,7 +190,6 @@ impl Record {
         Ok(outcome)
     }
 
-    /// Cells of [`DRAWN`].
     fn cells(&self, row: usize, replayed: &[f64], differs: bool) -> Vec<f64> {
         let [a, _] = &self.config.muscles;
         let at = |name: &str| {

@@ -21,7 +21,6 @@ pub struct Mismatch {
     pub replayed: String,
 }
 
-/// Outcome of a replay.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Replay {
     pub steps: u64,
@@ -30,7 +29,6 @@ pub struct Replay {
     pub first: Option<Mismatch>,
 }
 
-/// A record of one muscle or of a joint.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Record {
     Muscle(Box<muscle::Record>),
@@ -100,7 +98,6 @@ impl Record {
     }
 }
 
-/// Cells of [`OF_MUSCLE`].
 fn cells(step_s: f64, recorded: &Telemetry, replayed: &Telemetry) -> [f64; 6] {
     let differs = !identical(recorded, replayed);
     [

@@ -17,10 +17,8 @@ use thermyo_protocol::checksum;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run::{MOST_LATE_STEPS, SetPoints};
 
-/// One step of a record.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// Set point that holds from this step on.
     pub set_point: Option<SetPoint>,
     pub telemetry: Telemetry,
 }
@@ -64,7 +62,6 @@ pub fn replay(
     Ok(outcome)
 }
 
-/// A record to replay.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Record {
     pub config: Config,
@@ -105,7 +102,6 @@ pub fn read_record(trace: &Path, table: &Table) -> Result<Record, InputError> {
     Ok(Record { config, part, rows })
 }
 
-/// The columns of a record.
 struct Recorded {
     readings: [Vec<f64>; 2],
     codes: [Vec<u32>; 3],

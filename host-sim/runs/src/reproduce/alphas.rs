@@ -11,7 +11,6 @@ use super::Signals;
 use nalgebra::{Matrix3, Vector3};
 use thermyo_scenario::Scenario;
 
-/// A coefficient and its standard error \[-\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficient {
     pub value: f64,

@@ -23,7 +23,6 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Largest time shift of the search \[s\].
 const MOST_SHIFT_S: f64 = 2.5;
 
 /// The scenario of the paper's experiment.
@@ -31,22 +30,18 @@ pub fn scenario() -> Result<Loaded, InputError> {
     thermyo_setup::parse(shipped::text("reproduce.toml"), "scenarios/reproduce.toml".as_ref())
 }
 
-/// One signal over the run.
 #[derive(Debug, Clone, Default)]
 pub struct Signals {
     pub time_s: Vec<f64>,
     pub pressure_pa: Vec<f64>,
     pub volume_m3: Vec<f64>,
     pub length_m: Vec<f64>,
-    /// Gas temperature \[K\].
     pub gas_k: Vec<f64>,
     pub sensor_gas_k: Vec<f64>,
     pub sensor_wall_k: Vec<f64>,
     /// The core's estimate \[K\].
     pub estimate_k: Vec<f64>,
-    /// Its standard deviation \[K\].
     pub estimate_sd_k: Vec<f64>,
-    /// Wall temperature \[K\].
     pub wall_k: Vec<f64>,
     /// Mean flows since the row before \[kg/s\].
     pub flow_in_kg_s: Vec<f64>,
@@ -118,7 +113,6 @@ pub struct SensorVerdict {
     pub rise_k: f64,
 }
 
-/// A statement of the report, checked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Check {
     pub what: &'static str,
@@ -128,11 +122,9 @@ pub struct Check {
     pub holds: bool,
 }
 
-/// Content of the report.
 #[derive(Debug, Clone)]
 pub struct Findings {
     pub signals: Signals,
-    /// Period of the working cycle \[s\].
     pub period_s: f64,
     /// The paper's model: one gas volume with the same friction, without air moving under the
     /// insulation.
@@ -160,7 +152,6 @@ pub struct Findings {
     pub bounds: Vec<Variant>,
     /// The paper's reduced equations: (6), (8), (9).
     pub reduced: Vec<Variant>,
-    /// Ledger of the last stroke.
     pub stroke: Ledger,
     pub checks: Vec<Check>,
 }
@@ -170,7 +161,6 @@ impl Study {
         Self { loaded: loaded.clone(), signals: Signals::default() }
     }
 
-    /// Adds one row of the main run.
     pub fn add(&mut self, row: &Row) {
         self.signals.add(row);
     }

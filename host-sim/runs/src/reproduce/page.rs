@@ -13,7 +13,6 @@ use thermyo_setup::Loaded;
 
 const PASCAL_PER_KPA: f64 = 1e3;
 const ML_PER_M3: f64 = 1e6;
-/// Strokes in enlarged charts.
 const DETAIL_STROKES: f64 = 2.0;
 
 pub fn page(loaded: &Loaded, findings: &Findings, summary: &Summary) -> String {

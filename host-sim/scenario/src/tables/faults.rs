@@ -148,7 +148,6 @@ pub(crate) const NEEDED: [[&str; 3]; 5] = [
     ["outlet", "leaking", "outlet_leak"],
 ];
 
-/// Faults in one window of time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "FaultKeys", into = "FaultKeys")]
 pub struct FaultWindow {
@@ -171,9 +170,7 @@ pub struct FaultWindow {
     pub missed_period_s: f64,
     /// The board restarts at the window's start and is not configured again.
     pub board_restart: bool,
-    /// Start of the window \[s\].
     pub from_s: f64,
-    /// End of the window \[s\].
     pub until_s: f64,
 }
 
@@ -302,7 +299,6 @@ pub struct Faults {
     /// Keys of `[faults]` itself.
     #[serde(flatten)]
     pub own: FaultWindow,
-    /// The windows `[faults.NAME]`.
     #[serde(flatten)]
     pub named: BTreeMap<String, FaultWindow>,
 }
@@ -314,7 +310,6 @@ impl Faults {
         std::iter::once(("faults".to_owned(), &self.own)).chain(named)
     }
 
-    /// Every window, to be changed.
     pub fn windows_mut(&mut self) -> impl Iterator<Item = &mut FaultWindow> {
         std::iter::once(&mut self.own).chain(self.named.values_mut())
     }

@@ -26,66 +26,41 @@ use model_core::sensing::gas::{Max31865, Ntc};
 use model_core::sensing::pressure::Mpr;
 use serde::{Deserialize, Serialize};
 
-/// A complete scenario. `[believed]` has been split off before: see `thermyo_setup::Loaded`.
+/// A complete scenario, a field for each table of [`TABLES`]. `[believed]` has been split off before: see
+/// `thermyo_setup::Loaded`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct Scenario {
-    /// Length of the run, time step, seed.
     pub run: Run,
-    /// The gas in the muscle or vessel.
     pub gas: Gas,
-    /// The surroundings.
     pub ambient: Ambient,
-    /// The compressed-air supply behind the inlet valve.
     pub supply: Supply,
-    /// The plant and the detail of its simulation.
     pub plant: Plant,
-    /// The McKibben muscle.
     pub muscle: Muscle,
-    /// The rigid vessel, or a vessel with a prescribed piston.
     pub vessel: Vessel,
-    /// The single-acting cylinder.
     pub cylinder: Cylinder,
-    /// The chamber given by a measured table.
     pub table: ChamberTable,
     /// The rows of its file: length \[m\], volume \[m3\], force \[N\].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub table_rows: Vec<[f64; 3]>,
-    /// Coefficients of the paper's blended pressure equation (9), (12).
     pub paper: Paper,
-    /// Heat transfer from gas to wall and from wall to ambient.
     pub heat: Heat,
     /// Gas along the muscle, as the core has it.
     pub zones: Zones,
-    /// The wall: bladder and braid, or the vessel's metal.
     pub wall: Wall,
-    /// Friction of braid and bladder.
     pub friction: Friction,
-    /// The load of the muscle.
     pub load: Load,
-    /// Inlet and outlet valve (ISO 6358).
     pub valve: Valve,
-    /// Leaks of the chamber.
     pub leak: Leak,
-    /// Tube between valve and muscle (`full` only).
     pub tube: Tube,
-    /// Nozzle of a vessel.
     pub orifice: Orifice,
-    /// The set point that drives the run.
     pub drive: Drive,
-    /// The converter that reads the sensors.
     pub adc: Adc,
-    /// Sensors and their ranges.
     pub sensor: Sensors,
-    /// Estimator tuning, the core's own.
     pub estimator: EstimatorConfig,
-    /// Controller tuning, the core's own.
     pub controller: ControllerConfig,
-    /// Line between host and board.
     pub link: Link,
-    /// Faults that the run injects.
     pub faults: Faults,
-    /// Parameters that `thermyo identify` fits.
     pub identify: Identify,
 }
 

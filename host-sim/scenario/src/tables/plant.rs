@@ -7,12 +7,10 @@ use crate::preset::MusclePreset;
 use model_core::physics;
 
 choice! {
-    /// Kind of chamber.
     PlantKind {
         Muscle = "muscle",
         /// A rigid vessel, or one with a prescribed volume.
         Vessel = "vessel",
-        /// A single-acting cylinder.
         Cylinder = "cylinder",
         /// A chamber given by measurements.
         Table = "table",
@@ -20,7 +18,6 @@ choice! {
 }
 
 choice! {
-    /// Detail of the simulation.
     PlantModel {
         /// Axial zones, wall layers, moving mass, switching valves.
         Full = "full",
@@ -43,7 +40,6 @@ table! {
 }
 
 impl Plant {
-    /// Temperature of the gas at the start \[K\].
     pub fn gas_k(&self) -> f64 {
         self.initial_gas_temperature_k.unwrap_or(self.initial_temperature_k)
     }
@@ -107,7 +103,6 @@ table! {
 }
 
 choice! {
-    /// The load.
     LoadKind {
         Isotonic = "isotonic",
         Isometric = "isometric",

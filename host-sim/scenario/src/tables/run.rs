@@ -31,7 +31,6 @@ impl Run {
 }
 
 choice! {
-    /// Drive of the run.
     DriveKind {
         /// Constant inflow for half of the period, the same outflow for the other half.
         MassFlow = "mass-flow",

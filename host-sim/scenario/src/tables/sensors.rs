@@ -7,13 +7,10 @@ use model_core::sensing::pressure::{Mpr, PressurePart};
 use model_core::sensing::{adc, gas, length, pressure};
 use serde::{Deserialize, Serialize};
 
-/// The four sensors.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
-    /// Element in the gas.
     pub gas: GasSensor,
-    /// Sensor in the braided wall.
     pub wall: WallSensor,
     pub pressure: PressureSensor,
     pub length: LengthSensor,
@@ -57,7 +54,6 @@ impl Sensors {
 }
 
 choice! {
-    /// Sensor of the gas temperature.
     GasElementKind {
         /// Pt1000 in a half bridge.
         Pt1000 = "pt1000",
@@ -69,7 +65,6 @@ choice! {
 }
 
 choice! {
-    /// Sensor of the pressure.
     PressureKind {
         /// A ratiometric sensor on the converter.
         Ratiometric = "ratiometric",

@@ -84,7 +84,6 @@ pub struct Flashed {
     /// The port or the drive that was named or found.
     target: String,
     chip: String,
-    /// Size of the UF2.
     bytes: usize,
     /// False in a dry run.
     written: bool,
@@ -103,7 +102,6 @@ pub enum FlashError {
     /// There is more than one, and none was named.
     #[error("several boards were found: name one of {}", .0.join(", "))]
     Several(Vec<String>),
-    /// The folder is not the drive of a boot loader.
     #[error(
         "{}: has no INFO_UF2.TXT: it is not the drive of a board in its boot loader; plug the board in with \
          BOOTSEL held, and name the drive that appears",
@@ -160,7 +158,6 @@ pub enum FlashError {
 pub struct Request {
     /// A port or a drive; `None` takes the only board that is found.
     pub target: Option<String>,
-    /// Required model.
     pub model: Option<Model>,
     /// The image of a joint of two muscles, in place of that of one muscle.
     pub joint: bool,
@@ -259,7 +256,6 @@ const fn number(text: &str) -> u16 {
     }
 }
 
-/// Chip and firmware version as text.
 pub fn version_text(version: &Version) -> String {
     let Version { firmware: [major, minor, patch], chip, protocol, image } = version;
     let image = match image {

@@ -14,7 +14,6 @@ const SECTOR: u32 = 4096;
 const MAGIC_START: [u32; 2] = [0x0a32_4655, 0x9e5d_5157];
 const MAGIC_END: u32 = 0x0ab1_6f30;
 const FAMILY_IS_GIVEN: u32 = 0x2000;
-/// Address range of the flash.
 const FLASH: std::ops::Range<u32> = 0x1000_0000..0x1100_0000;
 
 /// Converts an image in ELF to a UF2 file, for the boot loader of a family of chips.

@@ -2,7 +2,6 @@
 
 /// Set points over the steps of a drive.
 pub trait Course<P> {
-    /// Steps that are driven.
     fn steps(&self) -> u64;
 
     /// Ambient pressure that the board is configured with \[Pa\].

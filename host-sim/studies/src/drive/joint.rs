@@ -76,7 +76,6 @@ impl Course<JointSetPoint> for JointLoaded {
 /// Content of `summary.json` of a joint's run on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Driven {
-    /// Time driven \[s\].
     pub duration_s: f64,
     /// Planned time, where the run was stopped early \[s\].
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -140,12 +139,10 @@ impl Gathered {
         self.drawn.add(row);
     }
 
-    /// Time of the last step \[s\].
     pub fn duration_s(&self) -> f64 {
         self.steps.last_s
     }
 
-    /// Summary and page.
     pub fn finish(
         self,
         (title, driven): (&str, &JointLoaded),

@@ -17,14 +17,12 @@ use thermyo_simulation::run::SetPoints;
 /// Content of `summary.json` of a run on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Driven {
-    /// Time driven \[s\].
     pub duration_s: f64,
     /// Planned time, where the run was stopped early \[s\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_of_s: Option<f64>,
     /// Working strokes; 0 where the drive has no period.
     pub strokes: u64,
-    /// The board's port.
     pub board: String,
     pub config_name: String,
     pub config_checksum: u32,
@@ -34,9 +32,7 @@ pub struct Driven {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contraction: Option<Range>,
     pub sensor_gas_k: Readings,
-    /// Estimated gas temperature \[K\].
     pub estimate_k: Range,
-    /// Figures that the core reports.
     pub core: CoreFigures,
     /// Steps whose telemetry did not arrive.
     pub lost_steps: u64,
@@ -63,7 +59,6 @@ pub(super) fn driven(duration_s: f64, stopped_of_s: Option<f64>) -> String {
     format!("{duration_s:.2} s{of}")
 }
 
-/// Counts the steps that arrive.
 #[derive(Debug, Default)]
 pub(super) struct Counted {
     rows: u64,

@@ -28,12 +28,10 @@ const REFERENCE_S: f64 = 2.0;
 /// Content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// Time driven \[s\].
     pub duration_s: f64,
     /// Where it was measured: a port, or "simulated".
     pub board: String,
     pub seed: u64,
-    /// Period of the cycle \[s\].
     pub period_s: f64,
     /// Lowest and highest set point \[Pa\].
     pub pressures_pa: [f64; 2],
@@ -110,7 +108,6 @@ pub fn write(
 }
 
 impl Findings {
-    /// Content of `summary.json`.
     pub fn json(&self) -> String {
         serde_json::to_string_pretty(self).expect("plain data") + "\n"
     }

@@ -8,7 +8,6 @@ use std::ops::Range;
 use thermyo_scenario::DriveKind;
 use thermyo_setup::Loaded;
 
-/// Default of the highest absolute pressure \[Pa\].
 const HIGHEST_PA: f64 = 4.0e5;
 /// Used fraction of the supply, and of the pressure at which the supervisor vents \[-\].
 const SUPPLY_SHARE: f64 = 0.85;
@@ -67,17 +66,14 @@ pub enum Refusal {
     NoSwing { low_pa: f64, high_pa: f64 },
 }
 
-/// A cycle with its stops.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
-    /// The scenario that drives it.
     pub driven: Loaded,
     pub seed: u64,
     pub period_s: f64,
     pub wait_s: f64,
     /// Lowest and highest set point \[Pa\].
     pub pressures_pa: [f64; 2],
-    /// Number of stops.
     pub stops: usize,
 }
 
@@ -164,7 +160,6 @@ fn phases(count: usize, seed: u64) -> Vec<f64> {
 struct Cycle {
     pressures_pa: [f64; 2],
     period_s: f64,
-    /// Time in motion \[s\].
     moved_s: f64,
     points: Vec<(f64, f64)>,
 }

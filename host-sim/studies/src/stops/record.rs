@@ -23,11 +23,9 @@ const ROW_S: f64 = 0.01;
 /// Columns after those of a board's trace.
 const REFERENCE: [&str; 2] = ["reference_gas_k", "reference_sd_k"];
 
-/// Rows of a measurement.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Record {
     pub rows: Rows,
-    /// Cells of [`every_column`].
     cells: Vec<Vec<f64>>,
 }
 
