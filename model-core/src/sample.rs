@@ -413,6 +413,11 @@ impl Mode {
         (Self::Contraction, "contraction"),
         (Self::ContractionHeld, "contraction, held"),
     ];
+
+    /// Its name, as in the messages.
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(mode, _)| *mode == self).map_or("", |(_, name)| name)
+    }
 }
 
 /// The quantity that the core is asked to reach; see [`crate::Core::set`].

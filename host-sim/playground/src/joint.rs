@@ -113,9 +113,8 @@ impl Kind for Joint {
 
     fn state(run: &JointRun) -> String {
         run.latest.map_or(String::new(), |(mode, muscles, joint)| {
-            let named = JointMode::NAMES.iter().find(|(named, _)| *named == mode);
             let faults = thermyo_joint::named(muscles, joint).unwrap_or_default();
-            format!("{}\n{faults}", named.map_or("", |(_, name)| name))
+            format!("{}\n{faults}", mode.name())
         })
     }
 }

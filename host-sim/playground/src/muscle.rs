@@ -86,9 +86,6 @@ impl Kind for Muscle {
     }
 
     fn state(run: &MuscleRun) -> String {
-        run.latest.map_or(String::new(), |(mode, faults)| {
-            let named = Mode::NAMES.iter().find(|(named, _)| *named == mode);
-            format!("{}\n{faults}", named.map_or("", |(_, name)| name))
-        })
+        run.latest.map_or(String::new(), |(mode, faults)| format!("{}\n{faults}", mode.name()))
     }
 }

@@ -2,7 +2,6 @@
 
 use super::Console;
 use model_core::Telemetry;
-use model_core::control::Mode;
 use serde_json::{Value, json};
 use std::path::Path;
 use thermyo_boards::{port, service};
@@ -17,7 +16,7 @@ pub(super) fn vents() -> Value {
 /// The muscle in a line.
 pub(super) fn line(telemetry: &Telemetry, units: UnitSystem) -> String {
     let Telemetry { pressure_pa, length_m, estimate, command, mode, limited, .. } = telemetry;
-    let mode = Mode::NAMES.iter().find(|(known, _)| known == mode).map_or("", |(_, name)| name);
+    let mode = mode.name();
     let share = |share: f32| units.text(share.into(), "", 1);
     format!(
         "{:>11}  {:>9}  gas {} +- {:.2} K  in {:>7}  out {:>7}  {mode}{}",

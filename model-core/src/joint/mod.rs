@@ -118,6 +118,11 @@ impl JointMode {
         (Self::AngleHeld, "angle, held"),
         (Self::Locked, "locked"),
     ];
+
+    /// Its name, as in the messages.
+    pub fn name(self) -> &'static str {
+        Self::NAMES.iter().find(|(mode, _)| *mode == self).map_or("", |(_, name)| name)
+    }
 }
 
 /// Everything that one step of a joint leaves behind.

@@ -8,9 +8,7 @@ use crate::recording::JointRecord;
 use crate::state::{JointPart, Part};
 use crate::target::Target;
 use crate::word::{Order, ScenarioText};
-use model_core::joint::{
-    JointConfig, JointError, JointMode, JointSetPoint, JointTelemetry, Mechanism,
-};
+use model_core::joint::{JointConfig, JointError, JointSetPoint, JointTelemetry, Mechanism};
 use model_core::{Config, Faults};
 use serde::Serialize;
 use std::path::Path;
@@ -40,8 +38,7 @@ impl Shown for LiveJoint {
     }
 
     fn mode(telemetry: &JointTelemetry) -> &'static str {
-        let mode = JointMode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-        mode.map_or("", |(_, name)| name)
+        telemetry.mode.name()
     }
 
     fn is_limited(telemetry: &JointTelemetry) -> bool {

@@ -15,7 +15,7 @@ use crate::state::{self, Braid, Guide, Part, Weight};
 use crate::study::{Content, Fit, Study};
 use crate::target::Target;
 use crate::word::{Order, ScenarioText, Source};
-use model_core::control::{Mode, contractions};
+use model_core::control::contractions;
 use model_core::physics::chamber::{AnyChamber, ChamberConfig};
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use serde::Serialize;
@@ -100,8 +100,7 @@ impl Shown for LiveBoard {
     }
 
     fn mode(telemetry: &Telemetry) -> &'static str {
-        let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-        mode.map_or("", |(_, name)| name)
+        telemetry.mode.name()
     }
 
     fn is_limited(telemetry: &Telemetry) -> bool {

@@ -1,7 +1,6 @@
 //! One muscle or a joint behind a monitored board: its messages, its rows, its figures.
 
 use crate::commands::joint;
-use model_core::control::Mode;
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry, Motion};
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use serde::Serialize;
@@ -107,8 +106,7 @@ impl Monitored for LiveBoard {
     }
 
     fn figures(config: &Config, telemetry: &Telemetry, units: UnitSystem) -> String {
-        let mode = Mode::NAMES.iter().find(|(mode, _)| *mode == telemetry.mode);
-        let mode = mode.map_or("", |(_, name)| name);
+        let mode = telemetry.mode.name();
         let limited = if telemetry.limited { ", limited" } else { "" };
         let faults = match telemetry.faults {
             Faults::NONE => "no fault".to_owned(),
