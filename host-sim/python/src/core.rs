@@ -4,7 +4,6 @@ use crate::error::{self, ScenarioError};
 use crate::muscle::Readings;
 use crate::scenario;
 use crate::set_point::set_point;
-use model_core::control::Mode;
 use model_core::{Duty, Faults, Telemetry};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -36,7 +35,7 @@ impl Core {
     /// runs on the readings of the first call.
     fn step(&mut self, readings: &Readings) -> PyResult<Output> {
         let step = self.board.step(&readings.sample).map_err(error::board)?;
-        Ok(Output { telemetry: step.telemetry.ok_or_else(|| error::silent("step"))? })
+        Ok(Output::new(&step.telemetry.ok_or_else(|| error::silent("step"))?))
     }
 
     /// Changes the set point from the next PWM period on: one of the keywords, flow and period
@@ -86,112 +85,64 @@ impl Core {
 }
 
 /// Outputs of a step of the core, by the names of trace.csv.
-#[pyclass(frozen, module = "thermyo")]
+#[pyclass(frozen, get_all, module = "thermyo")]
 pub struct Output {
-    telemetry: Telemetry,
+    /// Fractions of time for which inlet and outlet are open: `muscle.step(*output.duties)`.
+    duties: (f64, f64),
+    duty_in: f64,
+    duty_out: f64,
+    step: u32,
+    measured_pressure_pa: f32,
+    measured_length_m: f32,
+    estimate_k: f32,
+    estimate_sd_k: f32,
+    estimate_valid: bool,
+    wall_estimate_k: f32,
+    sensor_estimate_k: f32,
+    mass_estimate_kg: f32,
+    heat_scale: f32,
+    sensor_lag_s: f32,
+    mode: &'static str,
+    limited: bool,
+    faults: Vec<&'static str>,
+}
+
+impl Output {
+    fn new(telemetry: &Telemetry) -> Self {
+        let Telemetry { step, estimate, command, limited, .. } = *telemetry;
+        let [duty_in, duty_out] = [command.inlet, command.outlet].map(share);
+        Self {
+            duties: (duty_in, duty_out),
+            duty_in,
+            duty_out,
+            step,
+            measured_pressure_pa: telemetry.pressure_pa,
+            measured_length_m: telemetry.length_m,
+            estimate_k: estimate.gas_k,
+            estimate_sd_k: estimate.gas_sd_k,
+            estimate_valid: estimate.valid,
+            wall_estimate_k: estimate.wall_k,
+            sensor_estimate_k: estimate.sensor_k,
+            mass_estimate_kg: estimate.mass_kg,
+            heat_scale: estimate.heat_scale,
+            sensor_lag_s: estimate.sensor_lag_s,
+            mode: telemetry.mode.name(),
+            limited,
+            faults: fault_names(telemetry.faults),
+        }
+    }
 }
 
 #[pymethods]
 impl Output {
-    /// Fractions of time for which inlet and outlet are open: `muscle.step(*output.duties)`.
-    #[getter]
-    fn duties(&self) -> (f64, f64) {
-        (self.duty_in(), self.duty_out())
-    }
-
-    #[getter]
-    fn duty_in(&self) -> f64 {
-        share(self.telemetry.command.inlet)
-    }
-
-    #[getter]
-    fn duty_out(&self) -> f64 {
-        share(self.telemetry.command.outlet)
-    }
-
-    #[getter]
-    fn step(&self) -> u32 {
-        self.telemetry.step
-    }
-
-    #[getter]
-    fn measured_pressure_pa(&self) -> f32 {
-        self.telemetry.pressure_pa
-    }
-
-    #[getter]
-    fn measured_length_m(&self) -> f32 {
-        self.telemetry.length_m
-    }
-
-    #[getter]
-    fn estimate_k(&self) -> f32 {
-        self.telemetry.estimate.gas_k
-    }
-
-    #[getter]
-    fn estimate_sd_k(&self) -> f32 {
-        self.telemetry.estimate.gas_sd_k
-    }
-
-    #[getter]
-    fn estimate_valid(&self) -> bool {
-        self.telemetry.estimate.valid
-    }
-
-    #[getter]
-    fn wall_estimate_k(&self) -> f32 {
-        self.telemetry.estimate.wall_k
-    }
-
-    #[getter]
-    fn sensor_estimate_k(&self) -> f32 {
-        self.telemetry.estimate.sensor_k
-    }
-
-    #[getter]
-    fn mass_estimate_kg(&self) -> f32 {
-        self.telemetry.estimate.mass_kg
-    }
-
-    #[getter]
-    fn heat_scale(&self) -> f32 {
-        self.telemetry.estimate.heat_scale
-    }
-
-    #[getter]
-    fn sensor_lag_s(&self) -> f32 {
-        self.telemetry.estimate.sensor_lag_s
-    }
-
-    #[getter]
-    fn mode(&self) -> &'static str {
-        mode_name(self.telemetry.mode)
-    }
-
-    #[getter]
-    fn limited(&self) -> bool {
-        self.telemetry.limited
-    }
-
-    #[getter]
-    fn faults(&self) -> Vec<&'static str> {
-        fault_names(self.telemetry.faults)
-    }
-
     fn __repr__(&self) -> String {
-        let Telemetry { step, mode, .. } = self.telemetry;
-        let (inlet, outlet) = self.duties();
-        format!("<Output of step {step}: {}, in {inlet:.3}, out {outlet:.3}>", mode_name(mode))
+        let Self { step, mode, duty_in, duty_out, .. } = self;
+        format!("<Output of step {step}: {mode}, in {duty_in:.3}, out {duty_out:.3}>")
     }
 }
 
 fn share(duty: Duty) -> f64 {
     f64::from(duty.share())
-}
-
-fn mode_name(mode: Mode) -> &'static str {
-    Mode::NAMES.iter().find(|(known, _)| *known == mode).map_or("", |(_, name)| name)
 }
 
 fn fault_names(faults: Faults) -> Vec<&'static str> {
@@ -216,7 +167,7 @@ pub fn telemetry_dict<'py>(py: Python<'py>, telemetry: &Telemetry) -> PyResult<B
     dict.set_item("duty_in", share(command.inlet))?;
     dict.set_item("duty_out", share(command.outlet))?;
     dict.set_item("set_point", kind_and_values(telemetry.set_point).1)?;
-    dict.set_item("mode", mode_name(telemetry.mode))?;
+    dict.set_item("mode", telemetry.mode.name())?;
     dict.set_item("limited", telemetry.limited)?;
     dict.set_item("faults", fault_names(telemetry.faults))?;
     dict.set_item("code_pressure", sample.pressure.to_bits())?;

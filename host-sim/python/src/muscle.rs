@@ -7,7 +7,7 @@ use model_core::Sample;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use thermyo_plant::{Actuation, Truth, chamber};
+use thermyo_plant::{Actuation, chamber};
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::rig::{MeanFlows, Reader, Rig};
 use thermyo_simulation::run;
@@ -31,17 +31,29 @@ impl Moving {
     /// Reads the sensors. This draws their noise: once per step.
     fn read(&mut self) -> Readings {
         let sample = self.rig.sample();
-        let mut truth = self.rig.truth();
+        let truth = self.rig.truth();
         let elapsed_s = self.flows.elapsed_s(&self.rig);
-        (truth.flow_in_kg_s, truth.flow_out_kg_s) = self.flows.since(&self.rig, elapsed_s);
+        let (flow_in_kg_s, flow_out_kg_s) = self.flows.since(&self.rig, elapsed_s);
         let (measured_pressure_pa, measured_length_m) = self.reader.read(&sample);
         self.readings = Readings {
             sample,
-            truth,
+            time_s: truth.time_s,
+            pressure_pa: truth.pressure_pa,
+            volume_m3: truth.volume_m3,
+            length_m: truth.length_m,
+            mass_kg: truth.mass_kg,
+            flow_in_kg_s,
+            flow_out_kg_s,
+            gas_temperature_k: truth.gas_temperature_k,
+            wall_temperature_k: truth.wall_temperature_k,
             sensor_gas_k: self.rig.gas_reading_k(),
             sensor_wall_k: self.rig.wall_reading_k(),
             measured_pressure_pa,
             measured_length_m,
+            code_pressure: sample.pressure.to_bits(),
+            code_gas: sample.gas.to_bits(),
+            code_length: sample.length.0,
+            emergency_stop: sample.emergency_stop,
         };
         self.readings
     }
@@ -117,7 +129,24 @@ impl Muscle {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Readings {
     pub sample: Sample,
-    truth: Truth,
+    #[pyo3(get)]
+    time_s: f64,
+    #[pyo3(get)]
+    pressure_pa: f64,
+    #[pyo3(get)]
+    volume_m3: f64,
+    #[pyo3(get)]
+    length_m: f64,
+    #[pyo3(get)]
+    mass_kg: f64,
+    #[pyo3(get)]
+    flow_in_kg_s: f64,
+    #[pyo3(get)]
+    flow_out_kg_s: f64,
+    #[pyo3(get)]
+    gas_temperature_k: f64,
+    #[pyo3(get)]
+    wall_temperature_k: f64,
     #[pyo3(get)]
     sensor_gas_k: f64,
     #[pyo3(get)]
@@ -126,77 +155,20 @@ pub struct Readings {
     measured_pressure_pa: f32,
     #[pyo3(get)]
     measured_length_m: f32,
+    #[pyo3(get)]
+    code_pressure: u16,
+    #[pyo3(get)]
+    code_gas: u16,
+    #[pyo3(get)]
+    code_length: u16,
+    #[pyo3(get)]
+    emergency_stop: bool,
 }
 
 #[pymethods]
 impl Readings {
-    #[getter]
-    fn time_s(&self) -> f64 {
-        self.truth.time_s
-    }
-
-    #[getter]
-    fn pressure_pa(&self) -> f64 {
-        self.truth.pressure_pa
-    }
-
-    #[getter]
-    fn volume_m3(&self) -> f64 {
-        self.truth.volume_m3
-    }
-
-    #[getter]
-    fn length_m(&self) -> f64 {
-        self.truth.length_m
-    }
-
-    #[getter]
-    fn mass_kg(&self) -> f64 {
-        self.truth.mass_kg
-    }
-
-    #[getter]
-    fn flow_in_kg_s(&self) -> f64 {
-        self.truth.flow_in_kg_s
-    }
-
-    #[getter]
-    fn flow_out_kg_s(&self) -> f64 {
-        self.truth.flow_out_kg_s
-    }
-
-    #[getter]
-    fn gas_temperature_k(&self) -> f64 {
-        self.truth.gas_temperature_k
-    }
-
-    #[getter]
-    fn wall_temperature_k(&self) -> f64 {
-        self.truth.wall_temperature_k
-    }
-
-    #[getter]
-    fn code_pressure(&self) -> u16 {
-        self.sample.pressure.to_bits()
-    }
-
-    #[getter]
-    fn code_gas(&self) -> u16 {
-        self.sample.gas.to_bits()
-    }
-
-    #[getter]
-    fn code_length(&self) -> u16 {
-        self.sample.length.0
-    }
-
-    #[getter]
-    fn emergency_stop(&self) -> bool {
-        self.sample.emergency_stop
-    }
-
     fn __repr__(&self) -> String {
-        let Truth { time_s, pressure_pa, length_m, gas_temperature_k, .. } = self.truth;
+        let Self { time_s, pressure_pa, length_m, gas_temperature_k, .. } = self;
         format!(
             "<Readings at {time_s:.3} s: {pressure_pa:.0} Pa, {length_m:.4} m, gas {gas_temperature_k:.2} K>"
         )
