@@ -3,7 +3,7 @@
 use super::data::Data;
 use super::failed::Failed;
 use super::parameter::Parameter;
-use super::search::{self, LeastSquares};
+use super::search::{self, LeastSquares, central_slopes};
 use super::simulate::Experiment;
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Uniform};
@@ -60,17 +60,8 @@ impl Problem<'_> {
 
     /// d(weighted residual)/d(ln x) by central differences.
     pub fn sensitivities(&self, place: &DVector<f64>) -> DMatrix<f64> {
-        let columns: Vec<DVector<f64>> = (0..self.parameters.len())
-            .map(|i| {
-                let [above, below] = [1.0, -1.0].map(|sign| {
-                    let mut shifted = place.clone();
-                    shifted[i] += sign * DIFFERENCE / self.parameters[i].slope(place[i]);
-                    self.weighted(&shifted)
-                });
-                (above - below) / (2.0 * DIFFERENCE)
-            })
-            .collect();
-        DMatrix::from_columns(&columns)
+        let size = |i: usize| DIFFERENCE / self.parameters[i].slope(place[i]);
+        central_slopes(place, DIFFERENCE, size, |place| self.weighted(place))
     }
 
     /// Searches from the scenario's values and from others around them. When stopped, returns the

@@ -2,6 +2,8 @@
 
 use super::Identified;
 use super::data::{Observed, Quantity};
+use super::findings::Fitted;
+use std::collections::BTreeMap;
 use thermyo_files::number::{MISSING, fixed, significant};
 use thermyo_files::units::Unit;
 use thermyo_report::Colour;
@@ -48,11 +50,7 @@ fn values(identified: &Identified) -> Section {
             fitted.unit.to_owned(),
         ]
     });
-    let table = Table {
-        caption: "Identified values, in SI".to_owned(),
-        columns: columns.map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    };
+    let table = Table::new("Identified values, in SI", &columns, rows);
     let section = Section::new("Values").table(table);
     let remarks = &identified.findings.remarks;
     if remarks.is_empty() {
@@ -60,6 +58,15 @@ fn values(identified: &Identified) -> Section {
     } else {
         remarks.iter().fold(section, |section, remark| section.paragraph(remark))
     }
+}
+
+pub fn values_of(parameters: &BTreeMap<&str, Fitted>) -> Section {
+    let rows = parameters.iter().map(|(path, fitted)| {
+        let error = significant(fitted.standard_error.unwrap_or(f64::NAN), 2);
+        vec![(*path).to_owned(), significant(fitted.value, 5), error, fitted.unit.to_owned()]
+    });
+    let columns = ["Parameter", "Value", "Standard error", "Unit"];
+    Section::new("Values").table(Table::new("Identified values, in SI", &columns, rows))
 }
 
 fn label(quantity: Quantity) -> &'static str {

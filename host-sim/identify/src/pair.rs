@@ -8,7 +8,7 @@
 //! K is the stiffness of both muscles and their gas; over a tenth of a percent of the length all of it is
 //! linear. The slip has the gear's friction in it.
 
-use super::search::{self, LeastSquares};
+use super::search::{self, LeastSquares, central_slopes};
 use nalgebra::{DMatrix, DVector};
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::table::Table;
@@ -79,15 +79,7 @@ impl LeastSquares for Problem<'_> {
     }
 
     fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
-        let column = |i: usize| {
-            let [above, below] = [DIFFERENCE, -DIFFERENCE].map(|by| {
-                let mut shifted = place.clone();
-                shifted[i] += by;
-                self.weighted(&shifted)
-            });
-            (above - below) / (2.0 * DIFFERENCE)
-        };
-        DMatrix::from_columns(&(0..place.len()).map(column).collect::<Vec<_>>())
+        central_slopes(place, DIFFERENCE, |_| DIFFERENCE, |place| self.weighted(place))
     }
 }
 

@@ -17,6 +17,24 @@ pub trait LeastSquares {
     }
 }
 
+/// d(`of`)/d(place), by central differences; the `size` of each counts as `difference`.
+pub fn central_slopes(
+    place: &DVector<f64>,
+    difference: f64,
+    size: impl Fn(usize) -> f64,
+    of: impl Fn(&DVector<f64>) -> DVector<f64>,
+) -> DMatrix<f64> {
+    let column = |i: usize| {
+        let [above, below] = [size(i), -size(i)].map(|by| {
+            let mut shifted = place.clone();
+            shifted[i] += by;
+            of(&shifted)
+        });
+        (above - below) / (2.0 * difference)
+    };
+    DMatrix::from_columns(&(0..place.len()).map(column).collect::<Vec<_>>())
+}
+
 #[derive(Debug)]
 pub struct Found {
     pub place: DVector<f64>,

@@ -11,7 +11,7 @@
 
 use super::law::{Law, Start};
 use super::record::Record;
-use crate::search::{self, Found, LeastSquares};
+use crate::search::{self, Found, LeastSquares, central_slopes};
 use crate::uncertainty::correlation_rows;
 use nalgebra::{DMatrix, DVector};
 use thermyo_compute::parallel::{Watch, map_watched};
@@ -290,17 +290,7 @@ impl LeastSquares for Problem<'_> {
     }
 
     fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
-        let columns: Vec<DVector<f64>> = (0..place.len())
-            .map(|i| {
-                let [above, below] = [DIFFERENCE, -DIFFERENCE].map(|by| {
-                    let mut shifted = place.clone();
-                    shifted[i] += by;
-                    self.weighted(&shifted)
-                });
-                (above - below) / (2.0 * DIFFERENCE)
-            })
-            .collect();
-        DMatrix::from_columns(&columns)
+        central_slopes(place, DIFFERENCE, |_| DIFFERENCE, |place| self.weighted(place))
     }
 
     fn stopped(&self) -> bool {

@@ -1,10 +1,10 @@
 //! `report.html` of a record of motion: the record, the law, and what it leaves.
 
 use super::Identified;
-use thermyo_files::number::{MISSING, significant};
+use crate::page::values_of;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
-use thermyo_report::page::{Page, Section, Table, Tile};
+use thermyo_report::page::{Page, Section, Tile};
 
 pub fn page(identified: &Identified, title: &str) -> String {
     let findings = &identified.findings;
@@ -27,21 +27,9 @@ pub fn page(identified: &Identified, title: &str) -> String {
         "Lengths are those at which the law holds the load at the measured pressure; forces those of the \
          measured length and pressure.",
     );
-    page.section(values(identified)).section(Section::new("Fit").figure(chart)).render()
-}
-
-fn values(identified: &Identified) -> Section {
-    let rows = identified.findings.parameters.iter().map(|(path, fitted)| {
-        let error = fitted.standard_error;
-        let error = error.map_or_else(|| MISSING.to_owned(), |error| significant(error, 2));
-        vec![(*path).to_owned(), significant(fitted.value, 5), error, fitted.unit.to_owned()]
-    });
-    let table = Table {
-        caption: "Identified values, in SI".to_owned(),
-        columns: ["Parameter", "Value", "Standard error", "Unit"].map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    };
-    Section::new("Values").table(table)
+    page.section(values_of(&findings.parameters))
+        .section(Section::new("Fit").figure(chart))
+        .render()
 }
 
 fn chart(identified: &Identified) -> Chart {

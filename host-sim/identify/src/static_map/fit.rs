@@ -12,7 +12,7 @@
 //! is expected to grow with the diameter, as the bladder does.
 
 use super::readings::{Reading, Readings};
-use crate::search::{self, Found, LeastSquares};
+use crate::search::{self, Found, LeastSquares, central_slopes};
 use nalgebra::{DMatrix, DVector};
 use thermyo_plant::chamber::Chamber;
 use thermyo_plant::chamber::braid;
@@ -26,7 +26,7 @@ const SPREADS: [f64; 6] = [1.0, 0.1, 0.5, 0.5, 0.006, 0.1];
 /// Offsets of the starting angles from the scenario's \[rad\].
 const STARTS: [f64; 3] = [0.0, -0.08, 0.08];
 /// Step of the differences; the search variables are of the order of one.
-const DIFFERENCE: f64 = 1e-6;
+pub const DIFFERENCE: f64 = 1e-6;
 /// Relative change of sum and point at which a search has converged: near f64's rounding.
 const TOLERANCE: f64 = 30.0 * f64::EPSILON;
 /// Evaluations per parameter before a search is given up.
@@ -107,25 +107,6 @@ impl<'a> Problem<'a> {
         readings.iter().map(force).collect()
     }
 
-    /// d(`of`)/d(place), by central differences.
-    pub fn sensitivities(
-        &self,
-        place: &DVector<f64>,
-        of: impl Fn(&DVector<f64>) -> DVector<f64>,
-    ) -> DMatrix<f64> {
-        let columns: Vec<DVector<f64>> = (0..place.len())
-            .map(|i| {
-                let [above, below] = [DIFFERENCE, -DIFFERENCE].map(|by| {
-                    let mut shifted = place.clone();
-                    shifted[i] += by;
-                    of(&shifted)
-                });
-                (above - below) / (2.0 * DIFFERENCE)
-            })
-            .collect();
-        DMatrix::from_columns(&columns)
-    }
-
     /// The best of several searches.
     pub fn search(&self) -> Found {
         let ends = STARTS.map(|turned_rad| {
@@ -140,7 +121,8 @@ impl<'a> Problem<'a> {
     /// Covariance of the search variables, from the prior and the readings' scatter where it
     /// exceeds the expected one.
     pub fn covariance(&self, place: &DVector<f64>) -> DMatrix<f64> {
-        let slopes = self.sensitivities(place, |place| self.weighted(place));
+        let slopes =
+            central_slopes(place, DIFFERENCE, |_| DIFFERENCE, |place| self.weighted(place));
         let information = slopes.tr_mul(&slopes);
         let count = self.readings.loaded.len();
         let freedom = count.saturating_sub(place.len()).max(1) as f64;
@@ -171,6 +153,6 @@ impl LeastSquares for Problem<'_> {
     }
 
     fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
-        self.sensitivities(place, |place| self.weighted(place))
+        central_slopes(place, DIFFERENCE, |_| DIFFERENCE, |place| self.weighted(place))
     }
 }

@@ -9,7 +9,8 @@ pub use page::{page, plot};
 pub use readings::{COLUMNS, DIRECTION, FEWEST, Reading, Readings};
 
 use super::findings::Fitted;
-use fit::Problem;
+use crate::search::central_slopes;
+use fit::{DIFFERENCE, Problem};
 use nalgebra::DVector;
 use plan::{LEAST_STROKE, instead, places, surely_pulls};
 use readings::LOADED;
@@ -302,7 +303,7 @@ fn law_sd_n(
         })
         .collect();
     let forces = |place: &DVector<f64>| DVector::from_vec(problem.force_n(place, &grid));
-    let slopes = problem.sensitivities(place, forces);
+    let slopes = central_slopes(place, DIFFERENCE, |_| DIFFERENCE, forces);
     let pulls = forces(place);
     let deviations: Vec<f64> = (0..grid.len())
         .filter(|i| pulls[*i] > LOADED * readings.largest_n())

@@ -1,11 +1,12 @@
 //! `report.html` of a static map: force over pressure, and the residuals of the law.
 
-use super::{Identified, Readings};
+use super::{Findings, Identified, Readings};
+use crate::page::values_of;
 use thermyo_files::number::{short, significant};
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::heatmap::{Heatmap, Style};
-use thermyo_report::page::{Page, Section, Table, Tile};
+use thermyo_report::page::{Page, Section, Tile};
 
 /// Colours of the lengths, longest first, repeated.
 const COLOURS: [Colour; 6] =
@@ -29,18 +30,8 @@ pub fn page(identified: &Identified, title: &str) -> String {
 }
 
 fn values(identified: &Identified) -> Section {
-    let rows = identified.findings.parameters.iter().map(|(path, fitted)| {
-        let error = fitted.standard_error.unwrap_or(f64::NAN);
-        let (value, error) = (significant(fitted.value, 5), significant(error, 2));
-        vec![(*path).to_owned(), value, error, fitted.unit.to_owned()]
-    });
-    let table = Table {
-        caption: "Identified values, in SI".to_owned(),
-        columns: ["Parameter", "Value", "Standard error", "Unit"].map(str::to_owned).to_vec(),
-        rows: rows.collect(),
-    };
-    let remarks = &identified.findings.remarks;
-    remarks.iter().fold(Section::new("Values").table(table), |s, remark| s.paragraph(remark))
+    let Findings { parameters, remarks, .. } = &identified.findings;
+    remarks.iter().fold(values_of(parameters), |section, remark| section.paragraph(remark))
 }
 
 fn distinct(values: impl Iterator<Item = f64>) -> Vec<f64> {

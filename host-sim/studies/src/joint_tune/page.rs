@@ -3,7 +3,7 @@
 use super::balance::Point;
 use super::findings::Estimate;
 use super::{Figures, Identified, Record, Tuned, Values};
-use crate::tune::{self, FollowedBy};
+use crate::tune::{self, FollowedBy, group};
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Tile};
@@ -69,18 +69,6 @@ fn values(values: &Values) -> Section {
     )
 }
 
-/// Points of one direction and speed, by angle.
-fn group(points: &[Point], up: bool, fast: bool) -> Vec<Point> {
-    let middle = 0.4 * points.iter().map(|p| p.speed_rad_s.abs()).fold(0.0, f64::max);
-    let mut group: Vec<Point> = points
-        .iter()
-        .filter(|p| (p.speed_rad_s > 0.0) == up && (p.speed_rad_s.abs() > middle) == fast)
-        .copied()
-        .collect();
-    group.sort_by(|a, b| a.angle_rad.total_cmp(&b.angle_rad));
-    group
-}
-
 fn torque_chart(estimate: &Estimate) -> Chart {
     let mut torque = Panel::new(Axis::new("Torque of the muscles", "N m")).height(300.0);
     let mut rest = Panel::new(Axis::new("Measured less fitted", "N m")).height(150.0);
@@ -91,7 +79,7 @@ fn torque_chart(estimate: &Estimate) -> Chart {
         (true, true, "growing, fast", Colour::Orange),
         (false, true, "falling, fast", Colour::Green),
     ] {
-        let group = group(points, up, fast);
+        let group = group(points, (up, fast, 0.4), |p| p.speed_rad_s, |p| p.angle_rad);
         let of = |f: fn(&Point) -> f64| group.iter().map(f).collect::<Vec<f64>>();
         let x = of(|p| p.angle_rad.to_degrees());
         torque = torque.dots(name, colour, &x, &of(|p| p.torque_n_m));

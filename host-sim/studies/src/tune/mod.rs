@@ -28,7 +28,7 @@ pub use findings::{Findings, Parameter, table};
 pub(crate) use findings::{compared, word};
 pub(crate) use force::SLIDING_M_S;
 pub use motion::{motion_record, motion_values};
-pub(crate) use page::{FollowedBy, values};
+pub(crate) use page::{FollowedBy, group, values};
 pub use page::{check_chart, page};
 
 use check::Checked;

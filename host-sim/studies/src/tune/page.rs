@@ -5,7 +5,7 @@ use super::check::Checked;
 use super::experiment::during;
 use super::force::Point;
 use super::{Figures, Parameter, Tuned};
-use thermyo_files::number::{MISSING, significant};
+use thermyo_files::number::significant;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::figure::Figure;
@@ -47,11 +47,10 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
 pub fn values(parameters: &[Parameter], error: &str) -> Section {
     let columns = ["Parameter", "After", error, "Unit", "Before", "From"];
     let rows = parameters.iter().map(|parameter| {
-        let error = parameter.standard_error.map(|error| significant(error, 2));
         vec![
             parameter.path.to_owned(),
             significant(parameter.after, 4),
-            error.unwrap_or_else(|| MISSING.to_owned()),
+            significant(parameter.standard_error.unwrap_or(f64::NAN), 2),
             parameter.unit.to_owned(),
             significant(parameter.before, 4),
             parameter.remark.clone(),
@@ -60,15 +59,17 @@ pub fn values(parameters: &[Parameter], error: &str) -> Section {
     Section::new("Values").table(Table::new("The core's configuration, in SI", &columns, rows))
 }
 
-/// Points of one direction and speed, by contraction.
-fn group(points: &[Point], up: bool, fast: bool) -> Vec<Point> {
-    let middle_m_s = 0.5 * points.iter().map(|p| p.speed_m_s.abs()).fold(0.0, f64::max);
-    let mut group: Vec<Point> = points
-        .iter()
-        .filter(|p| (p.speed_m_s > 0.0) == up && (p.speed_m_s.abs() > middle_m_s) == fast)
-        .copied()
-        .collect();
-    group.sort_by(|a, b| a.contraction.total_cmp(&b.contraction));
+/// Points of one direction and speed, fast from that share of the fastest on, in the order of their place.
+pub fn group<P: Copy>(
+    points: &[P],
+    (up, fast, share): (bool, bool, f64),
+    speed: fn(&P) -> f64,
+    place: fn(&P) -> f64,
+) -> Vec<P> {
+    let middle = share * points.iter().map(|p| speed(p).abs()).fold(0.0, f64::max);
+    let within = |p: &&P| (speed(p) > 0.0) == up && (speed(p).abs() > middle) == fast;
+    let mut group: Vec<P> = points.iter().filter(within).copied().collect();
+    group.sort_by(|a, b| place(a).total_cmp(&place(b)));
     group
 }
 
@@ -80,7 +81,8 @@ fn forces(tuned: &Tuned) -> Section {
     let mut pull = Panel::new(Axis::new("Pull of the gas", "N")).height(300.0);
     let mut rest = Panel::new(Axis::new("Measured less fitted", "N")).height(150.0);
     for (up, fast) in [(true, false), (true, true), (false, false), (false, true)] {
-        let points = group(&tuned.force.points, up, fast);
+        let points =
+            group(&tuned.force.points, (up, fast, 0.5), |p| p.speed_m_s, |p| p.contraction);
         let x = column(&points, |p| 100.0 * p.contraction);
         let colour = if up { Colour::Vermillion } else { Colour::Blue };
         let fitted = column(&points, |p| p.pull_n - p.residual_n);
