@@ -211,24 +211,14 @@ struct Errors {
 }
 
 impl Errors {
-    fn rms_k(&self) -> f64 {
-        (self.squares_k2 / self.steps as f64).sqrt()
+    /// The root of the mean of one of the sums \[K\].
+    fn rms_k(&self, squares_k2: f64) -> f64 {
+        (squares_k2 / self.steps as f64).sqrt()
     }
 
-    fn bare_rms_k(&self) -> f64 {
-        (self.bare_squares_k2 / self.steps as f64).sqrt()
-    }
-
-    fn forward_rms_k(&self) -> f64 {
-        (self.forward_squares_k2 / self.steps as f64).sqrt()
-    }
-
-    fn smoother_rms_k(&self) -> f64 {
-        (self.smoother_squares_k2 / self.steps as f64).sqrt()
-    }
-
-    fn stated_rms_k(&self) -> f64 {
-        (self.stated_squares_k2 / self.steps as f64).sqrt()
+    /// Error of the estimate, RMS \[K\].
+    fn error_k(&self) -> f64 {
+        self.rms_k(self.squares_k2)
     }
 
     fn share_within(&self) -> f64 {
@@ -296,22 +286,17 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>,
         });
     let mut lines = Vec::new();
     for (case, plant, bound_k, errors) in results.into_iter().collect::<Result<Vec<_>, _>>()? {
-        let times_smoother = errors.rms_k() / errors.smoother_rms_k();
+        let times_smoother = errors.error_k() / errors.rms_k(errors.smoother_squares_k2);
         let mut figures = vec![
-            Figure::at_most("error_k", errors.rms_k(), bound_k),
-            Figure::shown("stated_k", errors.stated_rms_k()),
-            Figure::shown("forward_k", errors.forward_rms_k()),
-            Figure::shown("smoother_k", errors.smoother_rms_k()),
+            Figure::at_most("error_k", errors.error_k(), bound_k),
+            Figure::shown("stated_k", errors.rms_k(errors.stated_squares_k2)),
+            Figure::shown("forward_k", errors.rms_k(errors.forward_squares_k2)),
+            Figure::shown("smoother_k", errors.rms_k(errors.smoother_squares_k2)),
             Figure::at_most("times_smoother", times_smoother, TIMES_SMOOTHER),
-            Figure {
-                name: "within_2sd",
-                value: errors.share_within(),
-                minimum: case.within.0,
-                maximum: case.within.1,
-            },
+            Figure::within("within_2sd", errors.share_within(), case.within),
         ];
         if case.name == "nominal" {
-            let times = errors.bare_rms_k() / errors.rms_k();
+            let times = errors.rms_k(errors.bare_squares_k2) / errors.error_k();
             figures.push(Figure::at_least("times_better", times, [40.0, 15.0][plant]));
         }
         lines.push(CaseFigures {
@@ -428,12 +413,7 @@ pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigure
     if all.runs > 0.0 {
         lines.push(CaseFigures {
             case: format!("all of seed {seed}"),
-            figures: vec![Figure {
-                name: "within_2sd",
-                value: all.within / all.runs,
-                minimum: POOLED.0,
-                maximum: POOLED.1,
-            }],
+            figures: vec![Figure::within("within_2sd", all.within / all.runs, POOLED)],
         });
     }
     Ok(lines)
@@ -451,8 +431,8 @@ struct Pool {
 impl Pool {
     fn add(&mut self, errors: &Errors) {
         self.runs += 1.0;
-        self.sum_k += errors.rms_k();
-        self.worst_k = self.worst_k.max(errors.rms_k());
+        self.sum_k += errors.error_k();
+        self.worst_k = self.worst_k.max(errors.error_k());
         self.within += errors.share_within();
     }
 }
@@ -461,15 +441,10 @@ fn muscle_line(case: String, errors: &Errors, most_k: f64) -> CaseFigures {
     CaseFigures {
         case,
         figures: vec![
-            Figure::at_most("error_k", errors.rms_k(), most_k),
-            Figure::shown("bare_k", errors.bare_rms_k()),
-            Figure::shown("stated_k", errors.stated_rms_k()),
-            Figure {
-                name: "within_2sd",
-                value: errors.share_within(),
-                minimum: IN_ONE_RUN.0,
-                maximum: IN_ONE_RUN.1,
-            },
+            Figure::at_most("error_k", errors.error_k(), most_k),
+            Figure::shown("bare_k", errors.rms_k(errors.bare_squares_k2)),
+            Figure::shown("stated_k", errors.rms_k(errors.stated_squares_k2)),
+            Figure::within("within_2sd", errors.share_within(), IN_ONE_RUN),
         ],
     }
 }

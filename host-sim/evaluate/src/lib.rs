@@ -45,19 +45,21 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// A figure that must not exceed `maximum`.
-    pub fn at_most(name: &'static str, value: f64, maximum: f64) -> Self {
-        Self { name, value, minimum: f64::NEG_INFINITY, maximum }
+    pub fn within(name: &'static str, value: f64, (minimum, maximum): (f64, f64)) -> Self {
+        Self { name, value, minimum, maximum }
     }
 
-    /// A figure that must not fall below `minimum`.
+    pub fn at_most(name: &'static str, value: f64, maximum: f64) -> Self {
+        Self::within(name, value, (f64::NEG_INFINITY, maximum))
+    }
+
     pub fn at_least(name: &'static str, value: f64, minimum: f64) -> Self {
-        Self { name, value, minimum, maximum: f64::INFINITY }
+        Self::within(name, value, (minimum, f64::INFINITY))
     }
 
     /// A figure without a target, for comparison.
     pub fn shown(name: &'static str, value: f64) -> Self {
-        Self { name, value, minimum: f64::NEG_INFINITY, maximum: f64::INFINITY }
+        Self::within(name, value, (f64::NEG_INFINITY, f64::INFINITY))
     }
 
     /// The value lies within the allowed range.
