@@ -116,12 +116,11 @@ macro_rules! table {
 
     // One field after the other: [attributes] doc, name: type = default, key. The list after them is
     // what the core has too.
-    (@field [$head:tt $table:tt $struct:ident [$core:path]] [$($done:tt)*] [$($shared:ident)*]
+    (@field [$head:tt $table:tt $struct:ident [$core:path]] $done:tt [$($shared:ident)*]
         core $name:ident; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field [$head $table $struct [$core]]
-            [$($done)* {
+            @add [$head $table $struct [$core]] $done [$($shared)* $name] {
                 []
                 concat!("As the core has it: [`", stringify!($core), "::", stringify!($name), "`]."),
                 $name: f64 = const { $crate::declare::parameter(
@@ -129,67 +128,59 @@ macro_rules! table {
                     stringify!($name),
                 ) }.default,
                 key_of(&parameter(<$core>::PARAMETERS, stringify!($name)))
-            }]
-            [$($shared)* $name] $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] [$($shared:ident)*]
+    (@field $head:tt $done:tt [$($shared:ident)*]
         core $name:ident: $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head [$($done)*] [$($shared)* $name] $name: $($rest)*
+            @field $head $done [$($shared)* $name] $name: $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: from $parameter:path; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 []
                 concat!("As the core has it: [`", stringify!($parameter), "`]."),
                 $name: f64 = $parameter.default,
                 key_of(&$parameter)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: real $default:expr, $unit:tt, $min:literal to $max:expr, $meaning:literal;
         $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 []
                 concat!($meaning, $crate::declare::unit!($unit), "."),
                 $name: f64 = $default,
                 real(stringify!($name), $unit, [$min, $max], $meaning)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: optional $unit:tt, $min:literal to $max:expr, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 [#[serde(skip_serializing_if = "Option::is_none")]]
                 concat!($meaning, $crate::declare::unit!($unit), "."),
                 $name: Option<f64> = None,
                 real(stringify!($name), $unit, [$min, $max], $meaning)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: whole $type:ty, $default:expr, $min:literal to $max:literal, $meaning:literal;
         $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 []
                 concat!($meaning, "."),
                 $name: $type = $default,
@@ -199,73 +190,68 @@ macro_rules! table {
                     [{ let min: $type = $min; min as i64 }, { let max: $type = $max; max as i64 }],
                     $meaning,
                 )
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: choice $type:ident::$default:ident, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 []
                 concat!($meaning, "."),
                 $name: $type = $type::$default,
                 key(stringify!($name), Allowed::Choice($type::WORDS), $meaning)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: switch $default:expr, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 []
                 concat!($meaning, "."),
                 $name: bool = $default,
                 key(stringify!($name), Allowed::Switch, $meaning)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: list $meaning:literal; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 []
                 concat!($meaning, "."),
                 $name: Vec<String> = Vec::new(),
                 key(stringify!($name), Allowed::List, $meaning)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: csv $column:literal, $meaning:literal; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head [$($done)*] $shared
+            @field $head $done $shared
             $name: csv ["time_s", $column], $meaning; $($rest)*
         }
     };
-    (@field $head:tt [$($done:tt)*] $shared:tt
+    (@field $head:tt $done:tt $shared:tt
         $name:ident: csv [$($column:literal),*], $meaning:literal; $($rest:tt)*
     ) => {
         $crate::declare::table! {
-            @field $head
-            [$($done)* {
+            @add $head $done $shared {
                 [#[serde(skip_serializing_if = "Option::is_none")]]
                 concat!($meaning, ": the path of a CSV file with the columns" $(, " ", $column)*, "."),
                 $name: Option<std::path::PathBuf> = None,
                 key(stringify!($name), Allowed::Csv { columns: &[$($column),*] }, $meaning)
-            }]
-            $shared $($rest)*
+            } $($rest)*
         }
+    };
+
+    (@add $head:tt [$($done:tt)*] $shared:tt $field:tt $($rest:tt)*) => {
+        $crate::declare::table! { @field $head [$($done)* $field] $shared $($rest)* }
     };
 
     (@field [

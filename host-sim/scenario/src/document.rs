@@ -6,6 +6,40 @@ use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted}
 use toml::de::{DeInteger, DeTable, DeValue};
 use toml::{Spanned, Value};
 
+/// The tables of a text.
+pub(super) fn toml_of<'a>(
+    text: &'a str,
+    lines: &Lines,
+    origin: &Path,
+) -> Result<Spanned<DeTable<'a>>, InputError> {
+    DeTable::parse(text).map_err(|error| {
+        let problem = Problem::Syntax(error.message().replace('\n', ", "));
+        match error.span() {
+            Some(span) => InputError::line(origin, lines.line_at(span.start), problem),
+            None => InputError::file(origin, problem),
+        }
+    })
+}
+
+/// The value of a word, if it is allowed.
+pub(super) fn value_of(allowed: Allowed, word: &str) -> Option<Value> {
+    match (allowed, word) {
+        (Allowed::Choice(words), _) => {
+            words.contains(&word).then(|| Value::String(word.to_owned()))
+        }
+        (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
+        (Allowed::Real(limits), _) => {
+            let number = limits.wanted().read(word).ok();
+            number.and_then(|number| limits.taken(number)).map(Value::Float)
+        }
+        (Allowed::Whole { min, max }, _) => {
+            let whole = word.parse().ok().filter(|whole| (min..=max).contains(whole));
+            whole.map(Value::Integer)
+        }
+        _ => None,
+    }
+}
+
 /// The prefix of keys that the core is configured with.
 const BELIEVED: &str = "believed";
 
@@ -70,13 +104,7 @@ impl Document {
     /// For the first place of the file that is not TOML or not in the schema.
     pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
         let lines = Lines::of(text);
-        let root = DeTable::parse(text).map_err(|error| {
-            let message = Problem::Syntax(error.message().replace('\n', ", "));
-            match error.span() {
-                Some(span) => InputError::line(origin, lines.line_at(span.start), message),
-                None => InputError::file(origin, message),
-            }
-        })?;
+        let root = toml_of(text, &lines, origin)?;
         let mut walk = Walk {
             text,
             lines: &lines,
@@ -140,22 +168,7 @@ impl Document {
     /// When there is no such key, or the word is not allowed.
     pub fn set_word(&mut self, full_path: &str, word: &str) -> Result<(), Problem> {
         let key = self.settable(full_path)?;
-        let value = match (key.allowed, word) {
-            (Allowed::Choice(words), _) => {
-                words.contains(&word).then(|| Value::String(word.to_owned()))
-            }
-            (Allowed::Switch, "true" | "false") => Some(Value::Boolean(word == "true")),
-            (Allowed::Real(limits), _) => {
-                let number = limits.wanted().read(word).ok();
-                number.and_then(|number| limits.taken(number)).map(Value::Float)
-            }
-            (Allowed::Whole { min, max }, _) => {
-                let whole = word.parse().ok().filter(|whole| (min..=max).contains(whole));
-                whole.map(Value::Integer)
-            }
-            _ => None,
-        };
-        self.put(full_path, key, value, word.to_owned())
+        self.put(full_path, key, value_of(key.allowed, word), word.to_owned())
     }
 
     /// The schema's entry of a key that can be set.

@@ -10,7 +10,9 @@
 //! numbers. A key or table of the joint is written under a header, not with dots.
 
 use super::declare::{choice, table};
-use super::document::{Document, Entry, allowed_instead, checked, unknown_table};
+use super::document::{
+    Document, Entry, allowed_instead, checked, toml_of, unknown_table, value_of,
+};
 use super::key::{Allowed, Key, Table};
 use super::schema;
 use model_core::joint::{self, AnglePart};
@@ -19,7 +21,6 @@ use serde::de::DeserializeOwned;
 use std::path::Path;
 use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted};
 use toml::Value;
-use toml::de::DeTable;
 
 choice! {
     /// Type of the angle's sensor.
@@ -537,13 +538,7 @@ impl Setting<'_> {
     fn of(self, key: &Key) -> Option<Value> {
         match (key.allowed, self) {
             (Allowed::Real(limits), Self::Number(number)) => limits.taken(number).map(Value::Float),
-            (Allowed::Real(limits), Self::Word(word)) => {
-                let number = limits.wanted().read(word).ok();
-                number.and_then(|number| limits.taken(number)).map(Value::Float)
-            }
-            (Allowed::Choice(words), Self::Word(word)) => {
-                words.contains(&word).then(|| Value::String(word.to_owned()))
-            }
+            (allowed, Self::Word(word)) => value_of(allowed, word),
             _ => None,
         }
     }
@@ -632,13 +627,7 @@ type Own = (std::collections::BTreeMap<String, toml::Table>, Vec<(String, u64)>)
 /// The joint's own tables, each value checked, and the lines of their keys.
 fn own_tables(text: &str, origin: &Path) -> Result<Own, InputError> {
     let lines = Lines::of(text);
-    let root = DeTable::parse(text).map_err(|error| {
-        let problem = Problem::Syntax(error.message().replace('\n', ", "));
-        match error.span() {
-            Some(span) => InputError::line(origin, lines.line_at(span.start), problem),
-            None => InputError::file(origin, problem),
-        }
-    })?;
+    let root = toml_of(text, &lines, origin)?;
     let mut entries = Vec::new();
     for (path, table) in &OWN {
         let mut below = Some(root.get_ref());

@@ -69,7 +69,15 @@ const MHE2: [(&str, PresetValue); 5] = valve(100.0, 0.002);
 const MHE3: [(&str, PresetValue); 5] = valve(200.0, 0.0028);
 const MHE4: [(&str, PresetValue); 5] = valve(400.0, 0.0035);
 const MHJ10: [(&str, PresetValue); 5] = valve(100.0, 0.001);
-const VALVE_UNKNOWN: &[&str] = &["valve.critical_ratio", "valve.dead_time_s"];
+
+const fn valve_preset(
+    word: &'static str,
+    values: &'static [(&'static str, PresetValue)],
+    source: &'static str,
+) -> Preset {
+    let unknown = &["valve.critical_ratio", "valve.dead_time_s"];
+    Preset { table: "valve", word, values, source, unknown }
+}
 
 /// A ratiometric sensor of 10 to 90 %, with that range \[Pa\]: 0.03 % of it resolved, 1 ms.
 const fn ratiometric(range_pa: f64) -> [(&'static str, PresetValue); 4] {
@@ -83,7 +91,15 @@ const fn ratiometric(range_pa: f64) -> [(&'static str, PresetValue); 4] {
 
 const HSC100: [(&str, PresetValue); 4] = ratiometric(689_476.0);
 const HSC150: [(&str, PresetValue); 4] = ratiometric(1_034_214.0);
-const SENSOR_UNKNOWN: &[&str] = &["sensor.pressure.gain", "sensor.pressure.offset_pa"];
+
+const fn sensor_preset(
+    word: &'static str,
+    values: &'static [(&'static str, PresetValue)],
+    source: &'static str,
+) -> Preset {
+    let unknown = &["sensor.pressure.gain", "sensor.pressure.offset_pa"];
+    Preset { table: "sensor.pressure", word, values, source, unknown }
+}
 
 pub static PRESETS: [Preset; 9] = [
     Preset {
@@ -137,61 +153,47 @@ pub static PRESETS: [Preset; 9] = [
             "wall.heat_capacity_j_k",
         ],
     },
-    Preset {
-        table: "valve",
-        word: "mhe2-class",
-        values: &MHE2,
-        source: "fast 3/2 valve of 2 mm: 100 l/min nominal, 2 ms by its data sheet",
-        unknown: VALVE_UNKNOWN,
-    },
-    Preset {
-        table: "valve",
-        word: "mhe3-class",
-        values: &MHE3,
-        source: "fast 3/2 valve of 3 mm: 200 l/min nominal, 2.8 ms by its data sheet",
-        unknown: VALVE_UNKNOWN,
-    },
-    Preset {
-        table: "valve",
-        word: "mhe4-class",
-        values: &MHE4,
-        source: "fast 3/2 valve of 4 mm: 400 l/min nominal, 3.5 ms by its data sheet",
-        unknown: VALVE_UNKNOWN,
-    },
-    Preset {
-        table: "valve",
-        word: "mhj10-class",
-        values: &MHJ10,
-        source: "fast 2/2 valve with electronics: 100 l/min nominal, up to 1000 switches a second by its data \
+    valve_preset(
+        "mhe2-class",
+        &MHE2,
+        "fast 3/2 valve of 2 mm: 100 l/min nominal, 2 ms by its data sheet",
+    ),
+    valve_preset(
+        "mhe3-class",
+        &MHE3,
+        "fast 3/2 valve of 3 mm: 200 l/min nominal, 2.8 ms by its data sheet",
+    ),
+    valve_preset(
+        "mhe4-class",
+        &MHE4,
+        "fast 3/2 valve of 4 mm: 400 l/min nominal, 3.5 ms by its data sheet",
+    ),
+    valve_preset(
+        "mhj10-class",
+        &MHJ10,
+        "fast 2/2 valve with electronics: 100 l/min nominal, up to 1000 switches a second by its data \
                  sheet; types of 50 to 160 l/min exist",
-        unknown: VALVE_UNKNOWN,
-    },
-    Preset {
-        table: "sensor.pressure",
-        word: "hsc-100psi-a",
-        values: &HSC100,
-        source: "Honeywell HSC, analogue, 0 to 100 psi absolute: 10 to 90 % of the supply, 1 ms, 0.03 % \
+    ),
+    sensor_preset(
+        "hsc-100psi-a",
+        &HSC100,
+        "Honeywell HSC, analogue, 0 to 100 psi absolute: 10 to 90 % of the supply, 1 ms, 0.03 % \
                  resolved, 1 % in all by its data sheet",
-        unknown: SENSOR_UNKNOWN,
-    },
-    Preset {
-        table: "sensor.pressure",
-        word: "hsc-150psi-a",
-        values: &HSC150,
-        source: "Honeywell HSC, analogue, 0 to 150 psi absolute: 10 to 90 % of the supply, 1 ms, 0.03 % \
+    ),
+    sensor_preset(
+        "hsc-150psi-a",
+        &HSC150,
+        "Honeywell HSC, analogue, 0 to 150 psi absolute: 10 to 90 % of the supply, 1 ms, 0.03 % \
                  resolved, 1 % in all by its data sheet",
-        unknown: SENSOR_UNKNOWN,
-    },
-    Preset {
-        table: "sensor.pressure",
-        word: "mpr-25psi-a",
-        values: &[
+    ),
+    sensor_preset(
+        "mpr-25psi-a",
+        &[
             ("sensor.pressure.kind", PresetValue::Word("mpr")),
             ("sensor.pressure.range_pa", number(172_369.0)),
         ],
-        source: "Honeywell MPR, digital, 0 to 25 psi absolute: 10 to 90 % of its counts, 5 ms by its data sheet",
-        unknown: SENSOR_UNKNOWN,
-    },
+        "Honeywell MPR, digital, 0 to 25 psi absolute: 10 to 90 % of its counts, 5 ms by its data sheet",
+    ),
 ];
 
 impl Preset {

@@ -165,12 +165,7 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .flat_map(|(entries, scenario)| {
             entries.iter().filter(changed).filter_map(|entry| {
                 let why = unused_key(scenario, &entry.path())?;
-                let problem = Problem::NoSense {
-                    key: entries.full_path(&entry.path()),
-                    value: entry.written.clone(),
-                    why: format!("not used: {why}"),
-                };
-                Some(problem_at(document, entry.line, problem))
+                Some(no_sense(document, entries, entry, format!("not used: {why}")))
             })
         })
         .collect()
@@ -186,12 +181,7 @@ pub fn unused_in_joint(document: &Document) -> Vec<InputError> {
     let of = |entries: &Entries| {
         let warning = |entry: &Entry| {
             let why = "not used: a joint has [joint.controller]; of [controller] it uses minimum_pulse_s alone";
-            let problem = Problem::NoSense {
-                key: entries.full_path(&entry.path()),
-                value: entry.written.clone(),
-                why: why.to_owned(),
-            };
-            problem_at(document, entry.line, problem)
+            no_sense(document, entries, entry, why.to_owned())
         };
         entries.iter().filter(unused).map(warning).collect::<Vec<_>>()
     };
@@ -246,12 +236,8 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .collect();
     let model = document.plant.get("plant.model").filter(|_| model_is_unused(scenario));
     all.extend(model.map(|entry| {
-        let problem = Problem::NoSense {
-            key: entry.path(),
-            value: entry.written.clone(),
-            why: "a vessel has one zone in every model".to_owned(),
-        };
-        problem_at(document, entry.line, problem)
+        let why = "a vessel has one zone in every model".to_owned();
+        no_sense(document, &document.plant, entry, why)
     }));
     all.extend(unused_keys(document, loaded));
     all.extend(contradicted(document));
@@ -349,6 +335,12 @@ fn vacuum(scenario: &Scenario, pressure_pa: impl Fn(&Scenario) -> f64) -> Option
     let moves = scenario.plant.kind != PlantKind::Vessel;
     (moves && pressure_pa(scenario) < NEARLY_VACUUM_PA)
         .then(|| "nearly a vacuum; pressures are absolute, in Pa".to_owned())
+}
+
+/// A value of the file that is not used as meant.
+fn no_sense(document: &Document, entries: &Entries, entry: &Entry, why: String) -> InputError {
+    let key = entries.full_path(&entry.path());
+    problem_at(document, entry.line, Problem::NoSense { key, value: entry.written.clone(), why })
 }
 
 fn problem_at(document: &Document, line: Option<u64>, problem: Problem) -> InputError {
