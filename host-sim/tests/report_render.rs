@@ -159,7 +159,7 @@ fn bars() -> [Figure; 2] {
         .bar("work on the muscle", -8.7, Colour::Green)
         .bar("change of internal energy", 0.2, Colour::Grey);
     let sensors = Bars::log("RMSE against the plant's gas temperature", "K")
-        .bar_with_target("estimate on the board", 0.118, 0.15, Colour::Blue)
+        .bar("estimate on the board", 0.118, Colour::Blue)
         .bar("model alone", 0.92, Colour::Green)
         .bar("sensor in the gas", 6.6, Colour::Vermillion)
         .bar("sensor in the wall", 8.9, Colour::Orange);

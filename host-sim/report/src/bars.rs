@@ -24,7 +24,6 @@ struct Bar {
     label: String,
     value: f64,
     colour: Colour,
-    target: Option<f64>,
 }
 
 #[derive(Debug, Clone)]
@@ -54,32 +53,17 @@ impl Bars {
 
     /// Adds a bar below the others.
     pub fn bar(mut self, label: &str, value: f64, colour: Colour) -> Self {
-        self.bars.push(Bar { label: label.to_owned(), value, colour, target: None });
-        self
-    }
-
-    /// Adds a bar with a mark at its target.
-    pub fn bar_with_target(mut self, label: &str, value: f64, target: f64, colour: Colour) -> Self {
-        self.bars.push(Bar { label: label.to_owned(), value, colour, target: Some(target) });
+        self.bars.push(Bar { label: label.to_owned(), value, colour });
         self
     }
 
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
-        let targets = self.bars.iter().any(|bar| bar.target.is_some());
-        let legend = html! {
-            @if targets {
-                ul.legend { li {
-                    svg width="10" height="14" aria-hidden="true" { path.target d="M5 1v12" {} }
-                    "target"
-                } }
-            }
-        };
         let drawings = html! { (self.svg(title, FULL_WIDTH)) (self.svg(title, NARROW_WIDTH)) };
-        Figure::new(title, caption, Drawing::still(legend, drawings))
+        Figure::new(title, caption, Drawing::still(html! {}, drawings))
     }
 
     fn range(&self) -> (f64, f64) {
-        let values = self.bars.iter().flat_map(|bar| [Some(bar.value), bar.target]).flatten();
+        let values = self.bars.iter().map(|bar| bar.value);
         match self.spacing {
             Spacing::Linear => data_range(values.chain([0.0]), Spacing::Linear),
             Spacing::Log => {
@@ -128,14 +112,8 @@ impl Bars {
     fn bar_at(&self, bar: &Bar, x: &Scale, middle: f64, origin: f64) -> Markup {
         let drawn = x.shows(bar.value);
         let end = if drawn { x.position(bar.value) } else { origin };
-        let target = bar.target.filter(|t| x.shows(*t));
-        // The value stands clear of a target mark just beyond the bar's end.
-        let mark = target.map(|t| x.position(t)).filter(|t| (end - 6.0..end + VALUE).contains(t));
-        let (anchor, value_at) = if end < origin {
-            ("end", end - 8.0)
-        } else {
-            ("start", mark.unwrap_or(end).max(end) + 10.0)
-        };
+        let (anchor, value_at) =
+            if end < origin { ("end", end - 8.0) } else { ("start", end + 10.0) };
         html! {
             g class=(bar.colour.class()) {
                 @if drawn && self.spacing == Spacing::Linear {
@@ -145,10 +123,6 @@ impl Bars {
                     path.stem d=(Path::through([(origin, middle), (end, middle)]).data()) {}
                     circle.bar cx=(px(end)) cy=(px(middle)) r="6" {}
                 }
-            }
-            @if let Some(target) = target {
-                @let at = x.position(target);
-                path.target d=(Path::through([(at, middle - 11.0), (at, middle + 11.0)]).data()) {}
             }
             text.value x=(px(value_at)) y=(px(middle + 4.0)) text-anchor=(anchor) { (significant(bar.value, 3)) }
         }
