@@ -100,14 +100,18 @@ const UNCONFIGURED: &str =
     "[leak]\nconductance_m3_s_pa = 1e-11\n[believed.leak]\nconductance_m3_s_pa = 0.0\n";
 
 /// Error of the estimate in a shut, leaking muscle: a configured leak is no change of temperature.
-/// RMS from 10 s on \[K\].
 fn held_error_k(model: &str, leak: &str) -> f64 {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\n\
          plant = {{ model = \"{model}\", initial_pressure_pa = 4e5 }}\n\
          load = {{ kind = \"isometric\", length_m = 0.27 }}\ndrive.kind = \"closed\"\n{leak}"
     );
-    let rows = rows(&text);
+    late_error_k(&text)
+}
+
+/// Error of the estimate from 10 s on, RMS \[K\].
+pub fn late_error_k(text: &str) -> f64 {
+    let rows = rows(text);
     let late = rows.iter().filter(|row| row.truth.time_s > 10.0);
     let (estimate, truth): (Vec<f64>, Vec<f64>) = late
         .map(|row| (f64::from(row.telemetry.estimate.gas_k), row.truth.gas_temperature_k))

@@ -1,6 +1,7 @@
 //! A long line between valves and muscle: compared with an independent fine discretisation, its
 //! balances, and a core that drives a muscle through it.
 
+use crate::leak::late_error_k;
 use crate::plant_support::{MassFlow, muscle};
 use crate::run_support::rows;
 use model_core::Faults;
@@ -317,12 +318,7 @@ fn the_gas_in_a_line_hardly_matters_to_the_estimate() {
             "run = {{ duration_s = 40, log_every = 10 }}\nplant.model = \"full\"\n\
              tube = {{ volume_m3 = 1e-6, length_m = 4.0, diameter_m = {BORE_M:?} }}\n{believed}"
         );
-        let rows = rows(&text);
-        let late = rows.iter().filter(|row| row.truth.time_s > 10.0);
-        let (estimate, truth): (Vec<f64>, Vec<f64>) = late
-            .map(|row| (f64::from(row.telemetry.estimate.gas_k), row.truth.gas_temperature_k))
-            .unzip();
-        rms_difference(&estimate, &truth)
+        late_error_k(&text)
     };
     let volume_m3 = 1.0e-6 + 0.25 * PI * BORE_M * BORE_M * 4.0;
     let [ignored_k, counted_k] =

@@ -1,13 +1,12 @@
 //! The core of a joint on an emulated RP2040 (`tests/joint_guest`).
 
-use crate::repository;
+use crate::guest;
 use model_core::joint::{JointConfig, JointSample, JointSetPoint, JointTelemetry};
 use object::{Object, ObjectSegment, ObjectSymbol};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io::{BufReader, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
-use thermyo_boards::checkout::{Build, target_folder};
 use thermyo_boards::image::prepare_emulator;
 
 const TARGET: &str = "thumbv6m-none-eabi";
@@ -27,7 +26,7 @@ pub struct EmulatedJoint {
 impl EmulatedJoint {
     /// Builds and loads the guest.
     pub fn new() -> Self {
-        let image = build();
+        let image = guest("joint-guest", TARGET, "joint-guest");
         let file = object::File::parse(&*image).expect("an ELF file");
         let scripts = prepare_emulator().expect("the emulator is there");
         let mut process = Command::new("node")
@@ -124,20 +123,4 @@ pub fn encoded<T: Serialize>(value: &T) -> Vec<u8> {
 /// Reads the telemetry of a step.
 pub fn decoded(telemetry: &[u8]) -> JointTelemetry {
     postcard::from_bytes(telemetry).expect("the guest writes telemetry")
-}
-
-/// The guest's ELF file. From the firmware's folder, whose configuration says how its images are
-/// optimised.
-fn build() -> Vec<u8> {
-    let folder = target_folder().join("joint-guest");
-    let build = Build {
-        name: "the joint's guest",
-        folder: repository("firmware"),
-        target_folder: &folder,
-        target: Some(TARGET),
-        command: "build",
-        arguments: &["--release", "--package", "joint-guest"],
-    };
-    let image = folder.join(TARGET).join("release").join("joint-guest");
-    build.run().and_then(|()| build.read(&image)).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -10,6 +10,7 @@ pub mod rig;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use thermyo_boards::checkout::{Build, target_folder};
 
 #[derive(Debug)]
 pub struct Outcome {
@@ -82,7 +83,28 @@ impl Finished {
     }
 }
 
+#[track_caller]
+pub fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
+    assert!((low..=high).contains(&value), "{what}: {value}, allowed {low} to {high}");
+}
+
 /// A file of the repository.
 pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
+}
+
+/// The ELF file of a guest. From the firmware's folder, whose configuration says how its images are
+/// optimised.
+fn guest(folder: &str, target: &str, package: &str) -> Vec<u8> {
+    let folder = target_folder().join(folder);
+    let build = Build {
+        name: package,
+        folder: repository("firmware"),
+        target_folder: &folder,
+        target: Some(target),
+        command: "build",
+        arguments: &["--release", "--package", package],
+    };
+    let image = folder.join(target).join("release").join(package);
+    build.run().and_then(|()| build.read(&image)).unwrap_or_else(|error| panic!("{error}"))
 }

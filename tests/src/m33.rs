@@ -1,13 +1,12 @@
 //! The core on an emulated Cortex-M33 (`tests/m33`), as a board.
 
-use crate::repository;
+use crate::guest;
 use model_core::control::Mode;
 use model_core::{Config, Sample, SetPoint};
 use object::{Object, ObjectSection, ObjectSegment, ObjectSymbol, SectionKind};
 use rp2350_emu::{Config as EmulatorConfig, Emulator, EmulatorBuilder};
 use std::collections::BTreeMap;
 use std::mem::offset_of;
-use thermyo_boards::checkout::{Build, target_folder};
 use thermyo_boards::link::Link;
 use thermyo_protocol::{Answer, HostCommand};
 use thermyo_simulation::board::{Board, BoardError, BoardStep};
@@ -39,7 +38,7 @@ pub struct EmulatedM33 {
 impl EmulatedM33 {
     /// Builds and starts the guest for a target.
     pub fn new(target: &str) -> Self {
-        let image = build(target);
+        let image = guest("m33", target, "m33-guest");
         let file = object::File::parse(&*image).expect("an ELF file");
         let mut emulator = EmulatorBuilder::new(EmulatorConfig::default())
             .step_quantum(QUANTUM)
@@ -151,22 +150,6 @@ impl Board for EmulatedM33 {
         }
         Ok(BoardStep { telemetry: Some(telemetry), actuation: telemetry.command.into() })
     }
-}
-
-/// The guest's ELF file. From the firmware's folder, whose configuration says how its images are
-/// optimised.
-fn build(target: &str) -> Vec<u8> {
-    let folder = target_folder().join("m33");
-    let build = Build {
-        name: "the guest",
-        folder: repository("firmware"),
-        target_folder: &folder,
-        target: Some(target),
-        command: "build",
-        arguments: &["--release", "--package", "m33-guest"],
-    };
-    let image = folder.join(target).join("release").join("m33-guest");
-    build.run().and_then(|()| build.read(&image)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Addresses from which on there are instructions, or are none: the mapping symbols `$t` and `$d`

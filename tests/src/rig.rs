@@ -42,6 +42,16 @@ impl Muscle {
     }
 }
 
+/// Without the requests that the emulated board sends by itself as a host.
+pub fn silent(sample: Sample) -> Sample {
+    Sample { heard: false, ..sample }
+}
+
+/// Whether a coil has power.
+pub fn powered(exchange: &Exchange) -> bool {
+    exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0
+}
+
 /// The emulated board with a muscle.
 pub struct Rig {
     pub board: EmulatedBoard,
@@ -53,6 +63,13 @@ impl Rig {
     pub fn new(scenario: &str) -> Self {
         let board = EmulatedBoard::new().expect("the emulator starts");
         Self { board, muscle: Muscle::new(scenario) }
+    }
+
+    /// The same, with the board plugged in.
+    pub fn plugged(scenario: &str) -> Self {
+        let mut rig = Self::new(scenario);
+        rig.board.connect_usb().expect("the board enumerates");
+        rig
     }
 
     /// Another muscle at the same board.

@@ -1,7 +1,7 @@
 //! Every chamber: closed forms, the estimate, pressure and position held. Bounds on both sides: a
 //! figure far better than it can be is a broken measurement.
 
-use system_tests::{Finished, run_text, thermyo};
+use system_tests::{Finished, assert_within, run_text, thermyo};
 
 /// Valves for a tenth of a litre: the shortest pulse is half a percent of the pressure.
 const SMALL_VALVES: &str = "[valve]\nconductance_m3_s_pa = 1.0e-9\n";
@@ -25,10 +25,6 @@ const MOVING: [(&str, &str, f64, f64); 3] = [
 fn run(chamber: &str, model: &str, drive: &str) -> Finished {
     let chamber = chamber.replace("MODEL", model);
     run_text(&format!("[run]\nduration_s = 20.0\n{chamber}{SMALL_VALVES}[drive]\n{drive}"), &[])
-}
-
-fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
-    assert!((low..=high).contains(&value), "{what}: {value}, allowed {low} to {high}");
 }
 
 /// Root mean square of the difference of two columns over the second half \[their unit\].

@@ -2,6 +2,7 @@
 //! on both sides: a figure far better than it can be is a broken measurement.
 
 use model_core::Duty;
+use system_tests::assert_within;
 use thermyo_evaluate::control::{
     USUAL_GAINS, full, pressure_step, pressure_step_between, rest, rms_mm, sine,
 };
@@ -34,10 +35,6 @@ fn ambient(loaded: Loaded, temperature_k: f64) -> Loaded {
         scenario.supply.temperature_k = temperature_k;
         scenario.plant.initial_temperature_k = temperature_k;
     })
-}
-
-fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
-    assert!((low..=high).contains(&value), "{what} {value}, allowed {low} to {high}");
 }
 
 /// Where the converter swallows a millimetre, no valve cures what it reads: the middle of the code drove them for 0.34 of

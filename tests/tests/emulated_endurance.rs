@@ -10,7 +10,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::ops::Range;
 use std::thread;
-use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered};
 use thermyo_boards::emulated::{Exchange, Injection, Place};
 use thermyo_protocol::{HostCommand, LastReset, Name, Phase, Request, encode};
 
@@ -63,10 +63,6 @@ fn scenario(period_steps: u32) -> String {
         "[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n\
          [valve]\npwm_hz = {pwm_hz}\nswitch_time_s = 0.0\ndead_time_s = 0.0\n"
     )
-}
-
-fn powered(exchange: &Exchange) -> bool {
-    exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0
 }
 
 /// Halves of a number of cases, each on a board of its own, side by side.

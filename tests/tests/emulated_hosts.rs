@@ -1,9 +1,9 @@
 //! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it
 //! alive, and a stop overtakes what was sent before it.
 
-use model_core::{Config, Sample, SetPoint};
-use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use thermyo_boards::emulated::{Exchange, Port};
+use model_core::{Config, SetPoint};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered, silent};
+use thermyo_boards::emulated::Port;
 use thermyo_protocol::{Answer, HostCommand, Name};
 
 /// One microsecond \[ns\].
@@ -16,22 +16,6 @@ fn scenario(pwm_hz: f64) -> String {
         "[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n[link]\ntimeout_s = 0.1\n\
          [valve]\npwm_hz = {pwm_hz}\n"
     )
-}
-
-/// A muscle at a board that is plugged in.
-fn plugged() -> Rig {
-    let mut rig = Rig::new(&scenario(100.0));
-    rig.board.connect_usb().expect("the board enumerates");
-    rig
-}
-
-/// Without the requests that the emulated board sends by itself as a host.
-fn silent(sample: Sample) -> Sample {
-    Sample { heard: false, ..sample }
-}
-
-fn powered(exchange: &Exchange) -> bool {
-    exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0
 }
 
 /// The other line.
@@ -60,7 +44,7 @@ fn fill(rig: &mut Rig, port: Port) {
 /// Each request that is refused, sent again and again over the other line.
 #[test]
 fn a_refused_request_of_another_host_keeps_no_set_point_alive() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(&scenario(100.0));
     let nan = SetPoint::Pressure { pressure_pa: f32::NAN };
     let refused = [
         HostCommand::Set(nan),
@@ -113,7 +97,7 @@ fn sent_before(rig: &Rig) -> [Vec<HostCommand>; 4] {
 /// A stop so many microseconds after the other host's orders; afterwards each of the hosts drives
 /// as before.
 fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(&scenario(100.0));
     let mut refused = 0;
     for port in [Port::Uart, Port::Usb] {
         fill(&mut rig, port);
@@ -179,7 +163,7 @@ fn a_stop_overtakes_at_every_moment() {
 /// The stop is in the middle of what its own host sends.
 #[test]
 fn orders_after_a_stop_on_its_line_hold() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(&scenario(100.0));
     for port in [Port::Uart, Port::Usb] {
         fill(&mut rig, port);
         for waits in [true, false] {
@@ -200,7 +184,7 @@ fn orders_after_a_stop_on_its_line_hold() {
 /// A program at the USB port that reads nothing: its answers are lost, and no other host waits for it.
 #[test]
 fn a_host_that_does_not_read_keeps_no_other_from_stopping() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(&scenario(100.0));
     fill(&mut rig, Port::Uart);
     rig.board.use_port(Port::Usb);
     rig.board.ask(HostCommand::TelemetryDivider(1)).unwrap();
@@ -228,7 +212,7 @@ fn a_host_that_does_not_read_keeps_no_other_from_stopping() {
 /// Commands of a script follow each other faster than the board's rate of requests.
 #[test]
 fn a_host_that_waits_for_each_answer_loses_no_request() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(&scenario(100.0));
     let config = *rig.muscle.config();
     rig.exchange_with(silent);
     for port in [Port::Uart, Port::Usb] {

@@ -2,7 +2,7 @@
 
 use model_core::config::LinkConfig;
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
-use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, silent};
 use thermyo_boards::emulated::{Exchange, Injection, Place};
 use thermyo_protocol::{HostCommand, LastReset, Phase, Refusal};
 
@@ -178,7 +178,6 @@ fn a_lost_link_vents() {
     rig.start(pressure);
     let held = |rig: &mut Rig, ms| mean_shares(rig, ms, 20).1 > 0.9;
     assert!(held(&mut rig, 100), "it fills");
-    let silent: Change = |sample| Sample { heard: false, ..sample };
     let powered: Vec<bool> = (0..700).map(|_| !vented(&rig.exchange_with(silent))).collect();
     let until_vented = powered.iter().rposition(|&powered| powered).unwrap();
     assert!((380..=501).contains(&until_vented), "{until_vented} ms");
@@ -360,7 +359,7 @@ fn a_million_random_bytes_change_nothing() {
     // Ten bits a byte at 921600 baud.
     let ms = 1_000_000 / 92 + 20;
     for step in 0..ms {
-        let exchange = rig.exchange_with(|sample| Sample { heard: false, ..sample });
+        let exchange = rig.exchange_with(silent);
         assert_eq!(exchange.restarts, 0, "restarted at {step} ms");
         assert!(exchange.outlet_coil > 0.999, "the outlet opened at {step} ms");
     }

@@ -6,7 +6,7 @@ use model_core::{Config, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::env;
-use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered, silent};
 use thermyo_boards::emulated::{Exchange, Port};
 use thermyo_protocol::{Answer, HostCommand};
 
@@ -30,10 +30,6 @@ fn scenario(pwm_hz: f64) -> String {
         "[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n[link]\ntimeout_s = 0.1\n\
          [valve]\npwm_hz = {pwm_hz}\n"
     )
-}
-
-fn silent(sample: Sample) -> Sample {
-    Sample { heard: false, ..sample }
 }
 
 fn fill(inlet: f32) -> SetPoint {
@@ -250,7 +246,7 @@ impl Witness {
         for list in [&mut self.drives, &mut self.arms, &mut self.clears] {
             list.retain(|sent| sent.dead > begun && sent.sent + 20_000 * MS > now);
         }
-        if exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0 {
+        if powered(exchange) {
             self.last_powered = now;
         }
         if exchange.inlet_coil == 0.0 {

@@ -1,10 +1,10 @@
 //! The link over the chip's own USB, alone and together with the UART.
 
-use model_core::{Faults, Sample, SetPoint};
+use model_core::{Faults, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use thermyo_boards::emulated::{Exchange, Port};
+use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered, silent};
+use thermyo_boards::emulated::Port;
 use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use thermyo_simulation::board::BoardError;
 
@@ -16,17 +16,6 @@ const LINK_TIMEOUT_MS: u32 = 100;
 const SCENARIO: &str = "[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n\
                         [link]\ntimeout_s = 0.1\n";
 const FILL: SetPoint = SetPoint::Duty { inlet: 0.3, outlet: 0.0 };
-
-/// A muscle at a board that is plugged in.
-fn plugged() -> Rig {
-    let mut rig = Rig::new(SCENARIO);
-    rig.board.connect_usb().expect("the board enumerates");
-    rig
-}
-
-fn powered(exchange: &Exchange) -> bool {
-    exchange.inlet_coil > 0.0 || exchange.outlet_coil > 0.0
-}
 
 /// Lets a host that says that it is there every so often watch for so long; whether the outlet was
 /// closed at the end.
@@ -48,11 +37,6 @@ fn wait(rig: &mut Rig, milliseconds: u32) {
     }
 }
 
-/// Without the requests that the emulated board sends by itself as a host.
-fn silent(sample: Sample) -> Sample {
-    Sample { heard: false, ..sample }
-}
-
 /// Worst start of a step, from the mean start \[us\].
 fn jitter_us(timing: &Timing) -> f64 {
     f64::from(timing.jitter_worst_us) - f64::from(timing.jitter_mean_ns) * 1.0e-3
@@ -65,7 +49,7 @@ fn random(seed: u64) -> impl FnMut(u32) -> u32 {
 
 #[test]
 fn the_board_identifies_itself() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(SCENARIO);
     let expected = "1209:0001 Thermyo Thermyo valve controller E6605838835B2A31";
     assert_eq!(rig.board.take_identities(), [expected]);
     assert_eq!(rig.board.version().unwrap().protocol, PROTOCOL);
@@ -74,7 +58,7 @@ fn the_board_identifies_itself() {
 /// A host's requests change its own line only.
 #[test]
 fn each_line_has_its_own_telemetry() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(SCENARIO);
     let frames = |rig: &mut Rig| {
         [Port::Uart, Port::Usb].map(|port| {
             rig.board.use_port(port);
@@ -106,7 +90,7 @@ fn each_line_has_its_own_telemetry() {
 
 #[test]
 fn a_step_starts_on_time_while_both_lines_are_busy() {
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(SCENARIO);
     rig.start(SetPoint::Contraction { contraction: 0.1 });
     rig.board.use_port(Port::Uart);
     rig.board.ask(HostCommand::TelemetryDivider(1)).unwrap();
@@ -146,7 +130,7 @@ fn a_step_starts_on_time_while_both_lines_are_busy() {
 #[test]
 fn a_flood_over_usb_changes_nothing() {
     for command in [HostCommand::Version, HostCommand::Timing, HostCommand::ReadConfig] {
-        let mut rig = plugged();
+        let mut rig = Rig::plugged(SCENARIO);
         rig.start(FILL);
         run(&mut rig, 100);
         for _ in 0..300 {
@@ -176,7 +160,7 @@ fn a_flood_over_usb_changes_nothing() {
 /// Plugged in, asked and pulled out again, at any moment and in any order.
 fn assert_it_can_be_plugged_in(cycles: u32) {
     let mut random = random(5);
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(SCENARIO);
     rig.board.take_identities();
     for cycle in 0..cycles {
         rig.board.plug(false);
@@ -230,7 +214,7 @@ enum Loss {
 fn assert_a_lost_host_vents(cases: u32) {
     let mut random = random(6);
     let (mut least, mut worst) = (u32::MAX, 0);
-    let mut rig = plugged();
+    let mut rig = Rig::plugged(SCENARIO);
     for case in 0..cases {
         let (port, other) =
             if case % 4 == 3 { (Port::Uart, Port::Usb) } else { (Port::Usb, Port::Uart) };
@@ -290,7 +274,7 @@ fn a_hundred_hosts_that_are_lost_vent() {
 #[test]
 fn the_board_leaves_for_its_boot_loader_only_while_it_vents() {
     for port in [Port::Usb, Port::Uart] {
-        let mut rig = plugged();
+        let mut rig = Rig::plugged(SCENARIO);
         rig.board.use_port(port);
         rig.start(FILL);
         assert!(run(&mut rig, 100));

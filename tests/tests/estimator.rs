@@ -3,7 +3,7 @@
 //! measurement.
 
 use model_core::Faults;
-use system_tests::{Finished, run_text};
+use system_tests::{Finished, assert_within, run_text};
 
 /// The nominal cycle, which the scenario's defaults are, in the plant of that name.
 fn cycle(model: &str, more: &str) -> Finished {
@@ -43,10 +43,6 @@ fn worth(run: &Finished, from_s: f64, until_s: f64) -> Worth {
         valid: mean(&|i| valid[i]),
         faults: rows.iter().fold(0, |all, &i| all | faults[i] as u32),
     }
-}
-
-fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
-    assert!((low..=high).contains(&value), "{what}: {value}, allowed {low} to {high}");
 }
 
 #[test]

@@ -162,6 +162,13 @@ fn the_result_runs_and_the_report_shows_it() {
     }
 }
 
+/// A table of columns, the first of which is the time, from some time on.
+fn csv<const N: usize>(header: &str, columns: [Vec<f64>; N], from_s: f64) -> String {
+    let rows = (0..columns[0].len()).filter(|i| columns[0][*i] >= from_s);
+    let row = |i: usize| columns.each_ref().map(|column| column[i].to_string()).join(",") + "\n";
+    header.to_owned() + &rows.map(row).collect::<String>()
+}
+
 /// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the
 /// leak, configured five times too large.
 fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
@@ -171,12 +178,8 @@ fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
          [load]\nkind = \"isometric\"\nlength_m = 0.27\n[drive]\nkind = \"closed\"\n[leak]\n"
     );
     let run = run_text(&format!("{hold}conductance_m3_s_pa = {leak_m3_s_pa:?}\n"), &[]);
-    let columns = ["time_s", "measured_pressure_pa", "sensor_gas_k"].map(|name| run.column(name));
-    let mut text = "time_s,pressure_pa,sensor_gas_k\n".to_owned();
-    for i in 0..columns[0].len() {
-        let cells = columns.each_ref().map(|column| column[i].to_string());
-        text += &(cells.join(",") + "\n");
-    }
+    let columns = ["time_s", "measured_pressure_pa", "sensor_gas_k"];
+    let text = csv("time_s,pressure_pa,sensor_gas_k\n", columns.map(|name| run.column(name)), 0.0);
     let configured = format!("{hold}conductance_m3_s_pa = 1e-11\n");
     identify_texts(&text, &asking_for(&configured, &["leak.conductance_m3_s_pa"]))
 }
@@ -214,14 +217,9 @@ fn monitored(model: &str, from_s: f64) -> String {
         "sensor_gas_k",
         "duty_in",
         "duty_out",
-    ]
-    .map(|name| run.column(name));
-    let mut text = "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n".to_owned();
-    for i in (0..columns[0].len()).filter(|i| columns[0][*i] >= from_s) {
-        let cells = columns.each_ref().map(|column| column[i].to_string());
-        text += &(cells.join(",") + "\n");
-    }
-    text
+    ];
+    let header = "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n";
+    csv(header, columns.map(|name| run.column(name)), from_s)
 }
 
 /// The core's believed values of a muscle, wrong by up to 50 %.
@@ -319,12 +317,8 @@ const COOLING: &str = "[plant]\nkind = \"vessel\"\ninitial_temperature_k = 350.0
 
 fn cooling_trace() -> String {
     let trace = run_text(&format!("{COOLING}[run]\nduration_s = 60.0\nlog_every = 100\n"), &[]);
-    let mut text = "time_s,pressure_pa,sensor_gas_k\n".to_owned();
-    let columns = ["time_s", "pressure_pa", "sensor_gas_k"].map(|name| trace.column(name));
-    for ((time, pressure), sensor) in columns[0].iter().zip(&columns[1]).zip(&columns[2]) {
-        writeln!(text, "{time},{pressure},{sensor}").expect("a string takes it");
-    }
-    text
+    let columns = ["time_s", "pressure_pa", "sensor_gas_k"];
+    csv("time_s,pressure_pa,sensor_gas_k\n", columns.map(|name| trace.column(name)), 0.0)
 }
 
 #[test]

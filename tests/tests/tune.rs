@@ -6,12 +6,8 @@ use thermyo_evaluate::tune::{ALL_WRONG, configured, error_percent, tuned};
 use thermyo_simulation::board::CoreBoard;
 
 use std::fs;
-use system_tests::{Outcome, thermyo};
+use system_tests::{Outcome, assert_within, thermyo};
 use tempfile::TempDir;
-
-fn assert_within(what: &str, value: f64, (low, high): (f64, f64)) {
-    assert!((low..=high).contains(&value), "{what} {value}, allowed {low} to {high}");
-}
 
 #[test]
 fn a_muscle_configured_wrong_is_found() {

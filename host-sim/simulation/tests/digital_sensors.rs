@@ -64,13 +64,21 @@ fn the_estimate_is_as_good_from_a_max31865() {
 fn a_max31865_that_is_lost_vents() {
     // Readings come at 10.00, 10.02, ... s; the last one before is that at 9.98 s.
     for (fault, after_s) in [("open", 0.02), ("shorted", 0.02), ("frozen", 0.1 - 0.02)] {
-        let ran = run_with(&format!("{MAX31865}[faults]\ngas = \"{fault}\"\nfrom_s = 10\n"));
-        assert!(ran.faults.intersects(Faults::GAS_LOST), "{fault}: {}", ran.faults);
-        // The first bad reading is shown, and the second one vents.
-        let found_s = ran.found_s.unwrap() - 10.0;
-        assert!((-0.001..after_s + 0.002).contains(&found_s), "{fault}: {found_s} s");
-        assert!(ran.vents, "{fault}");
+        assert_vents(
+            &format!("{MAX31865}[faults]\ngas = \"{fault}\"\n"),
+            Faults::GAS_LOST,
+            after_s,
+        );
     }
+}
+
+/// A fault from 10 s on: the first bad reading is shown, and the second one vents.
+fn assert_vents(fault: &str, shown: Faults, after_s: f64) {
+    let ran = run_with(&format!("{fault}from_s = 10\n"));
+    assert!(ran.faults.intersects(shown), "{fault}: {}", ran.faults);
+    let found_s = ran.found_s.unwrap() - 10.0;
+    assert!((-0.001..after_s + 0.002).contains(&found_s), "{fault}: {found_s} s");
+    assert!(ran.vents, "{fault}");
 }
 
 /// Below 2.5 bar, the range of the chip.
@@ -87,11 +95,8 @@ fn a_pressure_comes_from_an_mpr() {
     // A stroke proceeds during the conversion: that costs more than its noise.
     assert!((2.0..5.0).contains(&(found / known)), "{found} K, {known} K from the converter");
     for (fault, after_s) in [("open", 0.012), ("shorted", 0.012), ("frozen", 0.05)] {
-        let ran = run_with(&format!("{LOW}{MPR}[faults]\npressure = \"{fault}\"\nfrom_s = 10\n"));
-        assert!(ran.faults.intersects(Faults::PRESSURE_SENSOR), "{fault}: {}", ran.faults);
-        let found_s = ran.found_s.unwrap() - 10.0;
-        assert!((-0.001..after_s + 0.002).contains(&found_s), "{fault}: {found_s} s");
-        assert!(ran.vents, "{fault}");
+        let text = format!("{LOW}{MPR}[faults]\npressure = \"{fault}\"\n");
+        assert_vents(&text, Faults::PRESSURE_SENSOR, after_s);
     }
 }
 
