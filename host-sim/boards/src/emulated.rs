@@ -114,7 +114,6 @@ impl Wire {
     }
 }
 
-/// Outputs and counters of one exchange.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Exchange {
     /// Fraction of the time in which the inlet's coil was powered.
@@ -146,7 +145,6 @@ pub struct Exchange {
     pub led: bool,
     /// An injected hang has not happened yet.
     pub hang_to_come: bool,
-    /// The board has entered its boot loader.
     pub boot_loader: bool,
     /// The brake of a joint has power.
     pub brake_released: bool,
@@ -222,7 +220,6 @@ pub struct EmulatedBoard {
     deaf: bool,
     identities: Vec<String>,
     log: Vec<u8>,
-    /// Present inputs of the board.
     inputs: Inputs,
     adc_stalled: bool,
     part_fault: PartFault,
@@ -433,7 +430,6 @@ impl EmulatedBoard {
         std::iter::from_fn(|| link.take_joint_telemetry()).collect()
     }
 
-    /// Injects a fault.
     pub fn inject(&mut self, injection: Injection) {
         match injection {
             Injection::AdcStalled(stalled) => self.adc_stalled = stalled,
@@ -601,7 +597,6 @@ impl EmulatedBoard {
         Ok(bytes)
     }
 
-    /// The error for a process that ended.
     fn ended(&mut self) -> BoardError {
         let mut message = String::new();
         if let Some(mut errors) = self.process.stderr.take() {

@@ -50,7 +50,6 @@ impl Variant {
         }
     }
 
-    /// Shown in messages.
     fn name(self) -> &'static str {
         match self {
             Self::Standard => "the firmware",

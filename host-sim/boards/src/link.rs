@@ -41,7 +41,6 @@ impl Link {
         (self.sequence, frame)
     }
 
-    /// Decodes bytes from the board.
     pub fn feed(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             match self.decoder.push(byte) {

@@ -11,7 +11,6 @@ use thermyo_protocol::{
 };
 use thermyo_simulation::board::BoardError;
 
-/// The board.
 pub struct LiveJoint {
     live: Live,
 }

@@ -66,7 +66,6 @@ impl PtyBoard {
         self.in_boot_loader.load(Ordering::Relaxed)
     }
 
-    /// Name of the port to open.
     pub fn port(&self) -> &str {
         &self.port
     }

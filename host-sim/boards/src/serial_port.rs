@@ -4,10 +4,8 @@ use std::time::Duration;
 use thermyo_protocol::BAUD;
 use thermyo_simulation::board::BoardError;
 
-/// Longest wait of one read.
 pub const READ: Duration = Duration::from_millis(20);
 
-/// Opens a port at the board's speed.
 pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
     let opened = serialport::new(port, BAUD).timeout(READ).open();
     let mut opened = opened.map_err(|error| {

@@ -114,7 +114,6 @@ pub trait Subject: Sized + Send + 'static {
 
     fn checksum(config: &Self::Config) -> u32;
 
-    /// The configuration in use.
     fn config(&mut self) -> Result<Self::Config, BoardError>;
 
     /// Sends a configuration and its name; the board accepts or refuses it as a whole.
@@ -249,9 +248,7 @@ pub trait Subject: Sized + Send + 'static {
 
     fn is_checking(telemetry: &Self::Telemetry) -> bool;
 
-    /// The highest pressure \[Pa\].
     fn pressure_pa(telemetry: &Self::Telemetry) -> f32;
 
-    /// Faults that vent.
     fn venting(telemetry: &Self::Telemetry) -> Faults;
 }

@@ -37,7 +37,6 @@ const SOUND_S_M: f64 = 0.0029;
 /// Scenario of a joint, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointLoaded {
-    /// Muscles a and b.
     pub muscles: [Loaded; 2],
     /// The mechanism; with a table of radii it has the cubic through them.
     pub joint: Joint,
@@ -79,7 +78,6 @@ impl JointLoaded {
         Some(radii::off(&self.joint, rows, &self.believed))
     }
 
-    /// The set point at a time \[s\].
     pub fn motion(&self, time_s: f64) -> Motion {
         match &self.profile {
             Some([angle, stiffness]) => {
@@ -124,7 +122,6 @@ impl JointLoaded {
         Some((key, problem))
     }
 
-    /// External torque at a time \[N m\].
     pub fn load_n_m(&self, time_s: f64) -> f64 {
         self.drive.load_n_m + self.load.as_ref().map_or(0.0, |load| load.value(time_s))
     }
@@ -502,7 +499,6 @@ pub fn angle_and_stiffness(table: &Table, joint: &Joint) -> Result<[Profile; 2],
     Ok([angle, profile_in(table, "stiffness_n_m_rad", (stiffness, ""))?])
 }
 
-/// The table in the file of a key.
 fn table_of(document: &JointDocument, key: &str, path: &Path) -> Result<Table, InputError> {
     read_table(&beside(document, path))
         .map_err(|file| document.blame(key, Problem::Reference { key: key.to_owned(), file }))

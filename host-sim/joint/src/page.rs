@@ -22,12 +22,10 @@ impl Default for PageRecorder {
 }
 
 impl PageRecorder {
-    /// Takes a logged row.
     pub fn add(&mut self, row: &Row) {
         self.recorder.push(&row.cells());
     }
 
-    /// The page of a run.
     pub fn page(&self, title: &str, loaded: &JointLoaded, summary: &Summary) -> String {
         let lead = summary.figures.lead(&format!(
             "{} s simulated at {:.0} times real time.",

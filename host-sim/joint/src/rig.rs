@@ -17,7 +17,6 @@ use thermyo_simulation::adc::VirtualAdc;
 use thermyo_simulation::encoder::VirtualEncoder;
 use thermyo_simulation::faults::InjectedFaults;
 
-/// Steps of the startup check, at most.
 const MOST_CHECK_STEPS: u32 = 100_000;
 
 /// Why a run ended early.
@@ -27,7 +26,6 @@ pub enum RunError {
     Build(BuildError),
     /// The core refuses its configuration.
     Config(ConfigError),
-    /// The core refuses a set point.
     SetPoint(JointError),
     /// The plant left the range of its equations.
     Diverged(Diverged),
@@ -49,14 +47,11 @@ impl fmt::Display for RunError {
 
 impl std::error::Error for RunError {}
 
-/// Inputs of a step from outside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
     /// Set point from the next step on.
     pub set_point: JointSetPoint,
-    /// External torque \[N m\].
     pub load_n_m: f64,
-    /// Tendons that are torn.
     pub torn: [bool; 2],
 }
 
@@ -67,16 +62,13 @@ impl Inputs {
     }
 }
 
-/// One step of a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Row {
-    /// Time \[s\].
     pub time_s: f64,
     /// The plant's state.
     pub truth: JointTruth,
     /// Stiffness behind shut valves, by the plant's pressures \[N m/rad\].
     pub stiffness_n_m_rad: f64,
-    /// Inputs that the step began with.
     pub inputs: Inputs,
     /// Their set point as it is by now: a motion has gone on since it was given.
     pub set_point: JointSetPoint,

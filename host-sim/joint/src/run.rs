@@ -26,7 +26,6 @@ pub fn run(
 }
 
 impl JointLoaded {
-    /// Inputs by the drive at a time \[s\].
     pub fn inputs(&self, time_s: f64) -> Inputs {
         let load_n_m = self.load_n_m(time_s);
         Inputs { load_n_m, ..Inputs::of(self.motion(time_s)) }

@@ -17,7 +17,6 @@ const LEAST_STIFFNESS_N_M_RAD: f64 = 0.1;
 /// How a joint moved: of a run by its plant, of a board by its readings.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figures {
-    /// Lowest and highest angle \[rad\].
     pub angle_rad: [f64; 2],
     /// RMS error of the angle against its set point, over the run \[rad\].
     pub rms_error_rad: f64,
@@ -37,14 +36,11 @@ pub struct Figures {
     pub vented_s: Option<f64>,
 }
 
-/// The content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
-    /// Simulated time \[s\].
     pub duration_s: f64,
     /// Simulated time per wall-clock time \[-\].
     pub real_time_factor: f64,
-    /// The board that ran the core.
     pub board: &'static str,
     #[serde(flatten)]
     pub figures: Figures,
@@ -107,7 +103,6 @@ impl Accumulator {
         }
     }
 
-    /// Takes a step.
     pub fn add(&mut self, row: &Row) {
         let Row { truth, telemetry, .. } = row;
         self.rows += 1.0;

@@ -9,7 +9,6 @@ use thermyo_protocol::Status;
 use thermyo_record::board_trace::{Recorder, status_cells};
 use thermyo_scenario::short;
 
-/// The file.
 pub const FILE: &str = "joint_trace.csv";
 
 /// The columns, in order; those with `a_` and `b_` are of one muscle. `thermyo replay` needs those from
@@ -155,7 +154,6 @@ fn kind_and_values(set_point: JointSetPoint) -> (u8, [f32; 4]) {
 /// The last number of a set point.
 pub const LAST_KIND: u8 = 5;
 
-/// The set point of a number and its values.
 pub fn set_point(kind: u8, values: [f32; 4]) -> JointSetPoint {
     let [first, second, third, fourth] = values;
     match kind {

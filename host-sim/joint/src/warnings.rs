@@ -203,7 +203,6 @@ struct Pair {
     angle_rad: f64,
     radius_m: f32,
     lines: [Line; 2],
-    /// Highest gauge pressures \[Pa\].
     most_pa: [f32; 2],
 }
 
@@ -231,7 +230,6 @@ impl Pair {
         -gravity_n_m - loaded.drive.load_n_m
     }
 
-    /// Least and largest torque \[N m\].
     fn torques_n_m(&self) -> [f64; 2] {
         let [a, b] = self.most_pa;
         [[0.0, b], [a, 0.0]]

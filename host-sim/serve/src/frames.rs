@@ -16,7 +16,6 @@ pub trait Shown: Subject<SetPoint: Serialize> {
     /// Whether the estimate of each gas temperature is to be relied on.
     type Valid: Serialize;
 
-    /// Configurations of the muscles.
     fn muscles(config: &Self::Config) -> &[Config];
 
     fn mode(telemetry: &Self::Telemetry) -> &'static str;

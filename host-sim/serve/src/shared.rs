@@ -18,7 +18,6 @@ const MOST_EVENTS: usize = 100;
 
 #[derive(Debug)]
 pub struct Shared {
-    /// Kind of the board.
     pub kind: Kind,
     pub orders: Orders,
     pub seats: Seats,
@@ -73,7 +72,6 @@ impl Shared {
         self.ended.load(Ordering::Acquire)
     }
 
-    /// Adds an event.
     pub fn log(&self, weight: Weight, text: impl Into<String>) {
         let mut events = locked(&self.events);
         events.push_front(Event::now(weight, text.into()));

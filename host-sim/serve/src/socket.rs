@@ -30,7 +30,6 @@ struct Own {
     kind: &'static str,
     /// This page steers; others only watch.
     steers: bool,
-    /// Number of open pages.
     pages: usize,
     /// Frames dropped because the page was too slow.
     lost_frames: u64,

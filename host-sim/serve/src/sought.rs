@@ -26,7 +26,6 @@ const USUAL: usize = 3;
 /// Keys of a record of motion that only such a record has: slip and creep.
 const OF_MOTION: usize = 7;
 
-/// Kind of an identification.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sought {

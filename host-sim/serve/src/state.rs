@@ -23,7 +23,6 @@ pub struct State {
     /// Always "state": distinguishes it from other messages.
     pub kind: &'static str,
     pub link: Link,
-    /// Name of the served target.
     pub target: String,
     pub board: Option<Board>,
     pub configuration: Configuration,
@@ -31,7 +30,6 @@ pub struct State {
     pub former: Option<String>,
     /// Highest absolute pressure of set points \[Pa\]; none if the board is not armed.
     pub armed_pa: Option<f32>,
-    /// Names of the present faults.
     pub faults: Vec<String>,
     /// Whether one of them vents.
     pub vents: bool,
@@ -43,7 +41,6 @@ pub struct State {
     pub results: Vec<ResultLink>,
     /// The guided task.
     pub guide: Option<Guide>,
-    /// The identification or comparison.
     pub study: Option<Study>,
     /// The events, the latest first.
     pub events: Vec<Event>,
@@ -100,9 +97,7 @@ pub enum Part {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct JointPart {
-    /// Lower stop \[rad\].
     pub minimum_rad: f32,
-    /// Upper stop \[rad\].
     pub maximum_rad: f32,
     /// Longest time of a lock \[s\]; 0: it never locks.
     pub lock_s: f32,
@@ -139,7 +134,6 @@ impl Configuration {
 pub struct Recorded {
     /// Steps so far.
     pub rows: u64,
-    /// Time since its start \[s\].
     pub time_s: f64,
 }
 
@@ -168,7 +162,6 @@ pub struct Guide {
     /// Finished fraction \[-\].
     pub progress: Option<f64>,
     pub result: Option<String>,
-    /// The task has ended.
     pub over: bool,
 }
 

@@ -34,7 +34,6 @@ use thermyo_setup::from_config;
 #[cfg(target_os = "linux")]
 const LEAST_URGENT: i32 = 19;
 
-/// The one study of the page.
 #[derive(Debug, Default)]
 pub struct Study {
     works: Option<Works>,
@@ -264,7 +263,6 @@ impl Study {
         }
     }
 
-    /// State for the page.
     pub fn state(&self) -> Option<state::Study> {
         let Some(Works { title, progress, .. }) = &self.works else {
             return self.over.as_ref().map(|over| over.shown.clone());

@@ -55,7 +55,6 @@ const REPORT_POLICY: &str = "default-src 'none'; script-src 'unsafe-inline'; sty
 
 const PLAIN: &str = "text/plain; charset=utf-8";
 
-/// Address of the page.
 #[derive(Debug, Clone)]
 pub struct Address {
     port: u16,

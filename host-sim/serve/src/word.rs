@@ -25,7 +25,9 @@ pub enum Word {
 #[serde(rename_all = "snake_case")]
 pub enum Order {
     /// Arms up to this absolute pressure \[Pa\]; `None`: the configuration's limit.
-    Arm { most_pa: Option<f32> },
+    Arm {
+        most_pa: Option<f32>,
+    },
     /// A set point of one muscle.
     Set(SetPoint),
     /// A set point of a joint.
@@ -37,24 +39,28 @@ pub enum Order {
     Configure(Option<ScenarioText>),
     /// Sends the configuration that the board had before the last change.
     Back,
-    /// Saves the configuration in flash.
     Save,
-    /// Starts a recording.
     Record,
-    /// Ends the recording.
     Finish,
-    /// Starts the calibration of a sensor.
     Calibrate(SensorName),
     /// The typed reading of the reference.
     Reference(String),
     /// Starts a tuning, up to this absolute pressure \[Pa\].
-    Tune { most_pa: f64 },
+    Tune {
+        most_pa: f64,
+    },
     /// Measures the gas temperature at stops, up to this absolute pressure \[Pa\].
-    Stops { most_pa: f64 },
+    Stops {
+        most_pa: f64,
+    },
     /// Leaves the guided task, or closes its result.
     Leave,
     /// Identifies these keys of the board's configuration from a record.
-    Identify { data: Source, sought: Sought, keys: Vec<String> },
+    Identify {
+        data: Source,
+        sought: Sought,
+        keys: Vec<String>,
+    },
     /// Compares the second record with the first.
     Compare([Source; 2]),
     /// Sends the configuration with the identified values.
@@ -90,7 +96,6 @@ impl Order {
     }
 }
 
-/// A scenario as the page has read it.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 pub struct ScenarioText {
     pub name: String,
@@ -98,7 +103,6 @@ pub struct ScenarioText {
 }
 
 impl ScenarioText {
-    /// Name of the configuration.
     pub fn stem(&self) -> String {
         Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
     }

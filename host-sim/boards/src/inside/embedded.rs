@@ -8,7 +8,6 @@ use thermyo_simulation::board::BoardError;
 
 const ARCHIVE: &[u8] = include_bytes!(env!("THERMYO_INSIDE"));
 
-/// A built-in file.
 pub fn file(name: &str) -> Option<Vec<u8>> {
     Some(archive::file(ARCHIVE, name).expect("the archive is whole and complete"))
 }

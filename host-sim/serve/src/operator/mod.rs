@@ -152,7 +152,6 @@ impl<S: Served> Operator<S> {
         Ok(operator)
     }
 
-    /// The state that it shares with the sockets.
     pub fn shared(&self) -> Arc<Shared> {
         Arc::clone(&self.shared)
     }
@@ -417,7 +416,6 @@ impl<S: Served> Operator<S> {
         Ok(())
     }
 
-    /// The board, if there is a link to it.
     fn linked(&mut self) -> Result<&mut S, NotDone> {
         self.board.as_mut().ok_or(NO_LINK)
     }

@@ -14,7 +14,6 @@ use model_core::safety::supervisor::VENTING;
 /// Faults of a muscle, of a second one, and of their joint.
 pub type Held = [Faults; 3];
 
-/// Faults that vent.
 pub(super) const VENTS: Faults =
     VENTING.with(Faults::JOINT_ANGLE).with(Faults::JOINT_WRONG_WAY).with(Faults::JOINT_TORQUE);
 
@@ -43,7 +42,6 @@ pub trait Served: Shown {
     /// Name of what an emulated board has at its pins, if it is known.
     fn own(target: &Target) -> Option<String>;
 
-    /// The set point that an order asks for.
     fn asked(order: &Order) -> Option<Self::SetPoint>;
 
     /// A set point in words.
@@ -56,7 +54,6 @@ pub trait Served: Shown {
 
     fn faults(telemetry: &Self::Telemetry) -> Held;
 
-    /// Names of faults, each with its place.
     fn names(held: Held) -> Vec<String>;
 
     /// Carries out an order that not every board has.

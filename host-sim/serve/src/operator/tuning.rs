@@ -17,9 +17,7 @@ use thermyo_studies::tune::{Bench, TuneError, Tuned};
 pub struct Part {
     /// Number of the run, from 1 on.
     pub number: u32,
-    /// Duration of the run \[s\].
     pub duration_s: f64,
-    /// Time since its start \[s\].
     pub time_s: f64,
 }
 
@@ -58,7 +56,6 @@ pub fn tune(
     tune::tune_on(configured, Path::new("the board's configuration"), highest_pa, &mut watched)
 }
 
-/// Writes the results into a folder.
 pub fn write(tuned: &Tuned, folder: &Path, name: &str) -> Result<(), InputError> {
     let mut files = OutputDir::create(folder)?;
     let json = serde_json::to_string_pretty(&tuned.findings).expect("plain data") + "\n";

@@ -20,10 +20,8 @@ pub trait Record: Sized + Send + 'static {
 
     fn new(config: &<Self::Board as Subject>::Config) -> Result<Self, InputError>;
 
-    /// The scenario that gives the configuration.
     fn scenario(&self) -> String;
 
-    /// Writes a row.
     fn write(
         &mut self,
         recorder: &mut Recorder,
