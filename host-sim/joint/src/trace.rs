@@ -7,84 +7,102 @@ use thermyo_plant::Truth;
 use thermyo_plant::joint::JointTruth;
 use thermyo_protocol::Status;
 use thermyo_record::board_trace::{Recorder, status_cells};
+use thermyo_record::trace::{flag, names};
 use thermyo_scenario::short;
 
 pub const FILE: &str = "joint_trace.csv";
 
+/// Whether a column is the core's output, and its cell in a row.
+type Cell = (bool, fn(&Row) -> f64);
+/// A cell of muscle a, 0, or b, 1.
+type OfMuscle = fn(&Row, usize) -> f64;
+
+const OUTPUT: bool = true;
+const OTHER: bool = false;
+
+/// Columns of the joint, and of either muscle: those of muscle a, then those of muscle b.
+macro_rules! columns {
+    ($(
+        joint { $($joint:literal, $output:ident, $cell:expr;)* }
+        muscles { $($muscle:literal, $of_core:ident, $of_muscle:expr;)* }
+    )*) => {
+        [$(
+            $(($joint, ($output, $cell)),)*
+            $((concat!("a_", $muscle), ($of_core, |row| { let of: OfMuscle = $of_muscle; of(row, 0) })),)*
+            $((concat!("b_", $muscle), ($of_core, |row| { let of: OfMuscle = $of_muscle; of(row, 1) })),)*
+        )*]
+    };
+}
+
 /// The columns, in order; those with `a_` and `b_` are of one muscle. `thermyo replay` needs those from
 /// `step` on.
-pub const COLUMNS: [&str; 70] = [
-    "time_s",
-    "angle_rad",
-    "angle_reference_rad",
-    "stiffness_n_m_rad",
-    "stiffness_reference_n_m_rad",
-    "torque_n_m",
-    "speed_rad_s",
-    "load_n_m",
-    "measured_angle_rad",
-    "estimated_speed_rad_s",
-    "estimated_torque_n_m",
-    "estimated_stiffness_n_m_rad",
-    "disturbance_n_m",
-    "mode",
-    "limited",
-    "faults",
-    "a_pressure_pa",
-    "a_length_m",
-    "a_tension_n",
-    "a_gas_temperature_k",
-    "a_wall_temperature_k",
-    "a_sensor_gas_k",
-    "a_estimate_k",
-    "a_estimate_sd_k",
-    "a_duty_in",
-    "a_duty_out",
-    "a_faults",
-    "b_pressure_pa",
-    "b_length_m",
-    "b_tension_n",
-    "b_gas_temperature_k",
-    "b_wall_temperature_k",
-    "b_sensor_gas_k",
-    "b_estimate_k",
-    "b_estimate_sd_k",
-    "b_duty_in",
-    "b_duty_out",
-    "b_faults",
-    "step",
-    "emergency_stop",
-    "heard",
-    "flooded",
-    "missed_steps",
-    "code_angle",
-    "reference_rad",
-    "set_point_kind",
-    "set_point_1",
-    "set_point_2",
-    "set_point_3",
-    "set_point_4",
-    "a_measured_pressure_pa",
-    "a_measured_length_m",
-    "a_wall_estimate_k",
-    "a_sensor_estimate_k",
-    "a_mass_estimate_kg",
-    "a_heat_scale",
-    "a_sensor_lag_s",
-    "a_estimate_valid",
-    "a_code_pressure",
-    "a_code_gas",
-    "b_measured_pressure_pa",
-    "b_measured_length_m",
-    "b_wall_estimate_k",
-    "b_sensor_estimate_k",
-    "b_mass_estimate_kg",
-    "b_heat_scale",
-    "b_sensor_lag_s",
-    "b_estimate_valid",
-    "b_code_pressure",
-    "b_code_gas",
-];
+const CELLS: [(&str, Cell); 70] = columns! {
+    joint {
+        "time_s", OTHER, |row| row.time_s;
+        "angle_rad", OTHER, |row| row.truth.angle_rad;
+        "angle_reference_rad", OTHER, |row| wanted(row)[0];
+        "stiffness_n_m_rad", OTHER, |row| row.stiffness_n_m_rad;
+        "stiffness_reference_n_m_rad", OTHER, |row| wanted(row)[1];
+        "torque_n_m", OTHER, |row| row.truth.torque_n_m;
+        "speed_rad_s", OTHER, |row| row.truth.speed_rad_s;
+        "load_n_m", OTHER, |row| row.inputs.load_n_m;
+        "measured_angle_rad", OUTPUT, |row| row.telemetry.angle_rad.into();
+        "estimated_speed_rad_s", OUTPUT, |row| row.telemetry.speed_rad_s.into();
+        "estimated_torque_n_m", OUTPUT, |row| row.telemetry.torque_n_m.into();
+        "estimated_stiffness_n_m_rad", OUTPUT, |row| row.telemetry.stiffness_n_m_rad.into();
+        "disturbance_n_m", OUTPUT, |row| row.telemetry.disturbance_n_m.into();
+        "mode", OUTPUT, |row| f64::from(row.telemetry.mode as u8);
+        "limited", OUTPUT, |row| flag(row.telemetry.limited);
+        "faults", OUTPUT, |row| row.telemetry.faults.0.into();
+    }
+    muscles {
+        "pressure_pa", OTHER, |row, i| row.truth.muscles[i].pressure_pa;
+        "length_m", OTHER, |row, i| row.truth.muscles[i].length_m;
+        "tension_n", OTHER, |row, i| row.truth.tension_n[i];
+        "gas_temperature_k", OTHER, |row, i| row.truth.muscles[i].gas_temperature_k;
+        "wall_temperature_k", OTHER, |row, i| row.truth.muscles[i].wall_temperature_k;
+        "sensor_gas_k", OTHER, |row, i| row.sensor_gas_k[i];
+        "estimate_k", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.gas_k.into();
+        "estimate_sd_k", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.gas_sd_k.into();
+        "duty_in", OUTPUT, |row, i| row.telemetry.muscles[i].command.inlet.share().into();
+        "duty_out", OUTPUT, |row, i| row.telemetry.muscles[i].command.outlet.share().into();
+        "faults", OUTPUT, |row, i| row.telemetry.muscles[i].faults.0.into();
+    }
+    joint {
+        "step", OTHER, |row| row.telemetry.step().into();
+        "emergency_stop", OTHER, |row| flag(row.telemetry.sample().emergency_stop);
+        "heard", OTHER, |row| flag(row.telemetry.sample().heard);
+        "flooded", OTHER, |row| flag(row.telemetry.sample().flooded);
+        "missed_steps", OTHER, |row| row.telemetry.sample().missed_steps.into();
+        "code_angle", OTHER, |row| row.telemetry.sample().angle.0.into();
+        "reference_rad", OUTPUT, |row| row.telemetry.reference_rad.into();
+        "set_point_kind", OUTPUT, |row| kind_and_values(row.telemetry.set_point).0.into();
+        "set_point_1", OTHER, |row| kind_and_values(row.telemetry.set_point).1[0].into();
+        "set_point_2", OTHER, |row| kind_and_values(row.telemetry.set_point).1[1].into();
+        "set_point_3", OTHER, |row| kind_and_values(row.telemetry.set_point).1[2].into();
+        "set_point_4", OTHER, |row| kind_and_values(row.telemetry.set_point).1[3].into();
+    }
+    muscles {
+        "measured_pressure_pa", OUTPUT, |row, i| row.telemetry.muscles[i].pressure_pa.into();
+        "measured_length_m", OUTPUT, |row, i| row.telemetry.muscles[i].length_m.into();
+        "wall_estimate_k", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.wall_k.into();
+        "sensor_estimate_k", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.sensor_k.into();
+        "mass_estimate_kg", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.mass_kg.into();
+        "heat_scale", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.heat_scale.into();
+        "sensor_lag_s", OUTPUT, |row, i| row.telemetry.muscles[i].estimate.sensor_lag_s.into();
+        "estimate_valid", OUTPUT, |row, i| flag(row.telemetry.muscles[i].estimate.valid);
+        "code_pressure", OTHER, |row, i| row.telemetry.muscles[i].sample.pressure.to_bits().into();
+        "code_gas", OTHER, |row, i| row.telemetry.muscles[i].sample.gas.to_bits().into();
+    }
+};
+
+/// Their names.
+pub const COLUMNS: [&str; CELLS.len()] = names(&CELLS);
+
+/// The angle \[rad\] and stiffness \[N m/rad\] that a row's set point asks for.
+fn wanted(row: &Row) -> [f64; 2] {
+    row.wanted().unwrap_or([f64::NAN; 2])
+}
 
 /// Columns that only a board's record has, after [`COLUMNS`].
 const BOARD_COLUMNS: [&str; 4] = ["armed_pa", "restarts", "starts", "config_checksum"];
@@ -96,37 +114,7 @@ pub fn board_columns() -> Vec<&'static str> {
 
 /// Whether a column is the core's output, which a replay has to give again.
 pub fn is_output(column: &str) -> bool {
-    const OF_JOINT: [&str; 10] = [
-        "measured_angle_rad",
-        "estimated_speed_rad_s",
-        "estimated_torque_n_m",
-        "estimated_stiffness_n_m_rad",
-        "disturbance_n_m",
-        "mode",
-        "limited",
-        "faults",
-        "reference_rad",
-        "set_point_kind",
-    ];
-    const OF_MUSCLE: [&str; 13] = [
-        "estimate_k",
-        "estimate_sd_k",
-        "duty_in",
-        "duty_out",
-        "faults",
-        "measured_pressure_pa",
-        "measured_length_m",
-        "wall_estimate_k",
-        "sensor_estimate_k",
-        "mass_estimate_kg",
-        "heat_scale",
-        "sensor_lag_s",
-        "estimate_valid",
-    ];
-    match column.strip_prefix("a_").or_else(|| column.strip_prefix("b_")) {
-        Some(of_muscle) => OF_MUSCLE.contains(&of_muscle),
-        None => OF_JOINT.contains(&column),
-    }
+    CELLS.iter().any(|(name, (output, _))| *output && *name == column)
 }
 
 /// Number and values of a set point: angle, speed, acceleration and stiffness; torque and stiffness; pressures;
@@ -205,79 +193,8 @@ impl Row {
 
     /// The cells, in the order of [`COLUMNS`].
     pub fn cells(&self) -> Vec<f64> {
-        let Self { truth, telemetry, .. } = self;
-        let [angle_rad, stiffness_n_m_rad] = self.wanted().unwrap_or([f64::NAN; 2]);
-        let mut cells = vec![
-            self.time_s,
-            truth.angle_rad,
-            angle_rad,
-            self.stiffness_n_m_rad,
-            stiffness_n_m_rad,
-            truth.torque_n_m,
-            truth.speed_rad_s,
-            self.inputs.load_n_m,
-            f64::from(telemetry.angle_rad),
-            f64::from(telemetry.speed_rad_s),
-            f64::from(telemetry.torque_n_m),
-            f64::from(telemetry.stiffness_n_m_rad),
-            f64::from(telemetry.disturbance_n_m),
-            f64::from(telemetry.mode as u8),
-            f64::from(u8::from(telemetry.limited)),
-            f64::from(telemetry.faults.0),
-        ];
-        for (i, muscle) in telemetry.muscles.iter().enumerate() {
-            let plant = &truth.muscles[i];
-            cells.extend([
-                plant.pressure_pa,
-                plant.length_m,
-                truth.tension_n[i],
-                plant.gas_temperature_k,
-                plant.wall_temperature_k,
-                self.sensor_gas_k[i],
-                f64::from(muscle.estimate.gas_k),
-                f64::from(muscle.estimate.gas_sd_k),
-                f64::from(muscle.command.inlet.share()),
-                f64::from(muscle.command.outlet.share()),
-                f64::from(muscle.faults.0),
-            ]);
-        }
-        cells.extend(raw_cells(telemetry));
-        cells
+        CELLS.iter().map(|(_, (_, cell))| cell(self)).collect()
     }
-}
-
-/// Raw sample, set point, and the outputs that only a replay needs.
-fn raw_cells(telemetry: &JointTelemetry) -> Vec<f64> {
-    let sample = telemetry.sample();
-    let flag = |flag: bool| f64::from(u8::from(flag));
-    let (kind, values) = kind_and_values(telemetry.set_point);
-    let mut cells = vec![
-        f64::from(telemetry.step()),
-        flag(sample.emergency_stop),
-        flag(sample.heard),
-        flag(sample.flooded),
-        f64::from(sample.missed_steps),
-        f64::from(sample.angle.0),
-        f64::from(telemetry.reference_rad),
-        f64::from(kind),
-    ];
-    cells.extend(values.map(f64::from));
-    for muscle in &telemetry.muscles {
-        let estimate = &muscle.estimate;
-        cells.extend([
-            f64::from(muscle.pressure_pa),
-            f64::from(muscle.length_m),
-            f64::from(estimate.wall_k),
-            f64::from(estimate.sensor_k),
-            f64::from(estimate.mass_kg),
-            f64::from(estimate.heat_scale),
-            f64::from(estimate.sensor_lag_s),
-            flag(estimate.valid),
-            f64::from(muscle.sample.pressure.to_bits()),
-            f64::from(muscle.sample.gas.to_bits()),
-        ]);
-    }
-    cells
 }
 
 /// Writes one row of a board's record; an empty `status` leaves its columns empty.

@@ -49,17 +49,21 @@ const CELLS: [Column; 37] = [
 ];
 
 /// Their names.
-pub const COLUMNS: [&str; CELLS.len()] = {
-    let mut names = [""; CELLS.len()];
+pub const COLUMNS: [&str; CELLS.len()] = names(&CELLS);
+
+/// The names of columns, at compile time.
+pub const fn names<T, const N: usize>(columns: &[(&'static str, T); N]) -> [&'static str; N] {
+    let mut names = [""; N];
     let mut i = 0;
-    while i < names.len() {
-        names[i] = CELLS[i].0;
+    while i < N {
+        names[i] = columns[i].0;
         i += 1;
     }
     names
-};
+}
 
-fn flag(flag: bool) -> f64 {
+/// A cell that is 1 or 0.
+pub fn flag(flag: bool) -> f64 {
     f64::from(u8::from(flag))
 }
 
