@@ -39,7 +39,7 @@ impl Sweep {
     }
 
     fn __len__(&self) -> usize {
-        self.points.study.points()
+        self.points.study.plan.points()
     }
 
     #[getter]
@@ -70,7 +70,7 @@ impl Sweep {
 impl Sweep {
     /// Index of a point; points count from 1 as in the table.
     fn known(&self, point: usize) -> PyResult<usize> {
-        let all = self.points.study.points();
+        let all = self.points.study.plan.points();
         match point.checked_sub(1) {
             Some(index) if index < all => Ok(index),
             _ => Err(PyIndexError::new_err(format!("point {point}: must be 1 to {all}"))),

@@ -299,7 +299,7 @@ pub fn merge(folders: &[PathBuf]) -> Result<(Study, Vec<Point>), MergeError> {
     let Some((_, study)) = whole else { return Err(MergeError::NoSweep(String::new())) };
     let missing: Vec<usize> = study.own().into_iter().filter(|p| !rows.contains_key(p)).collect();
     if !missing.is_empty() {
-        let (count, of) = (missing.len(), study.points());
+        let (count, of) = (missing.len(), study.plan.points());
         return Err(MergeError::Missing { count, of, named: named(&study, &missing) });
     }
     Ok((study, rows.into_values().collect()))

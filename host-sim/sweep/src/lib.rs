@@ -101,7 +101,7 @@ impl Sweep {
         let sweep = Self { study, scenario };
         let own = sweep.study.own();
         if own.is_empty() {
-            return Err(SweepError::EmptyShard { shard, points: sweep.study.points() });
+            return Err(SweepError::EmptyShard { shard, points: sweep.study.plan.points() });
         }
         Ok(sweep)
     }
@@ -114,7 +114,7 @@ impl Sweep {
         for (point, outcome) in own.into_iter().zip(checked) {
             outcome.map_err(|error| {
                 let ranges: Vec<String> =
-                    self.study.ranges().iter().map(Range::to_string).collect();
+                    self.study.plan.ranges.iter().map(Range::to_string).collect();
                 SweepError::Point(ranges.join(" "), self.study.values_text(point), error)
             })?;
         }
@@ -165,7 +165,7 @@ impl Sweep {
 
     fn assemble(&self, point: usize) -> Result<Assembled, InputError> {
         let mut scenario = self.scenario.clone();
-        for (range, value) in self.study.ranges().iter().zip(self.study.values(point)) {
+        for (range, value) in self.study.plan.ranges.iter().zip(self.study.plan.values(point)) {
             let set = range.set(&mut scenario, value);
             set.map_err(|problem| InputError::file(scenario.origin(), problem))?;
         }

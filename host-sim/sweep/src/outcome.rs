@@ -73,12 +73,12 @@ impl<'a> Outcome<'a> {
             (*column, Extent { min_k, max_k, within })
         };
         Summary {
-            points: self.study.points(),
+            points: self.study.plan.points(),
             shard: self.study.shard.to_string(),
             run: self.rows.len(),
             failed: self.rows.len() - self.figures().count(),
-            varied: self.study.ranges().to_vec(),
-            lhs_seed: self.study.latin().map(|latin| latin.seed),
+            varied: self.study.plan.ranges.to_vec(),
+            lhs_seed: self.study.plan.latin.map(|latin| latin.seed),
             within_k,
             errors: WAYS.iter().map(extent).collect(),
             estimate_within_2sd: ends(self.figures().map(|figures| figures.within_2sd)),
@@ -147,7 +147,7 @@ impl<'a> Outcome<'a> {
 
     /// Figures of each point of the whole grid; none where it was not run, or diverged.
     fn grid(&self) -> Vec<Option<&Figures>> {
-        let mut grid = vec![None; self.study.points()];
+        let mut grid = vec![None; self.study.plan.points()];
         for row in &self.rows {
             grid[row.point] = row.figures.as_ref().ok();
         }
@@ -163,16 +163,16 @@ impl<'a> Outcome<'a> {
     /// The key along which a limit is searched: the first one with several values.
     pub(super) fn main_key(&self) -> usize {
         let several = |range: &Range| range.values.len() > 1;
-        self.study.ranges().iter().position(several).unwrap_or(0)
+        self.study.plan.ranges.iter().position(several).unwrap_or(0)
     }
 
     /// The points of each line along a key, ordered by the other keys.
     pub(super) fn lines(&self, key: usize) -> Vec<Vec<usize>> {
         let counts: Vec<usize> =
-            self.study.ranges().iter().map(|range| range.values.len()).collect();
+            self.study.plan.ranges.iter().map(|range| range.values.len()).collect();
         let stride: usize = counts[key + 1..].iter().product();
         (0..counts.iter().product())
-            .filter(|point| self.study.places(*point)[key] == 0)
+            .filter(|point| self.study.plan.places(*point)[key] == 0)
             .map(|first| (0..counts[key]).map(|i| first + i * stride).collect())
             .collect()
     }
@@ -180,7 +180,7 @@ impl<'a> Outcome<'a> {
     /// Range of the main key in which the errors are within a limit, line by line.
     pub(super) fn reaches(&self, way: usize, within_k: f64) -> Vec<Reach> {
         let key = self.main_key();
-        let range = &self.study.ranges()[key];
+        let range = &self.study.plan.ranges[key];
         let errors = self.errors_k(way);
         let along = |line: &Vec<usize>| -> Vec<f64> { line.iter().map(|i| errors[*i]).collect() };
         self.lines(key)
@@ -190,10 +190,10 @@ impl<'a> Outcome<'a> {
     }
 
     pub(super) fn conclusion(&self, within_k: f64) -> String {
-        if !self.study.is_map() {
+        if !self.study.plan.is_map() {
             return self.shares(within_k);
         }
-        let ranges = &self.study.ranges();
+        let ranges = &self.study.plan.ranges;
         let key = self.main_key();
         let changing = (0..ranges.len()).filter(|i| *i != key && ranges[*i].values.len() > 1);
         let others: Vec<usize> = changing.collect();
@@ -239,7 +239,7 @@ impl<'a> Outcome<'a> {
 
     /// Keys of a grid along which every figure stays the same, to the bit.
     pub(super) fn without_effect(&self) -> Vec<String> {
-        if self.study.latin().is_some() {
+        if self.study.plan.latin.is_some() {
             return Vec::new();
         }
         let grid = self.grid();
@@ -251,7 +251,7 @@ impl<'a> Outcome<'a> {
             several
                 && runs.all(|mut line| line.next().is_none_or(|first| line.all(|f| f.is(first))))
         };
-        let ranges = &self.study.ranges();
+        let ranges = &self.study.plan.ranges;
         (0..ranges.len()).filter(flat).map(|key| ranges[key].key.clone()).collect()
     }
 }

@@ -25,7 +25,7 @@ pub fn page(outcome: &Outcome, within_k: f64) -> String {
     let conclusion = outcome.conclusion(within_k);
     let page = Page::new(&format!("Sweep of {}", study.name), &conclusion, &study.scenario);
     let page = tiles(outcome, within_k).into_iter().fold(page, Page::tile);
-    let page = if study.is_map() {
+    let page = if study.plan.is_map() {
         page.section(maps(outcome, within_k)).section(limits(outcome, within_k))
     } else {
         page.section(clouds(outcome, within_k))
@@ -48,12 +48,12 @@ fn tiles(outcome: &Outcome, within_k: f64) -> Vec<Tile> {
 }
 
 fn axis(study: &Study, key: usize) -> String {
-    let (name, unit) = (&study.ranges()[key].key, study.unit(key));
+    let (name, unit) = (&study.plan.ranges[key].key, study.unit(key));
     if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") }
 }
 
 fn along(study: &Study, key: usize) -> Axis {
-    let range = &study.ranges()[key];
+    let range = &study.plan.ranges[key];
     let axis = Axis::new(&range.key, study.unit(key)).words(&range.words);
     if range.logarithmic { axis.log() } else { axis }
 }
@@ -61,12 +61,13 @@ fn along(study: &Study, key: usize) -> Axis {
 fn maps(outcome: &Outcome, within_k: f64) -> Section {
     let study = outcome.study;
     let section = Section::new("Which sensor is fast enough");
-    let several: Vec<usize> =
-        (0..study.ranges().len()).filter(|key| study.ranges()[*key].values.len() > 1).collect();
+    let several: Vec<usize> = (0..study.plan.ranges.len())
+        .filter(|key| study.plan.ranges[*key].values.len() > 1)
+        .collect();
     match several[..] {
         [x, y] => section.figures(pair(outcome, (x, y), &[], within_k)),
         [x, y, z] => {
-            let values = study.ranges()[z].values.iter().enumerate();
+            let values = study.plan.ranges[z].values.iter().enumerate();
             values.fold(section, |section, (place, _)| {
                 section.figures(pair(outcome, (x, y), &[(z, place)], within_k))
             })
@@ -83,10 +84,10 @@ fn clouds(outcome: &Outcome, within_k: f64) -> Section {
         .rows
         .iter()
         .step_by(every)
-        .filter_map(|row| Some((study.values(row.point), row.figures.as_ref().ok()?)))
+        .filter_map(|row| Some((study.plan.values(row.point), row.figures.as_ref().ok()?)))
         .collect();
     let section = Section::new("Errors over each key");
-    study.ranges().iter().enumerate().fold(section, |section, (key, range)| {
+    study.plan.ranges.iter().enumerate().fold(section, |section, (key, range)| {
         let values: Vec<f64> = shown.iter().map(|(values, _)| values[key]).collect();
         let panel =
             Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
@@ -104,7 +105,7 @@ fn clouds(outcome: &Outcome, within_k: f64) -> Section {
 fn lines(outcome: &Outcome, within_k: f64) -> Figure {
     let study = outcome.study;
     let key = outcome.main_key();
-    let range = &study.ranges()[key];
+    let range = &study.plan.ranges[key];
     let mut panel =
         Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
     panel = panel.height(300.0);
@@ -138,7 +139,7 @@ fn pair(
     let held_text: String = held
         .iter()
         .map(|(key, place)| {
-            let range = &study.ranges()[*key];
+            let range = &study.plan.ranges[*key];
             let value = match range.words.get(*place) {
                 Some(word) => word.clone(),
                 None => with_unit(range.values[*place], study.unit(*key)),
@@ -147,15 +148,17 @@ fn pair(
         })
         .collect();
     let places = |key: usize| {
-        let range = &study.ranges()[key];
+        let range = &study.plan.ranges[key];
         range.values.iter().map(|value| range.shown(*value)).collect()
     };
     let map = |way: usize, who: &str, caption: &str| {
         let errors = outcome.errors_k(way);
-        let mut cells =
-            vec![vec![f64::NAN; study.ranges()[x].values.len()]; study.ranges()[y].values.len()];
+        let mut cells = vec![
+            vec![f64::NAN; study.plan.ranges[x].values.len()];
+            study.plan.ranges[y].values.len()
+        ];
         for (point, error) in errors.into_iter().enumerate() {
-            let places = study.places(point);
+            let places = study.plan.places(point);
             if held.iter().all(|(key, place)| places[*key] == *place) {
                 cells[places[y]][places[x]] = error;
             }
@@ -187,12 +190,12 @@ fn pair(
 fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let study = outcome.study;
     let main = outcome.main_key();
-    let others: Vec<usize> = (0..study.ranges().len()).filter(|key| *key != main).collect();
+    let others: Vec<usize> = (0..study.plan.ranges.len()).filter(|key| *key != main).collect();
     let mut columns: Vec<String> = others.iter().map(|key| axis(study, *key)).collect();
     columns.extend(WAYS.iter().map(|(name, ..)| (*name).to_owned()));
     let reaches: Vec<_> = (0..WAYS.len()).map(|way| outcome.reaches(way, within_k)).collect();
     let caption =
-        format!("{}: where the RMS error is within {within_k} K", study.ranges()[main].key);
+        format!("{}: where the RMS error is within {within_k} K", study.plan.ranges[main].key);
     let section = Section::new("Limits");
     let interpolated = "Limits are interpolated between the points of the grid.";
     if others.is_empty() {
@@ -205,9 +208,9 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
         return section.table(table).paragraph(interpolated);
     }
     let row = |(i, line): (usize, Vec<usize>)| {
-        let values = study.values(line[0]);
+        let values = study.plan.values(line[0]);
         let mut cells: Vec<String> =
-            others.iter().map(|key| study.ranges()[*key].shown(values[*key])).collect();
+            others.iter().map(|key| study.plan.ranges[*key].shown(values[*key])).collect();
         cells.extend(reaches.iter().map(|lines| lines[i].text(study.unit(main))));
         cells
     };
@@ -217,7 +220,7 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
 
 fn how(outcome: &Outcome) -> Section {
     let study = outcome.study;
-    let rows = study.ranges().iter().enumerate().map(|(i, range)| {
+    let rows = study.plan.ranges.iter().enumerate().map(|(i, range)| {
         let (first, last) = (range.values[0], range.values[range.values.len() - 1]);
         let count = match range.interval {
             true => "any between".to_owned(),
@@ -239,7 +242,7 @@ fn how(outcome: &Outcome) -> Section {
          half of a run shorter than 20 s.",
         study.shard,
         outcome.rows.len(),
-        study.points()
+        study.plan.points()
     );
     let shares = ends(outcome.figures().map(|figures| figures.within_2sd));
     if let [Some(low), Some(high)] = shares {

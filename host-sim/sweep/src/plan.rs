@@ -15,10 +15,11 @@ pub struct Latin {
     pub seed: u64,
 }
 
+/// The points of a sweep.
 #[derive(Debug)]
-pub(super) struct Plan {
-    pub(super) ranges: Vec<Range>,
-    pub(super) latin: Option<Latin>,
+pub struct Plan {
+    pub ranges: Vec<Range>,
+    pub latin: Option<Latin>,
     /// For a hypercube: by key, then by point.
     drawn: Vec<Vec<f64>>,
 }
@@ -55,7 +56,7 @@ impl Plan {
         Ok(Self { ranges, latin, drawn })
     }
 
-    pub(super) fn points(&self) -> usize {
+    pub fn points(&self) -> usize {
         match self.latin {
             Some(latin) => latin.points,
             None => self.ranges.iter().map(|range| range.values.len()).product(),
@@ -63,7 +64,7 @@ impl Plan {
     }
 
     /// Index of a grid's point in each range; the last key changes from point to point.
-    pub(super) fn places(&self, mut point: usize) -> Vec<usize> {
+    pub fn places(&self, mut point: usize) -> Vec<usize> {
         let mut places = vec![0; self.ranges.len()];
         for (place, range) in places.iter_mut().zip(&self.ranges).rev() {
             *place = point % range.values.len();
@@ -73,7 +74,7 @@ impl Plan {
     }
 
     /// Values of a point, by key.
-    pub(super) fn values(&self, point: usize) -> Vec<f64> {
+    pub fn values(&self, point: usize) -> Vec<f64> {
         if self.latin.is_some() {
             return self.drawn.iter().map(|values| values[point]).collect();
         }
@@ -82,7 +83,7 @@ impl Plan {
 
     /// It can be drawn as lines or maps: a grid with at most three varying keys, all of them
     /// numbers.
-    pub(super) fn is_map(&self) -> bool {
+    pub fn is_map(&self) -> bool {
         let mut changing = self.ranges.iter().filter(|range| range.values.len() > 1);
         let numbers = changing.clone().all(|range| range.words.is_empty());
         self.latin.is_none() && numbers && changing.by_ref().count() <= 3

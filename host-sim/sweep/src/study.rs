@@ -5,7 +5,7 @@ use super::plan::{Latin, Plan};
 use super::range::allowed;
 use super::scenario::Assembled;
 use super::ways::WAYS;
-use super::{Figures, Range, Shard, SweepError};
+use super::{Figures, Shard, SweepError};
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Write};
 use thermyo_files::number::significant;
@@ -18,7 +18,7 @@ use thermyo_scenario::schema::Allowed;
 /// Scenario, plan and shard of a sweep.
 #[derive(Debug)]
 pub struct Study {
-    plan: Plan,
+    pub plan: Plan,
     pub(super) shard: Shard,
     pub name: String,
     /// The scenario without the varied keys' values, with all defaults.
@@ -80,7 +80,7 @@ impl Study {
             thermyo: env!("CARGO_PKG_VERSION").to_owned(),
             scenario: self.name.clone(),
             scenario_checksum: self.checksum.clone(),
-            vary: self.ranges().iter().map(|range| range.written().to_owned()).collect(),
+            vary: self.plan.ranges.iter().map(|range| range.written().to_owned()).collect(),
             lhs_points: self.plan.latin.map(|latin| latin.points),
             lhs_seed: self.plan.latin.map(|latin| latin.seed),
             shard: self.shard.to_string(),
@@ -91,37 +91,13 @@ impl Study {
         serde_json::to_string_pretty(&self.label()).expect("plain data") + "\n"
     }
 
-    pub fn ranges(&self) -> &[Range] {
-        &self.plan.ranges
-    }
-
-    pub fn latin(&self) -> Option<Latin> {
-        self.plan.latin
-    }
-
-    pub fn points(&self) -> usize {
-        self.plan.points()
-    }
-
     pub fn own(&self) -> Vec<usize> {
-        (0..self.points()).filter(|point| self.shard.has(*point)).collect()
-    }
-
-    pub(super) fn places(&self, point: usize) -> Vec<usize> {
-        self.plan.places(point)
-    }
-
-    pub(super) fn values(&self, point: usize) -> Vec<f64> {
-        self.plan.values(point)
-    }
-
-    pub(super) fn is_map(&self) -> bool {
-        self.plan.is_map()
+        (0..self.plan.points()).filter(|point| self.shard.has(*point)).collect()
     }
 
     /// "sensor.gas.time_constant_s = 3, plant.model = full".
     pub fn values_text(&self, point: usize) -> String {
-        let values = self.ranges().iter().zip(self.values(point));
+        let values = self.plan.ranges.iter().zip(self.plan.values(point));
         let each = values.map(|(range, value)| format!("{} = {}", range.key, range.text(value)));
         each.collect::<Vec<_>>().join(", ")
     }
@@ -144,8 +120,8 @@ impl Study {
 
     /// The quantity that a point's drive controls.
     pub(super) fn controlled(&self, point: usize) -> Option<Controlled> {
-        let varied = self.ranges().iter().position(|range| range.key == "drive.kind");
-        let own = varied.map(|key| self.ranges()[key].text(self.values(point)[key]));
+        let varied = self.plan.ranges.iter().position(|range| range.key == "drive.kind");
+        let own = varied.map(|key| self.plan.ranges[key].text(self.plan.values(point)[key]));
         let kinds = [("pressure", Controlled::Pressure), ("contraction", Controlled::Contraction)];
         // No other table of the scenario has these kinds.
         let driven = |kind: &str| match &own {
@@ -160,7 +136,7 @@ impl Study {
 
     /// SI unit of a key's values; empty for a ratio or a count.
     pub(super) fn unit(&self, key: usize) -> &'static str {
-        match allowed(&self.ranges()[key].key) {
+        match allowed(&self.plan.ranges[key].key) {
             Some(Allowed::Real(limits)) => limits.unit,
             _ => "",
         }
@@ -168,7 +144,7 @@ impl Study {
 
     /// Names of the columns of `sweep.csv`.
     pub fn csv_header(&self) -> String {
-        let keys = self.ranges().iter().map(|range| range.key.as_str());
+        let keys = self.plan.ranges.iter().map(|range| range.key.as_str());
         let errors = WAYS.iter().map(|(_, column, _)| *column);
         let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
         let all = all.chain(["estimate_within_2sd", "control_rms_error"]);
@@ -179,7 +155,7 @@ impl Study {
     /// Number and values of a point, the first cells of its row.
     fn csv_start(&self, point: usize) -> String {
         let mut text = (point + 1).to_string();
-        for (range, value) in self.ranges().iter().zip(self.values(point)) {
+        for (range, value) in self.plan.ranges.iter().zip(self.plan.values(point)) {
             text = text + "," + &range.text(value);
         }
         text
@@ -224,7 +200,7 @@ impl Study {
     /// Parses such a row; none where it is damaged, or of another study.
     pub(super) fn read_row(&self, line: &str) -> Option<Point> {
         let point = line.split(',').next()?.parse::<usize>().ok()?.checked_sub(1)?;
-        if point >= self.points() {
+        if point >= self.plan.points() {
             return None;
         }
         let (row, _) = line.rsplit_once(',')?;
@@ -313,14 +289,14 @@ mod tests {
                 sensor_gas: 0.1,
                 sensor_wall: f64::NAN,
                 model: f64::NAN,
-                estimate: if study.places(point)[1] == 0 { 0.2 } else { 0.3 },
+                estimate: if study.plan.places(point)[1] == 0 { 0.2 } else { 0.3 },
             };
             let of_joint = vec![0.5, f64::NAN];
             let figures =
                 Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), of_joint });
             Point { point, seed: 7, settled_s: 10.0, figures }
         };
-        let rows = (0..study.points()).map(point).collect();
+        let rows = (0..study.plan.points()).map(point).collect();
         assert_eq!(Outcome::new(&study, rows).without_effect(), ["run.seed"]);
     }
 
