@@ -25,7 +25,7 @@ pub struct EmulatedJoint {
 
 impl EmulatedJoint {
     /// Builds and loads the guest.
-    pub fn new() -> Self {
+    pub fn load() -> Self {
         let image = guest("joint-guest", TARGET, "joint-guest");
         let file = object::File::parse(&*image).expect("an ELF file");
         let scripts = prepare_emulator().expect("the emulator is there");
@@ -98,12 +98,6 @@ impl EmulatedJoint {
         let (length, _, mut telemetry) = self.call("telemetry", &[], BUFFER_BYTES);
         telemetry.truncate(length as usize);
         (telemetry, cycles)
-    }
-}
-
-impl Default for EmulatedJoint {
-    fn default() -> Self {
-        Self::new()
     }
 }
 

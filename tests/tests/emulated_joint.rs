@@ -71,7 +71,7 @@ fn a_pulley_that_varies_is_equal_to_the_bit_on_the_rp2040() {
 fn is_equal(scenario: &str) -> [u32; 3] {
     let loaded = parse(scenario, "joint.toml".as_ref()).unwrap();
     let mut rig = Rig::new(&loaded, inputs(0.0)).unwrap();
-    let mut chip = EmulatedJoint::new();
+    let mut chip = EmulatedJoint::load();
     chip.configure(&loaded.config());
     let mut held = inputs(0.0).set_point;
     chip.set(held);

@@ -90,7 +90,7 @@ fn drive_and_record(
     let mut recorder = Recorder::new(files.file("trace.csv")?)
         .map_err(|error| files.unwritable("trace.csv", &error))?
         .beside(args.log.wanted().open(&mut files, MUSCLE)?);
-    let (mut gathered, mut drawn) = (Gathered::new(&driven, measured.as_ref()), Drawn::new());
+    let (mut gathered, mut drawn) = (Gathered::new(&driven, measured.as_ref()), Drawn::default());
     interrupt::watch();
     if args.arm {
         board.arm(None)?;

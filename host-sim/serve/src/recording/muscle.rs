@@ -32,7 +32,7 @@ impl Record for MuscleRecord {
         (configured.plant.drive.kind, configured.believed.drive.kind) =
             (DriveKind::Closed, DriveKind::Closed);
         let gathered = Gathered::of_record(&configured);
-        Ok(Self { config: *config, configured, gathered, drawn: Drawn::new() })
+        Ok(Self { config: *config, configured, gathered, drawn: Drawn::default() })
     }
 
     fn scenario(&self) -> String {

@@ -7,13 +7,11 @@
 //! The core restarts with the first set point, so that the record replays from its step 0 on.
 
 mod bench;
-mod course;
 pub mod joint;
 mod page;
 mod summary;
 
 pub use bench::LiveBench;
-pub use course::Course;
 pub use page::{Drawn, page};
 pub use summary::{Driven, Gathered};
 
@@ -163,6 +161,20 @@ pub fn drive(
 ) -> Result<Ended, DriveError> {
     let course = MuscleCourse { set_points: SetPoints::new(driven), driven };
     follow(board, &course, wanted, each)
+}
+
+/// Set points over the steps of a drive.
+pub trait Course<P> {
+    fn steps(&self) -> u64;
+
+    /// Ambient pressure that the board is configured with \[Pa\].
+    fn ambient_pa(&self) -> f32;
+
+    /// The set point of step 0.
+    fn first(&self) -> P;
+
+    /// A set point that begins at a step.
+    fn acting_from(&self, step: u64) -> Option<P>;
 }
 
 /// The set points of a scenario.

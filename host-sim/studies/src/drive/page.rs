@@ -25,12 +25,6 @@ pub struct Drawn {
 
 impl Default for Drawn {
     fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl Drawn {
-    pub fn new() -> Self {
         let unknown = [
             "volume_m3",
             "flow_in_kg_s",
@@ -46,7 +40,9 @@ impl Drawn {
         let names: Vec<&str> = known.iter().map(|&i| COLUMNS[i]).collect();
         Self { series: Recorder::new(&names), known, controlled: None, mixed: false }
     }
+}
 
+impl Drawn {
     pub fn add(&mut self, row: &Row) {
         let controlled = match row.telemetry.set_point {
             SetPoint::Pressure { .. } => Some(Controlled::Pressure),
@@ -137,7 +133,7 @@ mod tests {
             "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"pressure\"\n";
         let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
         let config = core_config(&loaded.believed);
-        let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::new());
+        let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::default());
         run::on_core(&loaded, |row| {
             // A board sends only telemetry.
             let row = board_trace::row(row.truth.time_s, &config, &row.telemetry);
