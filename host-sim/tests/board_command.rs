@@ -210,6 +210,27 @@ fn a_saved_configuration_survives_a_power_cut() {
     assert!(found.contains("the core's defaults") && found.contains("not configured"), "{found}");
 }
 
+/// A table of twelve rows makes the longest configuration, which the flash refused as worn out.
+#[test]
+fn the_longest_configuration_is_saved_too() {
+    let bench = Bench::new();
+    let shipped =
+        |name: &str| fs::read_to_string(repository().join("scenarios").join(name)).unwrap();
+    let rows = shipped("bellows.csv") + "0.135,2.0395e-04,661.5\n";
+    fs::write(bench.path("twelve.csv"), rows).unwrap();
+    let scenario = bench.path("a-name-of-24-characters.toml");
+    let digital = "\n[sensor.gas]\nkind = \"max31865\"\n[sensor.pressure]\nkind = \"mpr\"\n";
+    let text = shipped("bellows.toml").replace("bellows.csv", "twelve.csv") + digital;
+    fs::write(&scenario, text).unwrap();
+    let scenario = scenario.display();
+    bench.ok(&format!("thermyo board emulated plug {scenario}"));
+    bench.ok(&format!("thermyo board emulated config write {scenario}"));
+    assert!(bench.ok("thermyo board emulated config save").contains("from flash"));
+    bench.ok(&format!("thermyo board emulated plug {scenario}"));
+    let found = bench.ok("thermyo board emulated info");
+    assert!(found.contains("a-name-of-24-characters, ") && found.contains("from flash"), "{found}");
+}
+
 #[test]
 fn commands_to_a_board_print_json_on_request() {
     let bench = Bench::new();

@@ -12,13 +12,15 @@ use model_core::{AdcCode, Faults, Mode};
 pub use model_core::{Command as Commands, Config, Core, Sample, SetPoint, Telemetry};
 use serde::{Serialize, Serializer};
 pub use thermyo_protocol::checksum;
-use thermyo_protocol::{ConfigSource, HostCommandWith, Image, Name, Refusal, RequestWith, Unread};
+use thermyo_protocol::{
+    ConfigSource, HostCommandWith, Image, MAX_FRAME, Name, Refusal, RequestWith, Unread,
+};
 
 pub const MUSCLES: usize = 1;
 pub const IMAGE: Image = if cfg!(feature = "hil") { Image::Hil } else { Image::Muscle };
-/// Bytes of the longest value in the store, and schema of the values: raised whenever their content
-/// changes.
-pub const MAX_VALUE: usize = 512;
+/// Bytes of the longest value in the store, which holds every configuration that a frame does, with
+/// its name and head; and schema of the values: raised whenever their content changes.
+pub const MAX_VALUE: usize = MAX_FRAME + 64;
 pub const SCHEMA: u16 = 1;
 /// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
 /// may take longer and must not miss it.
