@@ -72,6 +72,32 @@ fn every_rig_of_presets_drives_what_it_reaches() {
     }
 }
 
+/// The sensor's range is far below the supply, and the load moves later than the gas comes.
+#[test]
+fn a_rig_with_a_heavy_load_and_a_sensor_of_a_small_range_does_not_vent() {
+    let folder = Folder::new();
+    for (number, (diameter, length, valve, load)) in [
+        ("30mm", "0.3", "mhe4-class", "20"),
+        ("30mm", "0.15", "mhe2-class", "20"),
+        ("20mm", "0.15", "mhe2-class", "8"),
+        ("20mm", "0.3", "mhj10-class", "8"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let name = format!("{number}.toml");
+        let mut arguments = vec!["init", "--out", &name, "--muscle", "none", "--braid-angle", "25"];
+        arguments.extend(["--diameter", diameter, "--rest-length", length, "--valve", valve]);
+        arguments.extend(["--pressure-sensor", "mpr-25psi-a", "--load", load, "--supply", "7bar"]);
+        let out = thermyo(&folder, &arguments).ok().out;
+        assert!(!out.contains("drives a pressure"), "{out}");
+        let text = folder.read(&name) + "\n[run]\nduration_s = 3\n";
+        fs::write(folder.path(&name), text).unwrap();
+        let said = thermyo(&folder, &["run", &name]).ok();
+        assert!(!said.out.contains("vented"), "{arguments:?}: {}", said.out);
+    }
+}
+
 /// The command beside a key finds it.
 #[test]
 fn the_unknown_keys_are_those_of_the_default_heat_transfer() {

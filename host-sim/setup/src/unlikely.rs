@@ -3,7 +3,7 @@
 use super::loaded::Loaded;
 use super::rules::highest_pa;
 use super::unrest::{Unrest, WRONG_FLOW, fills, open_kg_s};
-use crate::core_config::core_config;
+use crate::core_config::{core_config, pressure_limit_pa};
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::load_n;
 use thermyo_scenario::{DriveKind, GasElementKind, LoadKind, PlantKind, Scenario};
@@ -112,13 +112,21 @@ fn too_heavy(s: &Scenario) -> Option<Unrest> {
 }
 
 /// Largest contraction by whole percents up to `most` that a pressure below the highest one by a tenth of its gauge
-/// pressure holds by the static law; none where the load is not lifted \[-\].
+/// pressure holds by the static law, and whose gas does not vent a muscle that still rests; none where the load is not
+/// lifted \[-\].
 pub fn contraction_held(s: &Scenario, most: f64) -> Option<f64> {
     let moving = chamber::of(s)?;
     let most_pa = s.ambient.pressure_pa + 0.9 * (highest_pa(s) - s.ambient.pressure_pa);
+    // A load is slower than a valve: the gas of the goal comes first into the volume at rest.
+    let rest_m3 = moving.volume(moving.rest_length());
+    let limit_pa = pressure_limit_pa(s);
+    let vents = |needed_pa: f64, contraction: f64| {
+        let grown = moving.volume(moving.rest_length() * (1.0 - contraction)) / rest_m3;
+        (needed_pa * grown).min(s.supply.pressure_pa) > limit_pa
+    };
     let held = |contraction: &f64| {
         let needed_pa = needed_pa(s, moving.as_ref(), *contraction);
-        needed_pa.is_none_or(|needed_pa| needed_pa <= most_pa)
+        needed_pa.is_none_or(|needed_pa| needed_pa <= most_pa && !vents(needed_pa, *contraction))
     };
     let percents = (1..=(100.0 * most).round() as u32).rev();
     percents.map(|percent| f64::from(percent) / 100.0).find(held)
