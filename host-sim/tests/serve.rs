@@ -46,8 +46,11 @@ impl Served {
         let serve = bench.command(&format!("thermyo serve {what} --out out/serve"));
         // The board does not start within what is left for the server.
         bench.ok(&format!("thermyo board emulated plug {scenario}"));
-        let mut shell = Command::new("sh");
-        shell.args(["-c", &format!("{before}\nexec \"$0\" \"$@\"")]);
+        let mut shell = Command::new("env");
+        // Tests that `nohup` started would hand their ignored SIGHUP down.
+        #[cfg(target_os = "linux")]
+        shell.arg("--default-signal=HUP");
+        shell.args(["sh", "-c", &format!("{before}\nexec \"$0\" \"$@\"")]);
         shell.arg(serve.get_program()).args(serve.get_args());
         shell.current_dir(serve.get_current_dir().unwrap());
         shell.envs(serve.get_envs().filter_map(|(name, value)| Some((name, value?))));
@@ -307,6 +310,8 @@ fn a_page_steers_and_another_watches() {
     second.until("takes over", |page| page.own["steers"] == true);
     second.until("reported", |page| page.happened("the page that steered was closed"));
     second.drive(1.2e5);
+    second.socket.send(Message::binary(&b"\"vent\""[..])).unwrap();
+    second.until("vents on a binary frame", |page| page.frame["mode"] == "vent");
 
     let text = served.end("-INT");
     assert!(text.contains("it vents"), "{text}");
@@ -328,6 +333,18 @@ fn a_hangup_vents_and_writes_the_report() {
     assert!(fs::read_to_string(report).unwrap().contains("<svg"));
     let info = served.bench.vented();
     assert!(!info.contains("link"), "{info}");
+}
+
+/// The end without a link promises nothing about the valves.
+#[test]
+fn a_server_that_has_lost_its_board_does_not_claim_that_it_vents() {
+    let mut served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.drive(1.3e5);
+    served.bench.ok("thermyo board emulated unplug");
+    page.until("lost", |page| page.state["link"] == "lost");
+    let text = served.end("-INT");
+    assert!(!text.contains("it vents"), "{text}");
 }
 
 /// As `nohup` starts it.

@@ -41,19 +41,28 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::{io, thread};
 
-/// Serves a board until `wanted` returns true, and then vents it. Returns the folders of the
-/// recordings.
+/// The end of a server.
+#[derive(Debug)]
+pub struct Ended {
+    /// The board has taken the vent; without a link to it that is unknown.
+    pub vents: bool,
+    /// Folders of the results.
+    pub results: Vec<PathBuf>,
+}
+
+/// Serves a board until `wanted` returns true, and then vents it.
 pub fn serve<S: Served>(
     operator: Operator<S>,
     listener: std::net::TcpListener,
     address: Address,
     wanted: impl Fn() -> bool + Send + 'static,
-) -> io::Result<Vec<PathBuf>> {
+) -> io::Result<Ended> {
     let shared = operator.shared();
     let operating = thread::spawn(move || operator.run(&wanted));
     let served = web::run(listener, address, Arc::clone(&shared));
     // The board is vented even if the sockets have failed.
     shared.end();
-    let _ = operating.join();
-    served.map(|()| shared.results().into_iter().map(|result| result.folder).collect())
+    let vents = operating.join().unwrap_or(false);
+    let results = shared.results().into_iter().map(|result| result.folder).collect();
+    served.map(|()| Ended { vents, results })
 }

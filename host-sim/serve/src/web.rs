@@ -12,8 +12,8 @@ use super::uploads::LARGEST;
 use http_body_util::{BodyExt, Full, LengthLimitError, Limited};
 use hyper::body::{Body, Bytes, Incoming};
 use hyper::header::{
-    CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderMap, HeaderName, HeaderValue,
-    LOCATION, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
+    ALLOW, CACHE_CONTROL, CONTENT_SECURITY_POLICY, CONTENT_TYPE, HOST, HeaderMap, HeaderName,
+    HeaderValue, LOCATION, ORIGIN, REFERRER_POLICY, X_CONTENT_TYPE_OPTIONS, X_FRAME_OPTIONS,
 };
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
@@ -169,7 +169,11 @@ async fn route(site: Site, request: Request<Incoming>) -> Response {
         return keep(&site, request).await;
     }
     if ![Method::GET, Method::HEAD].contains(request.method()) {
-        return answer(StatusCode::METHOD_NOT_ALLOWED, PLAIN, "");
+        let allowed = if parts[..] == ["files"] { "POST" } else { "GET, HEAD" };
+        let text = format!("{}: must be {allowed} here\n", request.method());
+        let mut response = answer(StatusCode::METHOD_NOT_ALLOWED, PLAIN, text);
+        response.headers_mut().insert(ALLOW, HeaderValue::from_static(allowed));
+        return response;
     }
     match parts[..] {
         [] => {
@@ -182,8 +186,12 @@ async fn route(site: Site, request: Request<Incoming>) -> Response {
         ["live"] => live(site, request),
         [name] => file(name),
         ["results", name, file] => result(&site, name, file).await,
-        _ => answer(StatusCode::NOT_FOUND, PLAIN, ""),
+        _ => not_found(),
     }
+}
+
+fn not_found() -> Response {
+    answer(StatusCode::NOT_FOUND, PLAIN, "there is no such page\n")
 }
 
 fn answer(status: StatusCode, kind: &'static str, text: impl Into<Bytes>) -> Response {
@@ -236,7 +244,7 @@ fn file(name: &str) -> Response {
     };
     match text {
         Some(text) => answer(StatusCode::OK, kind, text),
-        None => answer(StatusCode::NOT_FOUND, PLAIN, ""),
+        None => not_found(),
     }
 }
 
@@ -267,7 +275,7 @@ async fn result(site: &Site, name: &str, file: &str) -> Response {
     let results = site.shared.results();
     let found = results.iter().find(|outcome| outcome.name == name);
     let Some((path, kind)) = found.and_then(|outcome| Outcome::file(outcome, file)) else {
-        return answer(StatusCode::NOT_FOUND, PLAIN, "");
+        return not_found();
     };
     // A trace of an hour is large: it is read on a blocking thread.
     let text = tokio::task::spawn_blocking(move || std::fs::read(path)).await;
@@ -397,6 +405,28 @@ mod tests {
         // The page connected last: by now the server has closed all but the latest strangers.
         for stranger in &mut strangers[..=STRANGERS - MOST_STRANGERS] {
             assert!(matches!(stranger.read(&mut [0]), Ok(0)), "it was kept");
+        }
+    }
+
+    #[test]
+    fn a_wrong_method_or_page_is_answered_in_words() {
+        let serving = Serving::new();
+        let files = serving.path.replace("page.js", "files");
+        let other = serving.path.replace("page.js", "other.js");
+        for (method, path, status, text) in [
+            ("DELETE", &serving.path, "405", "DELETE: must be GET, HEAD here"),
+            ("PUT", &files, "405", "PUT: must be POST here"),
+            ("GET", &files, "404", "there is no such page"),
+            ("GET", &other, "404", "there is no such page"),
+        ] {
+            let mut stream = serving.connect();
+            let host = &serving.host;
+            write!(stream, "{method} {path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n")
+                .unwrap();
+            let mut answer = String::new();
+            stream.read_to_string(&mut answer).unwrap();
+            assert!(answer.starts_with(&format!("HTTP/1.1 {status}")), "{answer}");
+            assert!(answer.ends_with(&format!("{text}\n")), "{answer}");
         }
     }
 

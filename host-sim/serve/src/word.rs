@@ -1,4 +1,4 @@
-//! Messages from a page.
+//! Messages from a page. A key that is not known is refused: the one that was meant would be left out.
 
 use super::sought::Sought;
 use model_core::SetPoint;
@@ -8,7 +8,7 @@ use std::path::Path;
 use thermyo_studies::calibrate::Sensor;
 
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Word {
     /// Vent now. Accepted from every page.
     Vent,
@@ -22,7 +22,7 @@ pub enum Word {
 
 /// Orders for the board or the operator.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Order {
     /// Arms up to this absolute pressure \[Pa\]; `None`: the configuration's limit.
     Arm {
@@ -71,7 +71,7 @@ pub enum Order {
 
 /// A record that the page has sent, or one of a result.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Source {
     File {
         /// Number that the answer to its sending has.
@@ -97,6 +97,7 @@ impl Order {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ScenarioText {
     pub name: String,
     pub text: String,
@@ -155,9 +156,17 @@ mod tests {
                 format!("{{\"order\":{{\"set\":{{\"Contraction\":{{\"contraction\":{text}}}}}}}}}");
             assert_eq!(read(&text).unwrap(), order(set), "{text}");
         }
-        for garbage in
-            ["", "7", "{\"order\":{\"set\":7}}", "{\"order\":{\"fire\":null}}", "{\"seen\":-1}"]
-        {
+        for garbage in [
+            "",
+            "7",
+            "{\"order\":{\"set\":7}}",
+            "{\"order\":{\"fire\":null}}",
+            "{\"seen\":-1}",
+            // Without its key it would arm up to the configuration's limit.
+            "{\"order\":{\"arm\":{\"max_pa\":150000}}}",
+            "{\"order\":{\"tune\":{\"most_pa\":150000,\"hold_s\":1}}}",
+            "{\"order\":{\"configure\":{\"name\":\"a.toml\",\"text\":\"\",\"save\":true}}}",
+        ] {
             assert!(read(garbage).is_err(), "{garbage}");
         }
     }

@@ -6,7 +6,7 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use thermyo_files::output::OutputDir;
 use thermyo_logs::Logs;
-use thermyo_serve::{Address, Opened, Operator, Served, Target, listen, serve};
+use thermyo_serve::{Address, Ended, Opened, Operator, Served, Target, listen, serve};
 
 #[derive(Debug, Args)]
 pub(super) struct ServeArgs {
@@ -83,10 +83,17 @@ impl Operate<'_> {
                 ))?;
             }
         }
-        let results = serve(operator, listener, address, interrupt::is_requested)
+        let Ended { vents, results } = serve(operator, listener, address, interrupt::is_requested)
             .map_err(|error| Failure::Usage(format!("the page cannot be served: {error}")))?;
+        if !vents {
+            to.say(format_args!(
+                "there is no link to the board in the end: one that is driven vents by itself when its host is silent"
+            ));
+        }
         if to.is_read() {
-            to.print("it vents\n")?;
+            if vents {
+                to.print("it vents\n")?;
+            }
             for folder in results {
                 to.print(&format!("report: {}\n", folder.join("report.html").display()))?;
             }

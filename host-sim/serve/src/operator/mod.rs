@@ -156,8 +156,9 @@ impl<S: Served> Operator<S> {
         Arc::clone(&self.shared)
     }
 
-    /// Operates until `wanted` returns true; then vents, and ends a recording.
-    pub fn run(mut self, wanted: &dyn Fn() -> bool) {
+    /// Operates until `wanted` returns true; then vents, and ends a recording. Returns whether the
+    /// board has taken the vent.
+    pub fn run(mut self, wanted: &dyn Fn() -> bool) -> bool {
         while !wanted() && !self.shared.ended() {
             // Telemetry that arrived while an order waited for its answer is read before the next
             // order; otherwise the pages and the record would lag further with each.
@@ -178,6 +179,7 @@ impl<S: Served> Operator<S> {
             self.show();
         }
         self.vent();
+        let vents = self.board.is_some();
         self.tasks.end();
         self.finish_recording();
         for writer in self.writers.drain(..) {
@@ -187,6 +189,7 @@ impl<S: Served> Operator<S> {
         (self.link, self.shown) = (Link::Ended, None);
         self.show();
         self.shared.end();
+        vents
     }
 
     fn vent(&mut self) {
