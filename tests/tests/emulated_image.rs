@@ -9,9 +9,9 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
-/// Flash of the image \[bytes\]; 158.1 KiB are reached, 140 aimed at.
+/// Flash of the image \[bytes\]; 158.3 KiB are reached, 140 aimed at.
 const FLASH: RangeInclusive<u64> = 150 * 1024..=159 * 1024;
-/// Static memory of the image, its code and constants left out \[bytes\]; 27.8 KiB are reached, up to one more
+/// Static memory of the image, its code and constants left out \[bytes\]; 29.2 KiB are reached, up to one less
 /// where a table is aligned.
 const RAM: RangeInclusive<u64> = 27 * 1024..=30 * 1024;
 /// Cycles of the RP2040 in a millisecond.
