@@ -70,6 +70,9 @@ const UNEVEN: f64 = 0.2;
 const UNSETTLED_K: f64 = 0.5;
 /// A leak is corrected up to this change of the temperature at the stop \[K\].
 const MOST_LEAK_K: f64 = 1.5;
+/// Share of the gas from which on a leak shows by itself: a wait that is too short changes P V/T of its second half by
+/// less \[-\]. Assumption.
+const PLAIN_LEAK: f64 = 0.05;
 /// A load that is constant changes the force by twice the friction, and by model errors within
 /// this fraction of the load and this force \[N\].
 const LOAD_SHARE: f64 = 0.15;
@@ -298,7 +301,7 @@ fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
     rows.iter().map(next).collect()
 }
 
-/// Why a stop cannot be used for its record alone: a gap, or a load that moved. `held_n` is the force
+/// Why a stop cannot be used for its record alone: a gap, a plain leak, or a load that moved. `held_n` is the force
 /// of slip and creep at its rows \[N\].
 fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
     let gap = closed.rows.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > LONGEST_GAP_S);
@@ -307,6 +310,9 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             "the record has a gap from {:.2} to {:.2} s",
             before.time_s, after.time_s
         ));
+    }
+    if let Some(lost) = plainly_lost(closed) {
+        return Some(leak(lost, closed.wait_s()));
     }
     let rows = closed.rows.iter().zip(held_n);
     let still: Vec<(&Row, &f64)> =
@@ -346,6 +352,29 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             })
         }
     }
+}
+
+/// Share of the gas that is lost in the wait, where it is so much that P V/T of the second half shows it. The sensor's
+/// fit takes such a leak for gas that cools.
+fn plainly_lost(closed: &Closed) -> Option<f64> {
+    let eighth = closed.rows.len() / 8;
+    let mean = |from: usize| {
+        let rows = from..from + eighth;
+        let of = |row: usize| (closed.ratio[row] / closed.rows[row].sensor_k).ln();
+        rows.map(of).sum::<f64>() / eighth as f64
+    };
+    let [middle, last] = [4 * eighth, closed.rows.len() - eighth];
+    let span_s = closed.since_s(last) - closed.since_s(middle);
+    let rate_1_s = (mean(middle) - mean(last)) / span_s;
+    let lost = 1.0 - (-rate_1_s * closed.wait_s()).exp();
+    (eighth > 0 && lost.abs() > PLAIN_LEAK).then_some(lost)
+}
+
+fn leak(lost: f64, wait_s: f64) -> String {
+    let (verb, percent) = (if lost > 0.0 { "lost" } else { "gained" }, 100.0 * lost.abs());
+    format!(
+        "a leak: the muscle {verb} {percent:.1} % of its gas in {wait_s:.0} s. Seal it, or its valves"
+    )
 }
 
 /// Largest change since the first value, and its time; the largest span if there are values.
@@ -421,10 +450,7 @@ fn spoilt(closed: &Closed, read: &Read, curve_k: &[f64]) -> Option<String> {
     let wait_s = closed.wait_s();
     let lost = read.leak_1_s * wait_s;
     if lost.abs() * read.end_k > MOST_LEAK_K {
-        let (verb, percent) = (if lost > 0.0 { "lost" } else { "gained" }, 100.0 * lost.abs());
-        return Some(format!(
-            "a leak: the muscle {verb} {percent:.1} % of its gas in {wait_s:.0} s. Seal it, or its valves"
-        ));
+        return Some(leak(lost, wait_s));
     }
     let from = curve_k.len() - curve_k.len() / 4;
     let near = |row: usize| {

@@ -189,6 +189,22 @@ fn a_small_leak_is_corrected_and_a_large_one_refused() {
     assert!(analysis.heat.is_none());
 }
 
+/// The sensor's fit takes most of such a loss for cooling: it stated a twentieth of it.
+#[test]
+fn the_loss_by_a_large_leak_is_stated_as_it_is() {
+    for leak_1_s in [3e-3, 1e-2] {
+        let analysis = analysed(&Made { leak_1_s, ..SOUND }, &held());
+        let true_percent = 100.0 * (1.0 - (-leak_1_s * SOUND.wait_s).exp());
+        for stop in &analysis.stops {
+            let why = stop.refused.as_ref().unwrap();
+            let percent =
+                why.strip_prefix("a leak: the muscle lost ").and_then(|why| why.split(' ').next());
+            let percent: f64 = percent.unwrap_or_else(|| panic!("{why}")).parse().unwrap();
+            assert!((0.9..1.1).contains(&(percent / true_percent)), "{why}, {true_percent} %");
+        }
+    }
+}
+
 #[test]
 fn a_wait_that_is_too_short_is_refused() {
     let analysis = analysed(&Made { wait_s: 7.0, ..SOUND }, &held());
