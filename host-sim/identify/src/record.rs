@@ -13,7 +13,7 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_record::board_trace::every_column;
-use thermyo_record::measured::{Measured, check_possible, check_pressures};
+use thermyo_record::measured::{Measured, check_possible, check_pressures, ordered};
 use thermyo_scenario::PlantKind;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
@@ -65,7 +65,9 @@ pub fn identify_table(
     if against.is_some() {
         return Err(InputError::file(data, Problem::NoMap).into());
     }
-    valves::check(table, &core_config(&loaded.believed))?;
+    ordered(table)?;
+    let config_of_core = core_config(&loaded.believed);
+    valves::check(table, &config_of_core)?;
     if loaded.plant.plant.kind != PlantKind::Vessel {
         check_pressures(table, "pressure_pa", loaded.plant.ambient.pressure_pa)?;
     }
@@ -75,6 +77,7 @@ pub fn identify_table(
     let begins_anywhere = begins_anywhere(&loaded.plant, table);
     if begins_anywhere || stops::would_do(loaded) {
         motion::check_pace(table, &loaded.plant)?;
+        valves::check_pace(table, &config_of_core)?;
     }
     if stops::are_asked_for(loaded, table) {
         check_possible(table, true)?;

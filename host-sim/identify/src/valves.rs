@@ -1,11 +1,15 @@
-//! Whether the valves' columns of a record are those of inlet and outlet.
+//! Whether the gas of a record follows its valves.
 //!
-//! Gas flows in while the inlet alone is open, so that P V rises; while the outlet alone is, it falls.
+//! Gas flows in while the inlet alone is open, so that P V rises; while the outlet alone is, it falls. It does not rise
+//! faster than the open inlet lets gas in.
 
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
+use model_core::physics::valve::REFERENCE_PRESSURE_PA;
 use thermyo_files::input::InputError;
+use thermyo_files::number::significant;
 use thermyo_files::table::Table;
+use thermyo_record::measured::TIME;
 
 const INLET: &str = "duty_in";
 const OUTLET: &str = "duty_out";
@@ -13,22 +17,68 @@ const OUTLET: &str = "duty_out";
 /// eighth. Assumption.
 const LEAST: f64 = 0.3;
 
+/// Most that P V rises, as a multiple of what the open inlet lets in: one configured too small by less is no reason to
+/// refuse a record. Assumption.
+const MOST_PACE: f64 = 4.0;
+/// Rise of P V that counts, so that noise does not \[-\]. Assumption.
+const LEAST_RISE: f64 = 0.1;
+/// Rows over which it may have come.
+const RISE_ROWS: usize = 5;
+
+/// P V of the gas at each row \[J\]; none for a record without pressure or length.
+fn energies_j(table: &Table, config: &Config) -> Option<Vec<Option<f64>>> {
+    let any = |names: [&str; 2]| names.into_iter().find_map(|name| table.column(name).ok());
+    let pressures = any(["measured_pressure_pa", "pressure_pa"])?;
+    let lengths = any(["measured_length_m", "length_m"])?;
+    let chamber = AnyChamber::new(&config.chamber);
+    let energy = |(pressure, length): (&Option<f64>, &Option<f64>)| {
+        Some((*pressure)? * f64::from(chamber.volume_m3((*length)? as f32)))
+    };
+    Some(pressures.iter().zip(lengths).map(energy).collect())
+}
+
+/// Refuses a record in minutes: its gas comes in faster than by the open inlet.
+pub fn check_pace(table: &Table, config: &Config) -> Result<(), InputError> {
+    let (Ok(times), Some(energies)) = (table.filled(TIME), energies_j(table, config)) else {
+        return Ok(());
+    };
+    // Choked, and into gas that gives off no heat: d(P V)/dt = k R T m.
+    let most_w = f64::from(config.gas.heat_capacity_ratio)
+        * f64::from(config.valve.conductance_m3_s_pa)
+        * f64::from(REFERENCE_PRESSURE_PA)
+        * f64::from(config.supply.pressure_pa);
+    let pace = |from: usize, to: usize| {
+        let (before, after) = (energies.get(from).copied()??, energies.get(to).copied()??);
+        let rises = after > (1.0 + LEAST_RISE) * before && times[to] > times[from];
+        rises.then(|| (after - before) / (most_w * (times[to] - times[from])))
+    };
+    let fast = |row: &usize| {
+        let later = (row + 1)..=(row + RISE_ROWS);
+        later.filter_map(|to| pace(*row, to)).any(|pace| pace > MOST_PACE)
+    };
+    match (0..times.len()).find(fast) {
+        Some(row) => {
+            let allowed = format!(
+                "a time from which on P V rises by no more than {} W, {MOST_PACE} times what the open inlet of \
+                 valve.conductance_m3_s_pa = {:?} lets in: is this min, or is the valve larger?",
+                significant(MOST_PACE * most_w, 3),
+                config.valve.conductance_m3_s_pa
+            );
+            Err(table.cell_error(row, TIME, &allowed))
+        }
+        None => Ok(()),
+    }
+}
+
 /// Refuses swapped columns, with the rows that show it.
 pub fn check(table: &Table, config: &Config) -> Result<(), InputError> {
     if matches!(config.chamber, ChamberConfig::Vessel(_)) {
         return Ok(());
     }
     let cells = |name: &str| table.column(name).ok();
-    let any = |names: [&str; 2]| names.into_iter().find_map(cells);
     let (Some(inlet), Some(outlet)) = (cells(INLET), cells(OUTLET)) else { return Ok(()) };
-    let pressures = any(["measured_pressure_pa", "pressure_pa"]);
-    let lengths = any(["measured_length_m", "length_m"]);
-    let (Some(pressures), Some(lengths)) = (pressures, lengths) else { return Ok(()) };
-    let chamber = AnyChamber::new(&config.chamber);
-    let gas = |row: usize| {
-        let volume_m3 = f64::from(chamber.volume_m3(lengths[row]? as f32));
-        Some((pressures[row]? * volume_m3).ln())
-    };
+    let Some(energies) = energies_j(table, config) else { return Ok(()) };
+    let gas = |row: usize| energies[row].map(f64::ln);
     let alone = |open: &[Option<f64>], shut: &[Option<f64>], row: usize| {
         open[row].is_some_and(|duty| duty > 0.0) && shut[row] == Some(0.0)
     };
@@ -67,6 +117,34 @@ pub fn check(table: &Table, config: &Config) -> Result<(), InputError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Strokes of 5 s at a row a second, which are too slow for the pace of the length.
+    #[test]
+    fn gas_that_comes_faster_than_by_the_open_inlet_is_refused() {
+        let config = Config::default();
+        let checked = |unit: f64| {
+            let mut text = format!("{TIME},pressure_pa,length_m\n");
+            for row in 0..60 {
+                let swing = (0.4 * std::f64::consts::PI * f64::from(row)).sin();
+                let (pressure_pa, length_m) = (2.4e5 + 1.3e5 * swing, 0.26 - 0.03 * swing);
+                text += &format!("{},{pressure_pa},{length_m}\n", unit * f64::from(row));
+            }
+            let table = Table::parse(&text, "r.csv".as_ref()).unwrap();
+            check_pace(&table, &config).map_err(|error| error.to_string())
+        };
+        assert_eq!(checked(1.0), Ok(()));
+        let message = checked(1.0 / 60.0).unwrap_err();
+        assert!(
+            message.starts_with("r.csv:2: column time_s = 0.0: must be a time from "),
+            "{message}"
+        );
+        assert!(
+            message.ends_with(
+                "what the open inlet of valve.conductance_m3_s_pa = 4e-9 lets in: is this min, or is the valve larger?"
+            ),
+            "{message}"
+        );
+    }
 
     #[test]
     fn swapped_valves_are_refused_with_the_rows() {

@@ -104,6 +104,21 @@ pub fn check_possible(table: &Table, anywhere: bool) -> Result<(), InputError> {
     Ok(())
 }
 
+/// Times that do not fall, one a row.
+///
+/// # Errors
+/// For times that are missing, and with the first line whose time is before that of the row before it.
+pub fn ordered(table: &Table) -> Result<Vec<f64>, InputError> {
+    let times = table.filled(TIME)?;
+    match times.windows(2).position(|pair| pair[1] < pair[0]) {
+        Some(row) => {
+            let allowed = format!("at least {:?}, the time of the row before", times[row]);
+            Err(table.cell_error(row + 1, TIME, &allowed))
+        }
+        None => Ok(times),
+    }
+}
+
 /// Refuses times that do not rise.
 ///
 /// # Errors
@@ -215,11 +230,7 @@ impl Measured {
                 return Err(table.header_error(unknown(&column.name, known)));
             }
         }
-        let times = table.filled(TIME)?;
-        if let Some(row) = (1..times.len()).find(|row| times[*row] < times[row - 1]) {
-            let allowed = format!("at least {:?}, the time of the row before", times[row - 1]);
-            return Err(table.cell_error(row, TIME, &allowed));
-        }
+        let times = ordered(table)?;
         let first_s = times.first().copied().unwrap_or_default();
         check_possible(table, anywhere)?;
         let since = |time: &f64| if anywhere { since_s(*time, first_s) } else { *time };

@@ -204,6 +204,7 @@ pub fn check_lengths(table: &Table, rest_m: f64) -> Result<(), InputError> {
 pub fn check_pace(table: &Table, scenario: &Scenario) -> Result<(), InputError> {
     let [times, lengths, _] = COLUMNS.map(|name| table.filled(name));
     let (Ok(times), Ok(lengths)) = (times, lengths) else { return Ok(()) };
+    check_rising(table, &times)?;
     check_distances(table, &times, (f64::INFINITY, ""))?;
     match scenario.plant.kind {
         PlantKind::Muscle => check_speeds(table, &times, &lengths, scenario.muscle.rest_length_m),

@@ -355,6 +355,39 @@ fn a_record_of_a_gas_sensor_in_other_units_is_named() {
     }
 }
 
+/// Times are checked first: the speeds of unordered rows would be taken for another unit.
+#[test]
+fn times_of_a_gas_sensor_that_do_not_rise_are_named() {
+    let scenario =
+        "[identify]\nparameters = [\"sensor.gas.time_constant_s\"]\ncolumns = [\"sensor_gas_k\"]\n";
+    let loaded = thermyo_setup::parse(scenario, CONFIG.as_ref()).unwrap();
+    let message = |time_s: fn(i32) -> f64| {
+        let mut text = "time_s,length_m,pressure_pa,sensor_gas_k,duty_in,duty_out\n".to_owned();
+        for i in 0..400 {
+            let swing = (0.04 * f64::from(i)).sin();
+            let (length_m, pressure_pa) = (0.28 - 0.015 * swing, 2.0e5 + 9.0e4 * swing);
+            let duty = u8::from((0.04 * f64::from(i)).cos() > 0.0);
+            text += &format!("{},{length_m},{pressure_pa},298,{duty},{}\n", time_s(i), 1 - duty);
+        }
+        let data = Path::new("r.csv");
+        identify_table(&loaded, CONFIG.as_ref(), &table(&text), data, None, &())
+            .unwrap_err()
+            .to_string()
+    };
+    fn at(i: i32) -> f64 {
+        0.01 * f64::from(i)
+    }
+    let cases: [(fn(i32) -> f64, &str); 3] = [
+        (|i| at(399 - i), "motion.csv:3: column time_s = 3.98: must be at least 3.99,"),
+        (|i| at(i % 200), "motion.csv:202: column time_s = 0.0: must be at least 1.99,"),
+        (|i| at(i / 2), "motion.csv:3: column time_s = 0.0: must be later than the row before it"),
+    ];
+    for (time_s, start) in cases {
+        let error = message(time_s);
+        assert!(error.starts_with(start), "{error}");
+    }
+}
+
 /// A record of 100 rows, each cell by a function of the row.
 fn rows(of: impl Fn(usize) -> String) -> String {
     let head = "time_s,length_m,pressure_pa,force_n\n".to_owned();
