@@ -377,13 +377,14 @@ fn times_of_a_gas_sensor_that_do_not_rise_are_named() {
     fn at(i: i32) -> f64 {
         0.01 * f64::from(i)
     }
-    let cases: [(fn(i32) -> f64, &str); 3] = [
-        (|i| at(399 - i), "motion.csv:3: column time_s = 3.98: must be at least 3.99,"),
-        (|i| at(i % 200), "motion.csv:202: column time_s = 0.0: must be at least 1.99,"),
-        (|i| at(i / 2), "motion.csv:3: column time_s = 0.0: must be later than the row before it"),
-    ];
-    for (time_s, start) in cases {
-        let error = message(time_s);
+    for (error, start) in [
+        (message(|i| at(399 - i)), "motion.csv:3: column time_s = 3.98: must be at least 3.99,"),
+        (message(|i| at(i % 200)), "motion.csv:202: column time_s = 0.0: must be at least 1.99,"),
+        (
+            message(|i| at(i / 2)),
+            "motion.csv:3: column time_s = 0.0: must be later than the row before it",
+        ),
+    ] {
         assert!(error.starts_with(start), "{error}");
     }
 }
