@@ -61,7 +61,7 @@ parameters! {
         gain_n_m_rad: 12.0, "N m/rad", 0.0 to 1.0e5, "torque per error of the angle, beside the gas's own stiffness";
         damping_per_s: 14.0, "1/s", 0.0 to 1.0e3, "torque per error of the speed and inertia";
         integral_n_m_rad_s: 120.0, "N m/(rad s)", 0.0 to 1.0e6, "torque per error of the angle and time, at rest";
-        integral_limit_n_m: 2.0, "N m", 0.0 to 1.0e6, "most of it, either way";
+        integral_limit_n_m: 2.0, "N m", 0.0 to 1.0e6, "most of it, either way, beside twice the dry friction";
         observer_rad_s: 80.0, "rad/s", 0.1 to 1.0e3, "two poles of the observer: angle and speed";
         disturbance_rad_s: 22.0, "rad/s", 0.1 to 1.0e3, "its third one: torque that nothing configured explains";
         observer_share: 0.8, "", 0.0 to 1.0, "share of the observed disturbance that is compensated";

@@ -343,7 +343,7 @@ impl JointController {
             torque_n_m += sign * self.radius_m * gains_n;
             spring_n_m_rad += r * r * side.law.stiffness_n_m();
         }
-        let most_rad = self.tuning.dead_zone_rad;
+        let most_rad = HYSTERESIS * self.tuning.dead_zone_rad;
         limit(torque_n_m / spring_n_m_rad, -most_rad, most_rad)
     }
 
@@ -462,6 +462,7 @@ impl JointController {
         let JointTuning { gain_n_m_rad, damping_per_s, observer_share, lead_s, .. } = self.tuning;
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let mut error_rad = self.reference.motion.angle_rad - angle_rad;
+        let held = self.holding;
         self.arrive(wanted);
         if self.rests(wanted, error_rad, gauge_pa, most_pa) {
             self.creep(0.0, &[Lever::PLAIN; 2]);
@@ -488,13 +489,15 @@ impl JointController {
         self.creep(way_rad, &levers);
         let inertia_kg_m2 = mechanism.inertia_kg_m2;
         let predicted_rad = error_rad + (late_s + self.period_s) * lag_rad_s;
-        let torque_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
+        let led_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
             + mechanism.viscous_n_m_s * next.speed_rad_s
             - self.gravity.torque_n_m(mechanism, next.angle_rad)
             + self.friction_n_m
-            + gain_n_m_rad * predicted_rad
-            + self.integral_n_m
             - observer_share * self.observer.disturbance_n_m;
+        if held && self.arrived && self.sticks(inertia_kg_m2) {
+            self.leave_rest(led_n_m, muscles);
+        }
+        let torque_n_m = led_n_m + gain_n_m_rad * predicted_rad + self.integral_n_m;
         let mut lines = self.lines;
         let pair = lines.iter_mut().zip(&self.sides).zip(muscles);
         for (((line, side), muscle), (length_m, lever)) in
@@ -530,8 +533,10 @@ impl JointController {
     ) -> bool {
         let width = if self.holding { HYSTERESIS } else { 1.0 };
         let zone_rad = self.tuning.dead_zone_rad;
-        // A rest begins where the angle is within the zone now, and when all has come.
-        let ends = self.holding || absolute(error_rad - self.to_come_rad) <= zone_rad;
+        // A rest begins where half of the way to come leads to the middle of the zone, up to half of the zone: near an end,
+        // noise or a swing would soon end it.
+        let off_rad = absolute(error_rad - 0.5 * self.to_come_rad);
+        let ends = self.holding || off_rad <= 0.5 * zone_rad;
         let calm = self.arrived
             && wanted.stiffness_n_m_rad == self.reference.motion.stiffness_n_m_rad
             && absolute(error_rad) <= width * zone_rad
@@ -570,13 +575,37 @@ impl JointController {
         self.sides.iter().any(|side| side.drive.saturated())
     }
 
+    /// Whether dry friction stops the arm within the dead zone. A load that pushes it out of there is fast by then.
+    fn sticks(&self, inertia_kg_m2: f32) -> bool {
+        let speed_rad_s = self.observer.speed_rad_s;
+        let energy_j = 0.5 * inertia_kg_m2 * speed_rad_s * speed_rad_s;
+        energy_j < self.friction.coulomb_n_m * self.tuning.dead_zone_rad
+    }
+
+    /// A correction begins with the torque that the arm rests by, given what is led \[N m\], and with the gas that is
+    /// there. Friction held what gas and creep have changed since, which the observer has as a disturbance and the
+    /// friction along the reference has too: both together, in one pulse, would throw the arm.
+    #[cold]
+    fn leave_rest(&mut self, led_n_m: f32, muscles: &[Measured<'_>; 2]) {
+        self.integrate(self.torque_n_m - led_n_m);
+        for ((side, line), muscle) in self.sides.iter_mut().zip(&self.lines).zip(muscles) {
+            side.start(muscle.feedback.pressure_pa, line.volume_m3);
+        }
+    }
+
     /// One period of the integral.
     fn learn(&mut self, error_rad: f32) {
         if !self.saturated() {
             let gained_n_m = self.tuning.integral_n_m_rad_s * self.period_s * error_rad;
-            let most_n_m = self.tuning.integral_limit_n_m;
-            self.integral_n_m = limit(self.integral_n_m + gained_n_m, -most_n_m, most_n_m);
+            self.integrate(self.integral_n_m + gained_n_m);
         }
+    }
+
+    /// Takes a torque as the integral, up to its limit. An arm that friction holds beyond its goal turns back once the
+    /// friction along the reference is undone and overcome the other way.
+    fn integrate(&mut self, torque_n_m: f32) {
+        let most_n_m = self.tuning.integral_limit_n_m + 2.0 * self.friction.coulomb_n_m;
+        self.integral_n_m = limit(torque_n_m, -most_n_m, most_n_m);
     }
 
     /// Openings for these pressures at these volumes.
