@@ -101,6 +101,22 @@ fn a_correction_at_rest_does_not_throw_the_arm() {
     assert!((0.02..0.5).contains(&worst_deg), "{worst_deg} deg");
 }
 
+/// Valves of 60 Hz that pass more than is believed turn a brief arm to and fro within the zone, each period the other way:
+/// where each had to be in the middle of it for a rest to begin there were 118 pulses a second for good.
+#[test]
+fn pulses_within_the_zone_end() {
+    let text = "model = \"lumped\"\n[muscle]\npreset = \"dmsp-20\"\n[supply]\npressure_pa = 713310\n[valve]\n\
+                pwm_hz = 60\nconductance_m3_s_pa = 8.922e-9\n[joint]\nradius_m = 0.03077\nmid_length_a_m = 0.2723\n\
+                mid_length_b_m = 0.2723\nminimum_rad = -0.65\nmaximum_rad = 0.65\ninertia_kg_m2 = 0.00919\n\
+                gravity_n_m = 2.925\nviscous_n_m_s = 0\nfriction_n_m = 0.5\n[believed.joint]\n\
+                inertia_kg_m2 = 0.01126\ngravity_n_m = 4.021\nfriction_n_m = 0.452\n[believed.valve]\n\
+                conductance_m3_s_pa = 6.332e-9\n[believed.friction]\nforce_n = 10.908\n";
+    let loaded = loaded(text);
+    let rows = run(&loaded, 15.0, |t| still(if t < 1.0 { 6.13 } else { -15.32 }, 25.2));
+    let moving = rows[11_000..].iter().filter(|row| !row.shut()).count();
+    assert!(moving < 200, "valves are open in {moving} of 4000 steps");
+}
+
 /// Beyond its goal an arm needs twice the friction to turn back. The integral's limit was less than that of a bearing of
 /// 2 N m: for good it stayed 2.5 deg off.
 #[test]

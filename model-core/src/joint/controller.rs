@@ -184,6 +184,8 @@ pub struct JointController {
     friction_n_m: f32,
     integral_n_m: f32,
     observer: Observer,
+    /// Error of the angle in the period before \[rad\].
+    before_rad: f32,
     calm_periods: u8,
     holding: bool,
     limited: bool,
@@ -212,6 +214,7 @@ impl JointController {
             friction_n_m: 0.0,
             integral_n_m: 0.0,
             observer: Observer::new(mechanism, tuning, a.step_s),
+            before_rad: 0.0,
             calm_periods: 0,
             holding: false,
             limited: false,
@@ -531,15 +534,16 @@ impl JointController {
         gauge_pa: [f32; 2],
         most_pa: [f32; 2],
     ) -> bool {
-        let width = if self.holding { HYSTERESIS } else { 1.0 };
         let zone_rad = self.tuning.dead_zone_rad;
+        let width = if self.holding { HYSTERESIS } else { 1.0 };
         // A rest begins where half of the way to come leads to the middle of the zone, up to half of the zone: near an end,
-        // noise or a swing would soon end it.
-        let off_rad = absolute(error_rad - 0.5 * self.to_come_rad);
+        // noise or a swing would soon end it. Pulses that turn the arm to and fro are no reason for more of them.
+        let mean_rad = 0.5 * (error_rad + core::mem::replace(&mut self.before_rad, error_rad));
+        let off_rad = absolute(mean_rad - 0.5 * self.to_come_rad);
         let ends = self.holding || off_rad <= 0.5 * zone_rad;
         let calm = self.arrived
             && wanted.stiffness_n_m_rad == self.reference.motion.stiffness_n_m_rad
-            && absolute(error_rad) <= width * zone_rad
+            && absolute(error_rad) <= HYSTERESIS * zone_rad
             && ends
             && self.is_as_stiff(wanted.stiffness_n_m_rad, width, gauge_pa, most_pa);
         self.calm_periods = if calm { self.calm_periods.saturating_add(1) } else { 0 };
