@@ -365,7 +365,7 @@ impl Estimator {
         let change_m = length.value - self.followed_m;
         self.followed_m += self.motion.step(change_m, uncertainty, openings.flow_state(flowing));
         let volume_m3 = chamber.volume_m3(self.followed_m);
-        if length.wide > 0.0 {
+        if matches!(uncertainty, Uncertainty::WideCode(_)) {
             self.flowed_unseen |= flowing;
         } else if self.flowed_unseen {
             self.flowed_unseen = false;
@@ -378,6 +378,7 @@ impl Estimator {
 
     /// The volume was not as believed while gas flowed, and so neither was the mass: no work has been done now, and the
     /// temperature is as before.
+    #[cold]
     fn correct_volume(&mut self, volume_m3: f32) {
         let larger = volume_m3 / self.volume_m3;
         self.volume_m3 = volume_m3;
