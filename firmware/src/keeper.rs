@@ -5,7 +5,7 @@
 use crate::kind::{Config, MAX_VALUE, checksum};
 use crate::link::{Identity, configure, done};
 use crate::shared::{Answer, Order, Requester, Shared, StoreRequest};
-use crate::store::{AnnouncedFlash, Key, Loaded, Store, Unwritable};
+use crate::store::{AnnouncedFlash, Buffer, HEAD, Key, Loaded, Store, Unwritable};
 use core::future::pending;
 use core::sync::atomic::Ordering;
 use embassy_futures::select::{Either3, select3};
@@ -72,23 +72,10 @@ pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'st
     }
 }
 
-/// Writes a value, an empty one to forget it; digital sensors count as paused meanwhile.
-async fn put<F: NorFlash>(
-    store: &mut Option<Store<F>>,
-    key: Key,
-    value: &[u8],
-    shared: &Shared,
-) -> Result<(), Refusal> {
-    let store = store.as_mut().ok_or(Refusal::NoStore)?;
-    shared.storing.store(true, Ordering::Relaxed);
-    let outcome = store.save(key, value).await;
-    shared.storing.store(false, Ordering::Relaxed);
-    outcome.map_err(|Unwritable| Refusal::Flash)
-}
-
 struct Keeper<F> {
     store: Option<Store<F>>,
-    buffer: [u8; MAX_VALUE],
+    /// A value, behind the store's head.
+    buffer: Buffer,
     history: History,
     shared: &'static Shared,
 }
@@ -130,7 +117,7 @@ impl<F: NorFlash> Keeper<F> {
     async fn forget(&mut self) -> Result<(), Refusal> {
         let _written = self.shared.flash.lock().await;
         self.may_write()?;
-        put(&mut self.store, Key::Config, &[], self.shared).await?;
+        self.put(Key::Config, 0).await?;
         self.shared.change_status(|status| {
             if status.config_source == ConfigSource::Flash {
                 status.config_source = ConfigSource::Host;
@@ -152,8 +139,19 @@ impl<F: NorFlash> Keeper<F> {
     }
 
     async fn write<T: Serialize>(&mut self, key: Key, value: &T) -> Result<(), Refusal> {
-        let value = postcard::to_slice(value, &mut self.buffer).map_err(|_| Refusal::Flash)?;
-        put(&mut self.store, key, value, self.shared).await
+        let room = self.buffer.get_mut(HEAD..).ok_or(Refusal::Flash)?;
+        let length = postcard::to_slice(value, room).map_err(|_| Refusal::Flash)?.len();
+        self.put(key, length).await
+    }
+
+    /// Writes the value of so many bytes in the buffer, an empty one to forget it; digital sensors count as paused
+    /// meanwhile.
+    async fn put(&mut self, key: Key, length: usize) -> Result<(), Refusal> {
+        let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
+        self.shared.storing.store(true, Ordering::Relaxed);
+        let outcome = store.save(key, &mut self.buffer, length).await;
+        self.shared.storing.store(false, Ordering::Relaxed);
+        outcome.map_err(|Unwritable| Refusal::Flash)
     }
 
     /// Returns whether there is nothing left to write: written, or the flash cannot be written.

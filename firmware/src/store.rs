@@ -21,7 +21,7 @@ const COPIES: usize = 2;
 /// Sectors of a copy: one is free while the other is full.
 const SECTORS: usize = 2;
 /// Bytes of schema and number before a value.
-const HEAD: usize = 6;
+pub const HEAD: usize = 6;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -64,7 +64,7 @@ impl Entry {
     }
 }
 
-type Buffer = [u8; MAX_VALUE];
+pub type Buffer = [u8; MAX_VALUE];
 type Map<'a, F> = MapStorage<
     u8,
     &'a mut F,
@@ -128,28 +128,36 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Saves a value in place of the one before; an empty one counts as absent.
-    /// If it fails, the one before may be lost.
-    pub async fn save(&mut self, key: Key, value: &[u8]) -> Result<(), Unwritable> {
+    /// Saves the value of so many bytes that `buffer` has after [`HEAD`] in place of the one before; an empty one counts as
+    /// absent. If it fails, the one before may be lost.
+    pub async fn save(
+        &mut self,
+        key: Key,
+        buffer: &mut Buffer,
+        length: usize,
+    ) -> Result<(), Unwritable> {
         let newest = self.newest(key);
         let number = self.number(newest, key).checked_add(1).ok_or(Unwritable)?;
-        let mut headed = [0; MAX_VALUE];
-        let (schema, rest) = headed.split_first_chunk_mut().ok_or(Unwritable)?;
+        let (schema, rest) = buffer.split_first_chunk_mut().ok_or(Unwritable)?;
         *schema = SCHEMA.to_le_bytes();
-        let (place, rest) = rest.split_first_chunk_mut().ok_or(Unwritable)?;
+        let (place, _) = rest.split_first_chunk_mut().ok_or(Unwritable)?;
         *place = number.to_le_bytes();
-        rest.get_mut(..value.len()).ok_or(Unwritable)?.copy_from_slice(value);
-        let headed = headed.get(..HEAD + value.len()).ok_or(Unwritable)?;
+        let headed = buffer.get(..HEAD + length).ok_or(Unwritable)?;
         // An unchanged value is not written again, to spare the flash.
-        let mut buffer = [0; MAX_VALUE];
-        if self.number(0, key) == self.number(1, key)
-            && let Entry::Value(_, length) = self.read(newest, key, &mut buffer).await
-            && buffer.get(HEAD..length) == headed.get(HEAD..)
-        {
+        if self.number(0, key) == self.number(1, key) && self.holds(newest, key, headed).await {
             return Ok(());
         }
         self.write(1 - newest, key, headed).await?;
         self.write(newest, key, headed).await
+    }
+
+    /// Whether the copy has that value already.
+    async fn holds(&mut self, copy: usize, key: Key, headed: &[u8]) -> bool {
+        let mut buffer = [0; MAX_VALUE];
+        matches!(
+            self.read(copy, key, &mut buffer).await,
+            Entry::Value(_, length) if buffer.get(HEAD..length) == headed.get(HEAD..)
+        )
     }
 
     fn number(&self, copy: usize, key: Key) -> u32 {
