@@ -386,7 +386,6 @@ impl Estimator {
         self.energy.set(self.energy.energy_j() * larger);
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() * larger);
         self.zones.set_mass(self.mass_kg.value());
-        self.interval.void = true;
         self.window.void = true;
     }
 
