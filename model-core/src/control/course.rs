@@ -7,11 +7,23 @@
 //!
 //! Values that come irregularly, because a host or its line has other things to do, were meant for other times. Half of
 //! what is new in each is taken then, and it goes on for half an interval more.
+//!
+//! A joint accelerates more within an interval than a muscle with a load does. Its course bends: a value goes on by speed
+//! and acceleration, both by a filter whose memory fades. A value that follows a rest has neither, and one that the
+//! joint could not have come to by its acceleration leaves the speed as it was: both are steps. A course that nothing
+//! follows is left after one interval, or slows down within another half where values come irregularly.
 
-use crate::math::absolute;
+use crate::math::{absolute, limit};
 
 /// Longest interval between two values of a set point that moves \[s\]: 20 values a second.
 const LONGEST_S: f32 = 0.05;
+/// The same for a course that bends: values that come 20 times a second may be late by 5 ms.
+const LONGEST_BENT_S: f32 = 0.055;
+/// Interval whose value counts for half in the filter of a course that bends: the longer it is, the less it matters
+/// that a value is late by some milliseconds \[s\].
+const HALF_S: f32 = 0.011;
+/// Share of its speed by which a late value may seem to be faster or slower.
+const LATE: f32 = 1.0;
 /// Share of what is new in an irregular value, and in its speed. Simulated with 10 and 20 kg on a sine of 13.5 mm, values
 /// up to 1, 3 and 8 ms late, four seeds: 0.23, 0.31 and 0.65 mm off; all of it leaves 0.28, 0.53 and 1.09 mm,
 /// three tenths with a tenth of the speed 0.8 mm.
@@ -27,16 +39,40 @@ pub struct Pace {
     per_steps: f32,
     /// Steps within which a set point that moves has another value.
     longest_steps: u16,
+    /// Of a course that bends.
+    bends: Option<Bends>,
+}
+
+/// How a course bends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Bends {
+    /// Square of the interval whose value counts for half, in periods.
+    half_squared: f32,
+    /// By how much its change in a period may change in a period.
+    most: f32,
 }
 
 impl Pace {
     /// For steps of `step_s`.
     pub fn new(period_steps: u16, step_s: f32) -> Self {
+        Self::within(LONGEST_S, period_steps, step_s)
+    }
+
+    /// For steps of `step_s` of a set point that accelerates by up to `most_per_s2`.
+    pub fn bending(period_steps: u16, step_s: f32, most_per_s2: f32) -> Self {
+        let period_s = f32::from(period_steps) * step_s;
+        let half = HALF_S / period_s;
+        let bends = Bends { half_squared: half * half, most: most_per_s2 * period_s * period_s };
+        Self { bends: Some(bends), ..Self::within(LONGEST_BENT_S, period_steps, step_s) }
+    }
+
+    fn within(longest_s: f32, period_steps: u16, step_s: f32) -> Self {
         Self {
             period_steps,
             per_steps: 1.0 / f32::from(period_steps),
             // A cast saturates.
-            longest_steps: ((LONGEST_S / step_s + 0.5) as u16).max(period_steps),
+            longest_steps: ((longest_s / step_s + 0.5) as u16).max(period_steps),
+            bends: None,
         }
     }
 }
@@ -48,6 +84,8 @@ pub struct Target {
     pub value: f32,
     /// By how much it changes in the period.
     pub change: f32,
+    /// By how much that changes from period to period.
+    pub bend: f32,
     /// It has a new value, or goes on.
     pub moves: bool,
     /// It has changed by more than a motion does.
@@ -61,6 +99,8 @@ pub struct Course {
     /// Change in a period: to go on with, and as the last two values have it.
     change: f32,
     rate: f32,
+    /// By how much it changes from period to period.
+    bend: f32,
     /// The last value as it is taken while it goes on.
     from: f32,
     /// Steps since the last value came, and between the last ones.
@@ -70,6 +110,10 @@ pub struct Course {
     lasts_steps: u16,
     /// The last value came after twice the interval.
     twice: bool,
+    /// The last value began a motion: there is no speed yet.
+    begins: bool,
+    /// The last value was none that the joint could have come to.
+    leapt: bool,
     /// Values until their times are taken for regular.
     irregular: u8,
 }
@@ -77,17 +121,18 @@ pub struct Course {
 impl Course {
     /// At rest.
     pub fn at(value: f32, pace: &Pace) -> Self {
-        let interval_steps = pace.period_steps;
-        let (change, rate, age_steps, lasts_steps) = (0.0, 0.0, u16::MAX, 0);
         Self {
             value,
-            change,
-            rate,
+            change: 0.0,
+            rate: 0.0,
+            bend: 0.0,
             from: value,
-            age_steps,
-            interval_steps,
-            lasts_steps,
+            age_steps: u16::MAX,
+            interval_steps: pace.period_steps,
+            lasts_steps: 0,
             twice: false,
+            begins: false,
+            leapt: false,
             irregular: 0,
         }
     }
@@ -101,53 +146,143 @@ impl Course {
         if gained == 0.0 {
             self.age_steps = since_steps;
         } else {
+            let after_steps = since_steps.saturating_sub(age_steps).max(1);
             let before_steps = self.interval_steps;
-            let interval_steps = since_steps.saturating_sub(age_steps).max(1);
-            // One that was due may have been the same as the last: a turn of a sine has two of a value.
-            let is_late = self.age_steps >= self.lasts_steps;
-            let twice = is_late && interval_steps == before_steps.saturating_mul(2);
-            if since_steps > pace.longest_steps {
-                self.rate = 0.0;
-            } else if !twice || self.twice {
-                self.interval_steps = interval_steps;
-            }
-            self.twice = twice;
-            self.irregular = if self.interval_steps == before_steps {
-                self.irregular.saturating_sub(1)
-            } else {
-                IRREGULAR
-            };
+            let apart_steps = if pace.bends.is_some() { after_steps } else { since_steps };
+            self.time(pace, apart_steps, after_steps);
             self.age_steps = age_steps;
             self.value = value;
-            let intervals = if self.interval_steps == pace.period_steps {
-                1.0
-            } else {
-                f32::from(pace.period_steps) / f32::from(self.interval_steps)
+            steps = match &pace.bends {
+                None => self.straight(pace, gained, before_steps, fastest),
+                Some(bends) => {
+                    let rests = apart_steps > pace.longest_steps;
+                    let periods = f32::from(after_steps) * pace.per_steps;
+                    self.lasts_steps = self.interval_steps.max(before_steps);
+                    self.bent(bends, gained, periods, fastest, rests)
+                }
             };
-            let change = gained * intervals;
-            let possible = absolute(change) <= fastest;
-            let goes_on = || possible && absolute(change - self.rate) <= fastest * intervals;
-            steps = absolute(gained) > fastest && !goes_on();
-            let rate = if possible { change } else { 0.0 };
-            self.lasts_steps = self.interval_steps;
-            if self.irregular == 0 || steps || self.rate == 0.0 {
-                (self.rate, self.from) = (rate, value);
-            } else {
-                self.lasts_steps = self.interval_steps.max(before_steps).saturating_mul(3) / 2;
-                let expected = self.from + self.rate / intervals;
-                self.from = expected + NEW * (value - expected);
-                self.rate += NEW * (rate - self.rate);
-            }
-            self.change = if steps { 0.0 } else { self.rate };
         }
+        let moves = gained != 0.0;
+        match pace.bends {
+            None => self.straight_on(pace, moves, steps),
+            Some(_) => self.bent_on(pace, moves, steps),
+        }
+    }
+
+    /// Where a course that does not bend has gone on to.
+    fn straight_on(&self, pace: &Pace, has_new: bool, steps: bool) -> Target {
         let change = if self.age_steps < self.lasts_steps { self.change } else { 0.0 };
-        let moves = gained != 0.0 || change != 0.0;
+        let moves = has_new || change != 0.0;
         let value = if change == 0.0 || self.age_steps == 0 && self.irregular == 0 {
             self.value
         } else {
             self.from + change * (f32::from(self.age_steps) * pace.per_steps)
         };
-        Target { value, change, moves, steps }
+        Target { value, change, bend: 0.0, moves, steps }
+    }
+
+    /// Where a course that bends has gone on to. An irregular value that is late finds it slower, and no step back.
+    fn bent_on(&self, pace: &Pace, has_new: bool, steps: bool) -> Target {
+        let on_time = self.age_steps < self.lasts_steps;
+        let late_steps = self.age_steps.saturating_sub(self.lasts_steps);
+        let slows_steps = if self.irregular == 0 { 0 } else { self.lasts_steps / 2 };
+        if self.rate == 0.0 || !on_time && late_steps >= slows_steps {
+            return Target { value: self.value, change: 0.0, bend: 0.0, moves: has_new, steps };
+        }
+        let on_periods = f32::from(self.age_steps.min(self.lasts_steps)) * pace.per_steps;
+        let speed = self.rate + self.bend * on_periods;
+        let value = self.from + 0.5 * (self.rate + speed) * on_periods;
+        if late_steps == 0 {
+            return Target { value, change: speed, bend: self.bend, moves: true, steps };
+        }
+        let left = 1.0 - f32::from(late_steps) / f32::from(slows_steps);
+        let late_periods = f32::from(late_steps) * pace.per_steps;
+        let value = value + 0.5 * speed * (1.0 + left) * late_periods;
+        Target { value, change: left * speed, bend: 0.0, moves: true, steps }
+    }
+
+    /// Takes the times of a value that came after so many steps, and in a period that began so many after the last value's.
+    fn time(&mut self, pace: &Pace, since_steps: u16, after_steps: u16) {
+        let before_steps = self.interval_steps;
+        // One that was due may have been the same as the last: a turn of a sine has two of a value.
+        let is_late = self.age_steps >= self.lasts_steps;
+        let twice = is_late && after_steps == before_steps.saturating_mul(2);
+        if since_steps > pace.longest_steps {
+            self.rate = 0.0;
+        } else if !twice || self.twice {
+            self.interval_steps = after_steps;
+        }
+        self.twice = twice;
+        self.irregular = if self.interval_steps == before_steps {
+            self.irregular.saturating_sub(1)
+        } else {
+            IRREGULAR
+        };
+    }
+
+    /// Takes a value of a course that does not bend; whether it is a step.
+    fn straight(&mut self, pace: &Pace, gained: f32, before_steps: u16, fastest: f32) -> bool {
+        let intervals = if self.interval_steps == pace.period_steps {
+            1.0
+        } else {
+            f32::from(pace.period_steps) / f32::from(self.interval_steps)
+        };
+        let change = gained * intervals;
+        let possible = absolute(change) <= fastest;
+        let goes_on = || possible && absolute(change - self.rate) <= fastest * intervals;
+        let steps = absolute(gained) > fastest && !goes_on();
+        let rate = if possible { change } else { 0.0 };
+        self.lasts_steps = self.interval_steps;
+        if self.irregular == 0 || steps || self.rate == 0.0 {
+            (self.rate, self.from) = (rate, self.value);
+        } else {
+            self.lasts_steps = self.interval_steps.max(before_steps).saturating_mul(3) / 2;
+            let expected = self.from + self.rate / intervals;
+            self.from = expected + NEW * (self.value - expected);
+            self.rate += NEW * (rate - self.rate);
+        }
+        self.change = if steps { 0.0 } else { self.rate };
+        steps
+    }
+
+    /// Takes a value of a course that bends, so many periods after the last; whether it is a step.
+    fn bent(
+        &mut self,
+        bends: &Bends,
+        gained: f32,
+        periods: f32,
+        fastest: f32,
+        rests: bool,
+    ) -> bool {
+        let per_period = 1.0 / periods;
+        let slope = gained * per_period;
+        let possible = absolute(slope) <= fastest;
+        let speed = self.rate + self.bend * periods;
+        let expected = self.from + 0.5 * (self.rate + speed) * periods;
+        let missing = self.value - expected;
+        let room = bends.most * periods + LATE * absolute(speed);
+        let begins = core::mem::replace(&mut self.begins, rests || !possible);
+        let leaps = absolute(missing) * per_period > room;
+        let leapt = core::mem::replace(&mut self.leapt, leaps);
+        if self.begins {
+            (self.from, self.rate, self.bend) = (self.value, 0.0, 0.0);
+        } else if begins || leaps && leapt {
+            (self.from, self.rate, self.bend) = (self.value, slope, 0.0);
+            self.leapt = false;
+        } else if leaps {
+            (self.from, self.bend) = (self.value, 0.0);
+        } else {
+            // Of second order, whose weights fade by `left` with each value.
+            let square = periods * periods;
+            let new = square / (square + bends.half_squared);
+            let left = 1.0 - new;
+            let off = missing * per_period;
+            self.from = self.value - left * left * left * missing;
+            let rate = speed + 1.5 * new * new * (1.0 + left) * off;
+            self.rate = limit(rate, -fastest, fastest);
+            self.bend += new * new * new * off * per_period;
+        }
+        self.begins || leaps
     }
 }
 
@@ -256,6 +391,80 @@ mod tests {
             let after =
                 |(start, target): &&(u16, Target)| *start > 300 + period && target.value != 30.0;
             assert_eq!(targets.iter().find(after), None, "{period}, {interval}");
+        }
+    }
+
+    /// Targets of a course that bends, at the starts of periods of 10 steps. It accelerates by up to 100 /s2.
+    fn bent(came: &[u16], value: impl Fn(u16) -> f32) -> Vec<(u16, Target)> {
+        let pace = Pace::bending(10, STEP_S, 100.0);
+        let mut course = Course::at(value(0), &pace);
+        let target = |start: u16| {
+            let last = came.iter().copied().rfind(|step| *step <= start)?;
+            Some((start, course.advance(&pace, value(last), start - last, 0.04)))
+        };
+        (1..100).map(|n| n * 10).filter_map(target).collect()
+    }
+
+    /// A sine of 1 Hz, by values 20, 50 and 100 times a second: its speed, of up to 1.26.
+    #[test]
+    fn a_sine_goes_on_between_its_values() {
+        let w = core::f32::consts::TAU;
+        for (interval, most) in [(50, 0.4), (20, 0.19), (10, 0.06)] {
+            let sine = |step: u16| 0.2 * (w * STEP_S * f32::from(step)).sin();
+            let mut worst = 0.0_f32;
+            for (start, target) in bent(&regular(interval, 1000), sine) {
+                if start > 5 * interval {
+                    let exact = 0.2 * w * (w * STEP_S * f32::from(start)).cos();
+                    worst = worst
+                        .max((target.change / (10.0 * STEP_S) / exact - 1.0).abs() * exact.abs());
+                    worst = worst.max((target.value - sine(start)).abs());
+                }
+            }
+            assert!((0.2 * most..most).contains(&worst), "{interval}: {worst}");
+        }
+    }
+
+    #[test]
+    fn a_step_after_a_rest_stays_one() {
+        for size in [1e-3_f32, 0.02, 0.039, 0.5] {
+            for (_, target) in bent(&regular(20, 1000), |step| if step < 305 { 0.0 } else { size })
+            {
+                assert!(target.value == 0.0 || target.value == size, "{size}: {target:?}");
+                assert_eq!((target.change, target.bend), (0.0, 0.0), "{size}");
+            }
+        }
+    }
+
+    /// A value at which no joint arrives by its acceleration is taken, and the speed stays.
+    #[test]
+    fn a_leap_within_a_motion_has_no_speed() {
+        let leaps = |step: u16| 5e-4 * f32::from(step) + if step < 500 { 0.0 } else { 0.03 };
+        for (start, target) in bent(&regular(10, 1000), leaps).split_off(5) {
+            assert!((target.value - leaps(start)).abs() < 1e-4, "{start}: {target:?}");
+            assert!((target.change - 5e-3).abs() < 1e-4, "{start}: {target:?}");
+        }
+    }
+
+    proptest! {
+        /// A slider is dragged by hand, and left: it goes on for one and a half intervals, and back.
+        #[test]
+        fn a_hand_that_stops_is_not_left_far_behind(
+            ways in prop::collection::vec(-0.04_f32..0.04, 20),
+            intervals in prop::collection::vec(4_u16..40, 20),
+        ) {
+            let mut step = 0;
+            let came: Vec<u16> = intervals.iter().map(|interval| { step += interval; step }).collect();
+            let value = |step: u16| {
+                let of = came.iter().take_while(|came| **came <= step).count();
+                ways[..of].iter().sum::<f32>()
+            };
+            for (start, target) in bent(&came, value) {
+                let off = (target.value - value(start)).abs();
+                prop_assert!(off < 1.25 * 5.5 * 0.04, "{off} at {start}");
+                if start > came[19] + 85 {
+                    prop_assert_eq!((target.value, target.change), (value(start), 0.0));
+                }
+            }
         }
     }
 }

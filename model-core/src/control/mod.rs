@@ -26,7 +26,7 @@
 
 pub(crate) mod chamber_port;
 mod contraction;
-mod course;
+pub(crate) mod course;
 mod cycle;
 mod load_observer;
 mod pressure;

@@ -26,6 +26,7 @@ use super::reference::{Motion, Reference};
 use super::set_point::JointSetPoint;
 use crate::config::Config;
 use crate::control::chamber_port::{ChamberPort, Feedback};
+use crate::control::course::{Course, Pace};
 use crate::control::valve_drive::{FlowDrive, OpenFlow};
 use crate::math::{absolute, limit};
 use crate::physics::chamber::{AnyChamber, Chamber};
@@ -178,6 +179,9 @@ pub struct JointController {
     to_come_rad: f32,
     friction: Friction,
     reference: Reference,
+    /// Angles of a host that gives no derivatives.
+    pace: Pace,
+    course: Course,
     /// Angle of the reference that the pressures were for \[rad\].
     led_rad: f32,
     /// Friction along the reference \[N m\].
@@ -196,6 +200,8 @@ impl JointController {
     pub fn new(config: &JointConfig) -> Self {
         let JointConfig { muscles, mechanism, tuning, .. } = config;
         let [a, _] = muscles;
+        let most_rad_s2 = tuning.reference_torque_n_m / mechanism.inertia_kg_m2;
+        let pace = Pace::bending(a.pwm_period_steps, a.step_s, most_rad_s2);
         Self {
             radius_m: mechanism.radius_m,
             tuning: *tuning,
@@ -210,6 +216,8 @@ impl JointController {
             to_come_rad: 0.0,
             friction: Friction::default(),
             reference: Reference::still(0.0, 0.0),
+            pace,
+            course: Course::at(0.0, &pace),
             led_rad: 0.0,
             friction_n_m: 0.0,
             integral_n_m: 0.0,
@@ -293,6 +301,7 @@ impl JointController {
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
         let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
         self.stand(angle_rad, stiffness_n_m_rad);
+        self.leave_course(angle_rad);
         self.friction_n_m = 0.0;
         self.integral_n_m = 0.0;
         self.calm_periods = 0;
@@ -422,6 +431,29 @@ impl JointController {
             JointSetPoint::Angle(wanted) => {
                 self.angle(mechanism, &wanted, angle_rad, muscles, most_pa)
             }
+        }
+    }
+
+    /// The next angle without derivatives is none of a motion.
+    pub fn leave_course(&mut self, angle_rad: f32) {
+        self.course = Course::at(angle_rad, &self.pace);
+    }
+
+    /// An angle that was given without derivatives so many steps ago, with those of the values before it.
+    pub fn course(&mut self, mechanism: &Mechanism, given: Motion, age_steps: u32) -> Motion {
+        let age_steps = u16::try_from(age_steps).unwrap_or(u16::MAX);
+        let fastest_rad = self.tuning.reference_speed_rad_s * self.period_s;
+        let target = self.course.advance(&self.pace, given.angle_rad, age_steps, fastest_rad);
+        let angle_rad = limit(target.value, mechanism.minimum_rad, mechanism.maximum_rad);
+        if target.change == 0.0 || angle_rad != target.value {
+            return Motion::still(angle_rad, given.stiffness_n_m_rad);
+        }
+        let per_s = 1.0 / self.period_s;
+        Motion {
+            angle_rad,
+            speed_rad_s: target.change * per_s,
+            acceleration_rad_s2: target.bend * per_s * per_s,
+            ..given
         }
     }
 

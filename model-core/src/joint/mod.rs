@@ -592,9 +592,13 @@ impl Joint {
                 self.started = true;
             }
             let set_point = match self.set_point {
-                JointSetPoint::Angle(motion) if motion.moves() => {
+                JointSetPoint::Angle(given) if given.moves() => {
+                    self.controller.leave_course(given.angle_rad);
                     let age_s = self.set_steps as f32 * config_a.step_s;
                     self.set_point.after(age_s, mechanism)
+                }
+                JointSetPoint::Angle(given) => {
+                    JointSetPoint::Angle(self.controller.course(mechanism, given, self.set_steps))
                 }
                 given => given,
             };

@@ -44,6 +44,8 @@ pub enum JointSetPoint {
     },
     /// An angle with a stiffness. With its speed and acceleration a motion is followed without lag; a step has none.
     /// Until the next set point it goes on by them, for [`LONGEST_S`] at most, and then rests where it has come to.
+    /// Angles that come without either, 20 times a second or more, are a motion too: they go on by their differences for
+    /// one and a half intervals at most, and then rest at the last angle. One that follows a rest is a step.
     Angle(Motion),
     /// All four valves shut, for `joint.lock_s` at most; then both muscles vent.
     Lock,
