@@ -70,6 +70,11 @@ pub enum Problem {
     /// UTF-16 text, as spreadsheets save it by "Unicode text".
     #[error("is UTF-16 text: must be UTF-8")]
     Utf16,
+    /// The file of a spreadsheet program (.xlsx, .ods, .xls), or another archive.
+    #[error(
+        "is a spreadsheet or an archive: must be text; export the sheet as CSV (UTF-8, with commas)"
+    )]
+    Spreadsheet,
     /// The parser's message.
     #[error("not valid TOML: {0}")]
     Syntax(String),
@@ -151,6 +156,11 @@ pub enum Problem {
          Numbers need a decimal point"
     )]
     DecimalCommas { found: usize, expected: usize },
+    /// A title of other cells than the names stands above them.
+    #[error(
+        "has words in place of numbers: if these are the names of the columns, they must be in the first line"
+    )]
+    NamesBelow,
     /// Times without measured values.
     #[error("has no column to compare beside {time}; known here: {}", known.join(", "))]
     NothingToCompare {
@@ -294,8 +304,8 @@ pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
 /// Reads a whole text file of at most 16 MiB, as [`read_bytes`], without its byte order mark.
 pub fn read_text(path: &Path) -> Result<String, InputError> {
     let bytes = read_at_most(path, LARGEST_TEXT)?;
-    if is_utf16(&bytes) {
-        return Err(InputError::file(path, Problem::Utf16));
+    if let Some(problem) = not_text(&bytes) {
+        return Err(InputError::file(path, problem));
     }
     match String::from_utf8(bytes) {
         Ok(text) => Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text)),
@@ -355,6 +365,16 @@ fn similar(path: &Path) -> Option<PathBuf> {
         let near = nearest(name, shipped::names().filter(|_| of_shipped))?;
         Some(Path::new("scenarios").join(near))
     })
+}
+
+/// The problem of bytes whose beginning shows that they are not UTF-8 text.
+pub(crate) fn not_text(bytes: &[u8]) -> Option<Problem> {
+    const ZIP: &[u8] = b"PK\x03\x04";
+    const OLD_EXCEL: &[u8] = &[0xd0, 0xcf, 0x11, 0xe0];
+    if bytes.starts_with(ZIP) || bytes.starts_with(OLD_EXCEL) {
+        return Some(Problem::Spreadsheet);
+    }
+    is_utf16(bytes).then_some(Problem::Utf16)
 }
 
 /// Whether bytes are UTF-16: they begin with a byte order mark, or one byte of each of the first

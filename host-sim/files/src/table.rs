@@ -1,6 +1,6 @@
 //! Tables of numbers: CSV files whose first line names the columns.
 
-use crate::input::{InputError, Problem, is_utf16, line_of, quoted, read_bytes};
+use crate::input::{InputError, Problem, line_of, not_text, quoted, read_bytes};
 use std::fmt;
 use std::path::{Path, PathBuf};
 
@@ -128,6 +128,7 @@ impl Table {
 
     /// As [`Self::rows_of`], but a last line without an end is not a row.
     fn recorded(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
+        is_text(bytes, file)?;
         // A truncated number is still a number, so only a line with its end counts.
         let whole =
             bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
@@ -140,9 +141,7 @@ impl Table {
 
     /// The rows up to the first line that is not one, and the problem of that line.
     fn rows_of(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
-        if is_utf16(bytes) {
-            return Err(InputError::file(file, Problem::Utf16));
-        }
+        is_text(bytes, file)?;
         if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
             return Err(InputError::file(file, Problem::NotCsv));
         }
@@ -166,7 +165,8 @@ impl Table {
                 }
                 Ok(true) if record.iter().all(str::is_empty) => continue,
                 Ok(true) if table.columns.is_empty() => {
-                    table.add_header(&record).map_err(Bad::Value)
+                    let below = bytes.get(reader.position().byte() as usize..);
+                    table.add_header(&record, below.unwrap_or_default()).map_err(Bad::Value)
                 }
                 Ok(true) => table.add_row(&record, line),
                 // Rows may have any length, and bytes in memory can be read: there is no other
@@ -193,12 +193,14 @@ impl Table {
         Ok(self)
     }
 
-    fn add_header(&mut self, record: &csv::StringRecord) -> Result<(), Problem> {
+    /// `below`: the bytes behind the first line.
+    fn add_header(&mut self, record: &csv::StringRecord, below: &[u8]) -> Result<(), Problem> {
         if let Some(found) = other_separator(record) {
             return Err(Problem::Separator { found });
         }
         let first = record.iter().next().unwrap_or_default();
         if first.starts_with(['#', '<', '{'])
+            || is_title(record, below)
             || record.iter().all(|name| name.parse::<f64>().is_ok())
         {
             return Err(Problem::NotNames { found: quoted(first) });
@@ -232,6 +234,11 @@ impl Table {
             };
             return Err(match blanks() {
                 Some(found) => Bad::Value(Problem::Separator { found }),
+                None if self.lines.is_empty()
+                    && record.iter().all(|cell| cell.parse::<f64>().is_err()) =>
+                {
+                    Bad::Value(Problem::NamesBelow)
+                }
                 // Only numbers, some of them split into two cells.
                 None if (expected + 1..=2 * expected).contains(&found)
                     && record.iter().all(|cell| cell.parse::<f64>().is_ok()) =>
@@ -346,6 +353,24 @@ fn other_separator(record: &csv::StringRecord) -> Option<&'static str> {
         .map(|(_, name)| name)
 }
 
+fn is_text(bytes: &[u8], file: &Path) -> Result<(), InputError> {
+    not_text(bytes).map_or(Ok(()), |problem| Err(InputError::file(file, problem)))
+}
+
+/// Whether the first line is a title above the names: its only text is one cell of several words, and
+/// the line below it is not one of numbers between blanks.
+fn is_title(record: &csv::StringRecord, below: &[u8]) -> bool {
+    let mut texts = record.iter().filter(|cell| !cell.is_empty());
+    let (Some(text), None) = (texts.next(), texts.next()) else { return false };
+    if text.split_whitespace().count() < 2 {
+        return false;
+    }
+    let next = below.split(|byte| *byte == b'\n').find(|line| !line.trim_ascii().is_empty());
+    let next = String::from_utf8_lossy(next.unwrap_or_default());
+    let of_numbers = next.split_whitespace().all(|word| word.parse::<f64>().is_ok());
+    record.len() > 1 || (!next.is_empty() && !of_numbers)
+}
+
 /// The first few names, for a message.
 fn quoted_list<'a>(names: impl Iterator<Item = &'a str>) -> String {
     const MOST: usize = 6;
@@ -390,6 +415,10 @@ mod tests {
 
     const SEMICOLONS: &str = "t.csv:1: cells are separated by semicolons: must be commas, and numbers \
                               need a decimal point";
+    const TITLE: &str =
+        "t.csv:1: Muscle 3 of Monday in the first line: must be the names of the columns";
+    const BELOW: &str = "t.csv:2: has words in place of numbers: if these are the names of the columns, they must be in \
+                         the first line";
     const TABS: &str =
         "t.csv:1: cells are separated by tabs: must be commas, and numbers need a decimal point";
 
@@ -415,6 +444,7 @@ mod tests {
             ("\n\r\n", "t.csv: is empty; the first line must name the columns"),
             ("a,b\n", "t.csv: has no row below the names of the columns"),
             ("a,,c\n1,2,3\n", "t.csv:1: column 2 has no name"),
+            ("time_s,\n1,\n", "t.csv:1: column 2 has no name"),
             ("\na,b,a\n1,2,3\n", "t.csv:2: column a appears twice"),
             ("a,b\n1,2\n\n3\n", "t.csv:4: 1 cells in this row: must be 2, one per column"),
             ("a,b\n1,2\n3,4,x\n", "t.csv:3: 3 cells in this row: must be 2, one per column"),
@@ -436,6 +466,13 @@ mod tests {
                 "t.csv:1: <!doctype html> in the first line: must be the names of the columns",
             ),
             ("{\n", "t.csv:1: { in the first line: must be the names of the columns"),
+            // A title that a spreadsheet has above the table.
+            ("Muscle 3 of Monday\ntime_s,p\n0,1\n", TITLE),
+            ("Muscle 3 of Monday,\ntime_s,p\n0,1\n", TITLE),
+            ("Muscle 3 of Monday\r\n\r\ntime_s;p\r\n0;1\r\n", TITLE),
+            ("Muscle 3 of Monday\ntime_s p\n0 1\n", TITLE),
+            ("Muscle 3, Monday\ntime_s,p,f\n0,1,2\n", BELOW),
+            ("Muscle\ntime_s,p,f\n0,1,2\n", BELOW),
             ("0,1e5\n1,2e5\n", "t.csv:1: 0 in the first line: must be the names of the columns"),
             (
                 "# by hand, a\na,b\n1,2\n",
@@ -476,6 +513,18 @@ mod tests {
         assert_eq!(missing, "t.csv: column c is missing; the file has a, b");
         let empty = table.filled("b").unwrap_err().to_string();
         assert_eq!(empty, "t.csv:4: column b = (empty): must be a number");
+    }
+
+    /// It was "not UTF-8 text".
+    #[test]
+    fn the_file_of_a_spreadsheet_is_named() {
+        for bytes in
+            [&b"PK\x03\x04\x14\0\x06\0\x08\0\xe9"[..], b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0"]
+        {
+            let message = "t.csv: is a spreadsheet or an archive: must be text; export the sheet as CSV \
+                           (UTF-8, with commas)";
+            assert_eq!(record(bytes), Err(message.to_owned()));
+        }
     }
 
     #[test]
