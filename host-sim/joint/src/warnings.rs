@@ -57,6 +57,7 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
     all.extend(unused_in_drive(document, &loaded.drive));
     found.extend(believed_inertia(loaded));
     found.extend(slow_step(loaded));
+    found.extend(late_course(loaded));
     found.extend(rough_radii(loaded));
     found.extend(beyond_the_muscles(loaded));
     all.extend(found.into_iter().map(|(key, value, why)| InputError {
@@ -148,6 +149,14 @@ fn slow_step(loaded: &JointLoaded) -> Option<Warning> {
         );
         ("joint.inertia_kg_m2".to_owned(), format!("{inertia:?}"), why)
     })
+}
+
+/// The course begins after the run, or has times in another unit.
+fn late_course(loaded: &JointLoaded) -> Option<Warning> {
+    let [angle, _] = loaded.profile.as_ref()?;
+    let file = loaded.drive.profile_csv.as_ref()?;
+    let why = thermyo_setup::late(angle, loaded.muscles[0].plant.run.duration_s)?;
+    Some(("drive.profile_csv".to_owned(), format!("{:?}", file.display().to_string()), why))
 }
 
 /// A set point at one time.
@@ -399,6 +408,15 @@ mod tests {
         let said = found.iter().map(ToString::to_string).collect::<String>();
         assert!(said.contains("joint.toml:3: drive.profile_csv = "), "{said}");
         assert!(said.contains("course.csv\": it asks for 1000.0 N m/rad: at 0.30 rad"), "{said}");
+    }
+
+    #[test]
+    fn a_course_in_ms_is_warned_of() {
+        let rows = "1000,0.1,14\n2000,0.2,14";
+        let found = warned_beside_course(rows, "profile_csv = \"course.csv\"\n");
+        let said = found.iter().map(ToString::to_string).collect::<String>();
+        assert!(said.contains("joint.toml:3: drive.profile_csv = "), "{said}");
+        assert!(said.contains("only its first row is before the end of the run"), "{said}");
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! A value over time, piecewise linear: a piston's volume, a set point.
 
 use std::fmt;
+use thermyo_files::number::significant;
 
 /// A piecewise-linear function of time; before its first and after its last point it is constant.
 #[derive(Debug, Clone, PartialEq)]
@@ -82,6 +83,26 @@ impl Profile {
         before.1 + (after.1 - before.1) * (time_s - before.0) / (after.0 - before.0)
     }
 
+    /// A question about the unit of its times, where its rows are usually minutes or less than a step
+    /// apart. A profile of few rows may be anything.
+    pub fn doubt(&self) -> Option<String> {
+        const FEWEST_ROWS: usize = 3;
+        const LONGEST_S: f64 = 100.0;
+        const SHORTEST_S: f64 = 4.0e-4;
+        let mut distances_s: Vec<f64> =
+            self.points.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
+        distances_s.sort_by(f64::total_cmp);
+        let usual_s = *distances_s.get(distances_s.len() / 2)?;
+        let unit = match usual_s {
+            _ if self.points.len() < FEWEST_ROWS => return None,
+            _ if usual_s >= LONGEST_S => "ms",
+            _ if usual_s < SHORTEST_S => "min or h",
+            _ => return None,
+        };
+        let usual = significant(usual_s, 3);
+        Some(format!("its rows are {usual} s apart: is its time_s in {unit}?"))
+    }
+
     /// The slope just after `time_s` \[value per s\].
     pub fn slope_after(&self, time_s: f64) -> f64 {
         let next = self.points.partition_point(|point| point.0 <= time_s);
@@ -102,6 +123,22 @@ impl Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_in_another_unit_are_doubted() {
+        let of = |scale: f64, rows: u32| {
+            let points = (0..rows).map(|i| (f64::from(i) * scale, 1.0)).collect();
+            Profile::new(points).unwrap().doubt().unwrap_or_default()
+        };
+        assert_eq!(of(1000.0, 11), "its rows are 1000 s apart: is its time_s in ms?");
+        assert_eq!(
+            of(1.0 / 3600.0, 11),
+            "its rows are 2.78×10⁻⁴ s apart: is its time_s in min or h?"
+        );
+        for (scale, rows) in [(99.0, 11), (0.001, 11), (1000.0, 2), (1e-4, 1)] {
+            assert_eq!(of(scale, rows), "", "{scale} {rows}");
+        }
+    }
 
     #[test]
     fn interpolates_and_holds_its_ends() {

@@ -27,6 +27,6 @@ pub use load::{
 pub use loaded::Loaded;
 pub use render::render;
 pub use rules::{OBSERVABLE, highest_pa, set_points};
-pub use unlikely::contraction_held;
+pub use unlikely::{contraction_held, late};
 pub use unrest::{Unrest, valves_and_line};
 pub use warnings::{unused_in_joint, warnings};

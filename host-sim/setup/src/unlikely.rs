@@ -6,6 +6,7 @@ use super::unrest::{Unrest, WRONG_FLOW, fills, open_kg_s};
 use crate::core_config::{core_config, pressure_limit_pa};
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::load_n;
+use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{DriveKind, GasElementKind, LoadKind, PlantKind, Scenario};
 
 /// Standard deviations of the start that a gas may be off: measured on `full` at 3 bar, 5 K off a wall with a deviation of
@@ -145,19 +146,31 @@ fn needed_pa(s: &Scenario, moving: &dyn Chamber, contraction: f64) -> Option<f64
     }
 }
 
-/// The set points begin after the run.
+/// The set points begin after the run, or have times in another unit.
 fn late_profile(loaded: &Loaded) -> Option<Unrest> {
-    let (first_s, _) = *loaded.drive_profile.as_ref()?.points().first()?;
     let path = loaded.plant.drive.profile_csv.as_ref()?;
-    let end_s = loaded.plant.run.duration_s;
-    (first_s >= end_s).then(|| {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let why = format!(
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let why = late(loaded.drive_profile.as_ref()?, loaded.plant.run.duration_s)?;
+    Some(("drive.profile_csv", format!("{name:?}"), why))
+}
+
+/// Why the times of a profile do not suit a run that ends at `end_s`.
+pub fn late(profile: &Profile, end_s: f64) -> Option<String> {
+    let mut times_s = profile.points().iter().map(|(time_s, _)| *time_s);
+    let (first_s, second_s) = (times_s.next()?, times_s.next());
+    if first_s >= end_s {
+        return Some(format!(
             "its first row, at {first_s:?} s, is not before the end of the run, run.duration_s = {end_s:?}: the set \
              point never changes"
-        );
-        ("drive.profile_csv", format!("{name:?}"), why)
-    })
+        ));
+    }
+    let of_many = second_s.filter(|second_s| *second_s > end_s && times_s.next().is_some());
+    let only = |_| {
+        format!(
+            "only its first row is before the end of the run, run.duration_s = {end_s:?}: is its time_s in ms?"
+        )
+    };
+    of_many.map(only).or_else(|| profile.doubt())
 }
 
 /// The gas starts far from where the estimate does.
@@ -244,7 +257,22 @@ mod tests {
             )
         };
         let (early, late) = (warned(&text(20.0)), warned(&text(6.0)));
+        // Times in ms drove without a hint.
+        std::fs::write(&csv, "time_s,pressure_pa\n0,2e5\n1000,3e5\n2000,2e5\n").unwrap();
+        let (short, long) = (warned(&text(6.0)), warned(&text(3000.0)));
         std::fs::remove_file(&csv).unwrap();
+        assert!(
+            short.len() == 1
+                && short[0].ends_with(
+                    "only its first row is before the end of the run, run.duration_s = 6.0: is its \
+                     time_s in ms?"
+                ),
+            "{short:?}"
+        );
+        assert!(
+            long.len() == 1 && long[0].ends_with("its rows are 1000 s apart: is its time_s in ms?"),
+            "{long:?}"
+        );
         assert_eq!(early, [""; 0]);
         assert!(
             late.len() == 1 && late[0].starts_with("s.toml:5: drive.profile_csv = "),

@@ -12,6 +12,7 @@ use thermyo_files::units::UnitSystem;
 use thermyo_logs::topics::MUSCLE;
 use thermyo_record::board_trace::Recorder;
 use thermyo_scenario::DriveKind;
+use thermyo_scenario::profile::Profile;
 use thermyo_setup::from_config;
 use thermyo_setup::{Loaded, SET_POINT_COLUMNS};
 use thermyo_studies::drive;
@@ -85,6 +86,7 @@ fn drive_and_record(
         Some(path) => Some(read_to_compare(path, &driven.plant, duration_s, to)?),
         None => None,
     };
+    warn_of_times(args, driven.drive_profile.as_ref(), to);
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
     let mut files = drive_files(&folder, &driven)?;
     let mut recorder = Recorder::new(files.file("trace.csv")?)
@@ -119,6 +121,13 @@ fn drive_and_record(
         stopped: summary.stopped_of_s.map(|_| summary.driven()),
     };
     drove(files, &folder, &summed, to)
+}
+
+/// Warns of a profile whose times seem to be in another unit.
+pub(super) fn warn_of_times(args: &DriveArgs, profile: Option<&Profile>, to: &mut Console<'_>) {
+    if let Some(why) = profile.and_then(Profile::doubt) {
+        to.say(format_args!("warning: {}: {why}", args.profile.display()));
+    }
 }
 
 /// Closes the record of a drive. From its first row on it is kept, and `record` names its folder.

@@ -2,7 +2,7 @@
 
 use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
 use super::board_task::{ArmArgs, BoardTask, ConfigTask};
-use super::drive::{DriveArgs, Summed, drove, ended, say_record};
+use super::drive::{DriveArgs, Summed, drove, ended, say_record, warn_of_times};
 use super::joint::faulty;
 use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
@@ -256,6 +256,7 @@ fn drive_and_record(
     let config = board.config()?;
     let driven = joint::plan(&args.profile, &config)?;
     let duration_s = driven.muscles[0].plant.run.duration_s;
+    warn_of_times(args, driven.profile.as_ref().map(|[angle, _]| angle), to);
     let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
     let mut files = drive_files(&folder, &driven)?;
     let mut recorder = Recorder::with_columns(files.file(FILE)?, &board_columns())
