@@ -56,7 +56,7 @@ fn identified_and_judged(folder: &Folder) {
     changed("sensor_gas_k", |k| k - 273.15)
         .says("other.csv:2: column sensor_gas_k = ")
         .says("must be a number from 100 to 1000 K");
-    changed("time_s", |s| s / 60.0).says("is this min? Leave out rows of a faster record");
+    changed("time_s", |s| s / 60.0).says("is this min or h? Leave out rows of a faster record");
     let recording = folder.name("out");
     let judged =
         thermyo(&["evaluate", "estimator", "--recording", &recording, "--json", "--quiet"]);

@@ -60,7 +60,7 @@ pub fn check_pace(table: &Table, config: &Config) -> Result<(), InputError> {
         Some(row) => {
             let allowed = format!(
                 "a time from which on P V rises by no more than {} W, {MOST_PACE} times what the open inlet of \
-                 valve.conductance_m3_s_pa = {:?} lets in: is this min, or is the valve larger?",
+                 valve.conductance_m3_s_pa = {:?} lets in: is this min or h, or is the valve larger?",
                 significant(MOST_PACE * most_w, 3),
                 config.valve.conductance_m3_s_pa
             );
@@ -140,7 +140,7 @@ mod tests {
         );
         assert!(
             message.ends_with(
-                "what the open inlet of valve.conductance_m3_s_pa = 4e-9 lets in: is this min, or is the valve larger?"
+                "what the open inlet of valve.conductance_m3_s_pa = 4e-9 lets in: is this min or h, or is the valve larger?"
             ),
             "{message}"
         );

@@ -159,7 +159,7 @@ pub fn check_distances(
         (&|distance_s| distance_s > longest_s, allowed)
     } else if usual_s < LEAST_DISTANCE_S {
         let allowed = format!(
-            "at least {LEAST_DISTANCE_S} s after the row before it: is this min? Leave out rows of a faster record"
+            "at least {LEAST_DISTANCE_S} s after the row before it: is this min or h? Leave out rows of a faster record"
         );
         (&|distance_s| distance_s < LEAST_DISTANCE_S, allowed)
     } else {
@@ -371,7 +371,8 @@ mod tests {
         );
         let minutes = checked(0.02 / 60.0).unwrap_err();
         assert!(
-            minutes.contains("must be at least 0.0004 s after the row before it: is this min?"),
+            minutes
+                .contains("must be at least 0.0004 s after the row before it: is this min or h?"),
             "{minutes}"
         );
     }

@@ -188,6 +188,8 @@ pub fn check_lengths(table: &Table, rest_m: f64) -> Result<(), InputError> {
     };
     let unit = if (low..=high).contains(&(0.001 * length)) {
         ": is this mm?"
+    } else if (low..=high).contains(&(0.01 * length)) {
+        ": is this cm?"
     } else if (low..=high).contains(&-length) {
         ": is its sign reversed?"
     } else if length.abs() < low {
@@ -229,7 +231,7 @@ fn check_speeds(
         Some(row) => {
             let allowed = format!(
                 "a time at which the muscle moves by no more than {} m/s, {MOST_SPEED_PER_S} times \
-                 muscle.rest_length_m in a second: is this min?",
+                 muscle.rest_length_m in a second: is this min or h?",
                 thermyo_files::number::significant(most_m_s, 3)
             );
             Err(table.cell_error(row + SPEED_ROWS, COLUMNS[0], &allowed))

@@ -314,7 +314,7 @@ fn a_record_in_minutes_is_named() {
         Record::of(&table(&text), &shipped_scenario().plant).unwrap_err().to_string()
     };
     let close = "motion.csv:3: column time_s = 0.0003333333333333333: must be at least 0.0004 s after the row before \
-                 it: is this min?";
+                 it: is this min or h?";
     assert!(read(50.0).starts_with(close), "{}", read(50.0));
     let fast = read(20.0);
     assert!(fast.starts_with("motion.csv:7: column time_s = 0.00416"), "{fast}");
@@ -345,10 +345,14 @@ fn a_record_of_a_gas_sensor_in_other_units_is_named() {
             .to_string()
     };
     for (error, end) in [
-        (message(1.0 / 60.0, 50.0, |l| l, 1.0), "is this min? Leave out rows of a faster record"),
-        (message(1.0 / 60.0, 20.0, |l| l, 1.0), "is this min?"),
+        (
+            message(1.0 / 60.0, 50.0, |l| l, 1.0),
+            "is this min or h? Leave out rows of a faster record",
+        ),
+        (message(1.0 / 60.0, 20.0, |l| l, 1.0), "is this min or h?"),
         (message(1.0, 50.0, |l| 1.0 - l / 0.25, 1.0), "is this a contraction, or a stroke?"),
         (message(1.0, 50.0, |l| 1e3 * l, 1.0), "is this mm?"),
+        (message(1.0, 50.0, |l| 1e2 * l, 1.0), "is this cm?"),
         (message(1.0, 50.0, |l| l, 1e-3), "is this kPa, or psi?"),
     ] {
         assert!(error.starts_with("motion.csv:") && error.ends_with(end), "{error}");

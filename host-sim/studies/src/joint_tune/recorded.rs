@@ -9,12 +9,15 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_joint::JointLoaded;
-use thermyo_record::measured::check_distances;
+use thermyo_record::measured::{check_distances, unit_of_highest};
 
 /// Angles of a joint are below a turn either way \[rad\].
 const MOST_RAD: f64 = 6.3;
 /// Absolute pressures that a vented and a filled muscle may have \[Pa\]: gauge pressures and bar are below.
-const PRESSURES_PA: [f64; 2] = [5.0e4, 2.0e6];
+const PRESSURES_PA: [f64; 2] = [5.0e4, MOST_PA];
+const MOST_PA: f64 = 2.0e6;
+/// Above it no pressure of a muscle is a number of kPa \[kPa\].
+const MOST_KPA: f64 = 3000.0;
 /// Longer distances of two rows are gaps \[s\].
 const GAP_S: f64 = 0.1;
 /// Columns of muscle a's pressure: the first is of this project's own records, which are absolute.
@@ -70,19 +73,31 @@ pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, Recor
     Ok(Identified { values, scenario, warnings, estimate, records })
 }
 
-/// A column by the first of its names that the table has.
+/// The other unit or zero that explains a wrong pressure, by the highest of its column.
+fn pressure_unit(highest: f64) -> String {
+    match highest {
+        ..MOST_KPA => format!(": is this {}?", unit_of_highest(highest)),
+        ..=MOST_PA => ": is this gauge pressure?".to_owned(),
+        _ => String::new(),
+    }
+}
+
+/// A column by the first of its names that the table has; `unit` explains a wrong value by the highest.
 fn column<'a>(
     table: &'a Table,
     names: [&'static str; 2],
-    allowed: ([f64; 2], &str),
+    ([least, most], what, unit): ([f64; 2], &str, fn(f64) -> String),
 ) -> Result<&'a [Option<f64>], InputError> {
     let has = |name: &&&str| table.columns().iter().any(|column| column.name == **name);
     let name = names.iter().find(has).unwrap_or(&names[1]);
     let cells = table.column(name)?;
-    let ([least, most], what) = allowed;
     let wrong = cells.iter().position(|cell| cell.is_some_and(|at| !(least..=most).contains(&at)));
     match wrong {
-        Some(row) => Err(table.cell_error(row, name, what)),
+        Some(row) => {
+            let highest = cells.iter().flatten().copied().fold(f64::NEG_INFINITY, f64::max);
+            let allowed = format!("{what}{}", unit(highest));
+            Err(table.cell_error(row, name, &allowed))
+        }
         None => Ok(cells),
     }
 }
@@ -135,9 +150,14 @@ fn never_vents(config: &JointConfig, table: &Table, rows: &[Record]) -> Option<I
 fn read(config: &JointConfig, table: &Table) -> Result<Vec<Record>, InputError> {
     let step_s = f64::from(config.muscles[0].step_s);
     let time_s = table.filled("time_s")?;
-    let angle = ([-MOST_RAD, MOST_RAD], "an angle from -6.3 to 6.3 rad");
+    let angle = (
+        [-MOST_RAD, MOST_RAD],
+        "an angle from -6.3 to 6.3 rad",
+        (|_| ": is this deg?".to_owned()) as fn(f64) -> _,
+    );
     let angle_rad = column(table, ["measured_angle_rad", "angle_rad"], angle)?;
-    let pressure = (PRESSURES_PA, "an absolute pressure from 50000 to 2e6 Pa");
+    let pressure =
+        (PRESSURES_PA, "an absolute pressure from 50000 to 2e6 Pa", pressure_unit as fn(f64) -> _);
     let pressures_pa = [
         column(table, PRESSURE_A, pressure)?,
         column(table, ["b_measured_pressure_pa", "b_pressure_pa"], pressure)?,

@@ -160,10 +160,15 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
     };
     for (rows, expected) in [
         ("0,0,3.1,3.2\n", "j.csv:2: column a_pressure_pa = 3.1: must be an absolute pressure from"),
+        ("0,0,3.1,3.2\n", " from 50000 to 2e6 Pa: is this bar?"),
+        ("0,0,3e5,310\n", "column b_pressure_pa = 310.0: must be an absolute pressure"),
+        ("0,0,3e5,310\n", " from 50000 to 2e6 Pa: is this kPa, or psi?"),
+        ("0,0,3e5,2e5\n1,0,0,2e5\n", "a_pressure_pa = 0.0: must be an absolute pressure from"),
+        ("0,0,3e5,2e5\n1,0,0,2e5\n", "2e6 Pa: is this gauge pressure?"),
         ("0,0,3e5,2e5\n0.001,0,3e5,1e3\n", "j.csv:3: column b_pressure_pa = 1000.0: must be an"),
         (
             "0,20,3e5,3e5\n",
-            "j.csv:2: column angle_rad = 20.0: must be an angle from -6.3 to 6.3 rad",
+            "j.csv:2: column angle_rad = 20.0: must be an angle from -6.3 to 6.3 rad: is this deg?",
         ),
         ("0,0,3e5,3e5\n0,0,3e5,3e5\n", "j.csv:3: column time_s = 0.0: must be above 0.0"),
         (
@@ -176,7 +181,7 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
         ),
         (
             "0,0,3e5,3e5\n0.00017,0,3e5,3e5\n",
-            "j.csv:3: column time_s = 0.00017: must be at least 0.0004 s after the row before it: is this min?",
+            "j.csv:3: column time_s = 0.00017: must be at least 0.0004 s after the row before it: is this min or h?",
         ),
         ("0,0,3e5,3e5\n0.001,0,3e5,3e5\n", "cannot be fitted to the 0 intervals"),
     ] {
