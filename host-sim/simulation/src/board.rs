@@ -173,22 +173,45 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     )
 }
 
-/// A value outside of its range, in a practical unit.
-fn outside(field: SetPointField, value: f32, [least, most]: [f32; 2]) -> String {
-    let (name, unit, factor) = match field {
+/// Name of a value, its practical unit, and that unit's number per SI.
+type Named = (&'static str, &'static str, f64);
+
+const ARMED: Named = ("a highest pressure", "kPa", 1e-3);
+
+fn of_muscle(field: SetPointField) -> Named {
+    match field {
         SetPointField::Inlet => ("a duty of the inlet", "%", 100.0),
         SetPointField::Outlet => ("a duty of the outlet", "%", 100.0),
         SetPointField::Contraction => ("a contraction", "%", 100.0),
         SetPointField::Flow => ("a mass flow", "g/s", 1e3),
         SetPointField::Period => ("a period", "s", 1.0),
         SetPointField::Pressure => ("a pressure", "kPa", 1e-3),
-        SetPointField::Armed => ("a highest pressure", "kPa", 1e-3),
+        SetPointField::Armed => ARMED,
         other => (other.key(), "", 1.0),
-    };
+    }
+}
+
+fn of_joint(field: JointField) -> Named {
+    match field {
+        JointField::Inlet => of_muscle(SetPointField::Inlet),
+        JointField::Outlet => of_muscle(SetPointField::Outlet),
+        JointField::Pressure => of_muscle(SetPointField::Pressure),
+        JointField::Torque => ("a torque", "N m", 1.0),
+        JointField::Stiffness => ("a stiffness", "N m/rad", 1.0),
+        JointField::Armed => ARMED,
+        other => (other.key(), "", 1.0),
+    }
+}
+
+/// A value outside of its range, in a practical unit.
+fn outside((name, unit, factor): Named, value: f32, range: [f32; 2]) -> String {
+    let [least, most] = range.map(|end| f64::from(end) * factor * 1e3);
     // Rounded inwards: what is printed is allowed.
-    let lowest = (f64::from(least) * f64::from(factor) * 1e3).ceil() / 1e3;
-    let highest = (f64::from(most) * f64::from(factor) * 1e3).floor() / 1e3;
-    format!("{name} of {} {unit}: must be from {lowest} to {highest} {unit}", value * factor)
+    let (lowest, highest) = (least.ceil() / 1e3, most.floor() / 1e3);
+    // To the digits that an f32 has.
+    let value = f64::from(value) * factor;
+    let value = format!("{value:.6e}").parse().unwrap_or(value);
+    format!("{name} of {value} {unit}: must be from {lowest} to {highest} {unit}")
 }
 
 /// Follows the range of a highest pressure that is below it.
@@ -203,7 +226,7 @@ fn not_armed_for(value: f32, [least_pa, most_pa]: [f32; 2]) -> String {
             "the pressure now is {least_kpa} kPa, and the board arms for {most_kpa} kPa at most: it has to vent first"
         );
     }
-    let range = outside(SetPointField::Armed, value, range_pa);
+    let range = outside(ARMED, value, range_pa);
     if value < least_pa { format!("{range}{LEAST_IS_NOW}") } else { range }
 }
 
@@ -229,7 +252,10 @@ fn refused(refusal: &Refusal) -> String {
         Refusal::SetPoint(SetPointError::Range { field, value, minimum, maximum })
             if minimum < maximum =>
         {
-            outside(*field, *value, [*minimum, *maximum])
+            outside(of_muscle(*field), *value, [*minimum, *maximum])
+        }
+        Refusal::JointSetPoint(JointError::Range { field, value, minimum, maximum }) => {
+            outside(of_joint(*field), *value, [*minimum, *maximum])
         }
         refusal => format!("the board refused: {refusal}"),
     }
@@ -327,11 +353,16 @@ mod tests {
             Refusal::JointSetPoint(JointError::Range { field, value, minimum, maximum })
         };
         let said = |refusal| BoardError::Refused(refusal).to_string();
-        let now = "a highest pressure of 130 kPa: must be from 158.251 to 689.5 kPa; the lower end is the pressure now, at \
+        let now = "a highest pressure of 130 kPa: must be from 158.25 to 689.5 kPa; the lower end is the pressure now, at \
                    least ambient";
         assert_eq!(said(of_muscle(1.3e5, 158_250.0, 689_500.0)), now);
         assert_eq!(said(of_joint(1.3e5, 158_250.0, 689_500.0)), now);
         assert!(said(of_joint(9.0e5, 158_250.0, 689_500.0)).ends_with("to 689.5 kPa"));
+        // It was 200.00002 kPa.
+        assert!(
+            said(of_joint(2.0e5, 305_424.0, 660_090.0))
+                .starts_with("a highest pressure of 200 kPa: ")
+        );
         assert_eq!(
             said(of_muscle(6.895e5, 705_120.0, 689_500.0)),
             "the pressure now is 705.12 kPa, and the board arms for 689.5 kPa at most: it has to vent first"
@@ -354,6 +385,18 @@ mod tests {
         assert_eq!(
             said(SetPointField::Flow, 0.9, -0.001_234_9, 0.001_234_9),
             "a mass flow of 900 g/s: must be from -1.234 to 1.234 g/s"
+        );
+        let of_joint = |field, value, minimum, maximum| {
+            let range = JointError::Range { field, value, minimum, maximum };
+            BoardError::Refused(Refusal::JointSetPoint(range)).to_string()
+        };
+        assert_eq!(
+            of_joint(JointField::Pressure, 2e6, 0.0, 689_500.0),
+            "a pressure of 2000 kPa: must be from 0 to 689.5 kPa"
+        );
+        assert_eq!(
+            of_joint(JointField::Stiffness, -1.0, 0.0, 1e6),
+            "a stiffness of -1 N m/rad: must be from 0 to 1000000 N m/rad"
         );
         let still = said(SetPointField::Contraction, 0.1, 0.0, 0.0);
         assert!(still.contains("this chamber does not move"), "{still}");
