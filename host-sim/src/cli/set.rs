@@ -194,7 +194,15 @@ fn signed(difference: f64, si: &'static str, units: UnitSystem) -> String {
     format!("{sign}{}", units.text(difference.abs(), si, 2))
 }
 
-/// Prints the means of the last second, and their differences from the set point.
+/// The time over which the pressure is averaged.
+fn averaged(held: &[Held]) -> String {
+    match held {
+        [.., Held { time_s, .. }] if *time_s < HELD_S => format!("{time_s:.2} s"),
+        _ => "the last second".to_owned(),
+    }
+}
+
+/// Prints the means of the last second, or of all where it was shorter, and their differences from the set point.
 fn result(set_point: SetPoint, held: &[Held], to: &mut Console<'_>) -> Result<(), Failure> {
     let count = held.len().max(1) as f64;
     let mean_pa = held.iter().map(|held| held.pressure_pa).sum::<f64>() / count;
@@ -204,7 +212,7 @@ fn result(set_point: SetPoint, held: &[Held], to: &mut Console<'_>) -> Result<()
     let (mut error_pa, mut contraction_error) = (None, None);
     let units = to.units;
     let mut text = units.text(mean_pa, "Pa", 2);
-    let of_last = "in the mean of the last second";
+    let of_last = format!("in the mean of {}", averaged(held));
     match (set_point, contraction) {
         (SetPoint::Pressure { pressure_pa }, _) => {
             let off_pa = mean_pa - f64::from(pressure_pa);
@@ -292,4 +300,19 @@ fn hold(
         print(&mut io::stdout(), "\n")?;
     }
     Ok((stopped, held))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 0.2 s were "the mean of the last second".
+    #[test]
+    fn a_mean_names_the_time_that_it_is_taken_over() {
+        let held =
+            |time_s: f64| Held { time_s, pressure_pa: 2e5, contraction: 0.1, limited: false };
+        assert_eq!(averaged(&[held(0.0), held(0.2)]), "0.20 s");
+        assert_eq!(averaged(&[held(0.1), held(1.0)]), "the last second");
+        assert_eq!(averaged(&[held(9.0)]), "the last second");
+    }
 }
