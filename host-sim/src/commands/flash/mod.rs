@@ -15,6 +15,7 @@ use std::{fmt, fs, thread};
 use thermyo_boards::image;
 use thermyo_boards::image::Variant;
 use thermyo_boards::line::Line;
+use thermyo_boards::port::EMULATED;
 use thermyo_files::input::InputError;
 use thermyo_protocol::{Chip, HostCommand, Image, Version};
 use thermyo_simulation::board::BoardError;
@@ -126,6 +127,12 @@ pub enum FlashError {
     /// The board has no boot loader.
     #[error("{port}: this board is flashed through its probe: docs/reference/nucleo.md")]
     Probe { port: String },
+    /// The emulated board has no drive, and would wait in its boot loader.
+    #[error(
+        "emulated: has no drive to write to: `thermyo board emulated plug` begins again with this program's firmware, \
+         or with a joint's scenario with that of a joint"
+    )]
+    Emulated,
     /// The board does not answer or refuses, or the firmware does not build.
     #[error(transparent)]
     Board(#[from] BoardError),
@@ -270,6 +277,9 @@ fn named(name: &str) -> Result<Target, FlashError> {
     if Path::new(name).is_dir() {
         return Drive::at(Path::new(name)).map(Target::Drive);
     }
+    if name == EMULATED {
+        return Err(FlashError::Emulated);
+    }
     let (line, version) = Line::meet(name).map_err(|error| match error {
         BoardError::Silent { .. } => FlashError::NotThermyo { port: name.to_owned() },
         other => other.into(),
@@ -329,5 +339,19 @@ fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
             return found;
         }
         thread::sleep(LOOK);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// It was sent to its boot loader, in which it no longer answered.
+    #[test]
+    fn the_emulated_board_is_not_flashed() {
+        let request =
+            Request { target: Some(EMULATED.to_owned()), model: None, joint: false, dry_run: true };
+        let error = run(&request, &Vec::new, &mut |_| {}).unwrap_err().to_string();
+        assert!(error.starts_with("emulated: has no drive to write to: "), "{error}");
     }
 }
