@@ -2,10 +2,11 @@ use super::{Console, Failure, FormatArgs, joint_in, load, title_of};
 use crate::fmu::archive::archive;
 use crate::fmu::library;
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use thermyo_cosimulation::Kind;
 use thermyo_cosimulation::scenario::Scenario;
 use thermyo_files::input::{is_new, write_new};
+use thermyo_files::output::OutputDir;
 
 #[derive(Debug, Args)]
 pub(super) struct FmuArgs {
@@ -36,6 +37,8 @@ pub(super) fn run(args: &FmuArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     };
     // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
+    let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
+    drop(OutputDir::create(folder.unwrap_or_else(|| Path::new(".")))?);
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };
     let library = library::library().map_err(|error| Failure::Usage(error.to_string()))?;
     let name = title_of(&args.scenario);
