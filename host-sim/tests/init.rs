@@ -128,15 +128,15 @@ fn warned(text: &str) -> (Loaded, Vec<String>) {
 
 #[test]
 fn a_key_stands_above_its_preset_and_one_line_says_so() {
-    let text = "[muscle]\npreset = \"dmsp-10\"\nslip_force_n = 9.0\nrest_length_m = 0.3\n";
+    let text = "[muscle]\npreset = \"dmsp-10\"\nslip_force_n = 9.0\nrest_length_m = 0.3\ncreep_slow_s = 20\n";
     let (loaded, lines) = warned(text);
     let muscle = &loaded.plant.muscle;
-    assert_eq!((muscle.slip_force_n, muscle.rest_length_m, muscle.creep_slow_s), (9.0, 0.3, 26.0));
+    assert_eq!((muscle.slip_force_n, muscle.rest_length_m, muscle.creep_slow_s), (9.0, 0.3, 20.0));
     assert!((muscle.diameter_m - 0.013_87).abs() < 1e-12, "{muscle:?}");
     assert_eq!(
         lines,
         [
-            "own.toml:2: muscle.preset = \"dmsp-10\": muscle.rest_length_m, muscle.slip_force_n of the file stand \
+            "own.toml:2: muscle.preset = \"dmsp-10\": muscle.slip_force_n, muscle.creep_slow_s of the file stand \
              above it"
         ]
     );
@@ -144,6 +144,9 @@ fn a_key_stands_above_its_preset_and_one_line_says_so() {
     let (_, lines) = warned(text);
     let line = "own.toml:2: valve.preset = \"mhe2-class\": valve.kind of the file stands above it";
     assert!(lines.contains(&line.to_owned()), "{lines:?}");
-    let (_, none) = warned("[muscle]\npreset = \"dmsp-20\"\n");
-    assert!(none.is_empty(), "{none:?}");
+    // A length of one's own was warned of at every run.
+    for length in ["", "rest_length_m = 0.25\n"] {
+        let (_, none) = warned(&format!("[muscle]\npreset = \"dmsp-20\"\n{length}"));
+        assert!(none.is_empty(), "{none:?}");
+    }
 }
