@@ -386,7 +386,7 @@ impl ContractionLoop {
         let rest_m = chamber.rest_length_m();
         let target_m = chamber.limit_length_m(rest_m - rest_m * contraction);
         let fastest_m = self.gains.fastest * rest_m;
-        let target = self.course.advance(&self.gains.pace, target_m, age_steps, fastest_m);
+        let target = self.course.advance::<false>(&self.gains.pace, target_m, age_steps, fastest_m);
         // Positive: has to contract.
         let error_m = feedback.length_m - self.reference.length_m;
         let zone_m = config.controller.contraction_dead_zone * rest_m;
@@ -708,7 +708,7 @@ mod tests {
         targets_m
             .map(|target_m| {
                 let poles = (&gains.follows, &GasSpring { gas_n_m: 1.0e4, inverse_s2: 0.0 });
-                let target = course.advance(&gains.pace, target_m, 0, fastest_m);
+                let target = course.advance::<false>(&gains.pace, target_m, 0, fastest_m);
                 reference.advance(&config.controller, poles, &muscle(), &target, &port);
                 reference
             })
@@ -781,7 +781,7 @@ mod tests {
         let fastest_m = gains.fastest * muscle().rest_length_m();
         let mut advance = |target_m: f32| {
             let poles = (&gains.follows, &spring);
-            let target = course.advance(&gains.pace, target_m, 0, fastest_m);
+            let target = course.advance::<false>(&gains.pace, target_m, 0, fastest_m);
             reference.advance(&config.controller, poles, &muscle(), &target, &port);
             reference
         };

@@ -138,8 +138,15 @@ impl Course {
     }
 
     /// One period, at whose start the set point has had that value for so many steps; while it moves it changes by no
-    /// more than `fastest` in a period.
-    pub fn advance(&mut self, pace: &Pace, value: f32, age_steps: u16, fastest: f32) -> Target {
+    /// more than `fastest` in a period. Without `BENDS` it does not bend, and an image has no code for it.
+    pub fn advance<const BENDS: bool>(
+        &mut self,
+        pace: &Pace,
+        value: f32,
+        age_steps: u16,
+        fastest: f32,
+    ) -> Target {
+        let bends = pace.bends.as_ref().filter(|_| BENDS);
         let since_steps = self.age_steps.saturating_add(pace.period_steps);
         let gained = value - self.value;
         let mut steps = false;
@@ -148,11 +155,11 @@ impl Course {
         } else {
             let after_steps = since_steps.saturating_sub(age_steps).max(1);
             let before_steps = self.interval_steps;
-            let apart_steps = if pace.bends.is_some() { after_steps } else { since_steps };
+            let apart_steps = if bends.is_some() { after_steps } else { since_steps };
             self.time(pace, apart_steps, after_steps);
             self.age_steps = age_steps;
             self.value = value;
-            steps = match &pace.bends {
+            steps = match bends {
                 None => self.straight(pace, gained, before_steps, fastest),
                 Some(bends) => {
                     let rests = apart_steps > pace.longest_steps;
@@ -163,7 +170,7 @@ impl Course {
             };
         }
         let moves = gained != 0.0;
-        match pace.bends {
+        match bends {
             None => self.straight_on(pace, moves, steps),
             Some(_) => self.bent_on(pace, moves, steps),
         }
@@ -304,7 +311,7 @@ mod tests {
         let target = |start: u16| {
             let last = came.iter().rposition(|step| *step <= start)?;
             let age = start - came.get(last)?;
-            Some((start, course.advance(&pace, value(last), age, FASTEST)))
+            Some((start, course.advance::<true>(&pace, value(last), age, FASTEST)))
         };
         starts.filter_map(target).collect()
     }
@@ -400,7 +407,7 @@ mod tests {
         let mut course = Course::at(value(0), &pace);
         let target = |start: u16| {
             let last = came.iter().copied().rfind(|step| *step <= start)?;
-            Some((start, course.advance(&pace, value(last), start - last, 0.04)))
+            Some((start, course.advance::<true>(&pace, value(last), start - last, 0.04)))
         };
         (1..100).map(|n| n * 10).filter_map(target).collect()
     }

@@ -443,7 +443,8 @@ impl JointController {
     pub fn course(&mut self, mechanism: &Mechanism, given: Motion, age_steps: u32) -> Motion {
         let age_steps = u16::try_from(age_steps).unwrap_or(u16::MAX);
         let fastest_rad = self.tuning.reference_speed_rad_s * self.period_s;
-        let target = self.course.advance(&self.pace, given.angle_rad, age_steps, fastest_rad);
+        let target =
+            self.course.advance::<true>(&self.pace, given.angle_rad, age_steps, fastest_rad);
         let angle_rad = limit(target.value, mechanism.minimum_rad, mechanism.maximum_rad);
         if target.change == 0.0 || angle_rad != target.value {
             return Motion::still(angle_rad, given.stiffness_n_m_rad);
