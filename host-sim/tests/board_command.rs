@@ -336,13 +336,13 @@ fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     let bar = bench.refused(&format!("{set} pressures 2bar 1.3"));
     assert!(bar.contains(" kPa; use 1.3bar, which is 130000 Pa\n"), "{bar}");
     let high = bench.refused(&format!("{set} pressures 2bar 9bar"));
-    assert!(high.contains("pressure_pa = 900000: must be from 0 to "), "{high}");
+    assert!(high.contains("a pressure of 900 kPa: must be from 0 to 689.5 kPa"), "{high}");
     // Inlet of muscle a open, outlet of muscle b.
     let filled = bench.json(&format!("{set} duties 30% 0 0 1 --hold 0.3"));
     let [a, b] = [0, 1].map(|side: usize| filled["pressure_pa"][side].as_f64().unwrap());
     assert!(a > b + 5.0e4, "{filled}");
     let duty = bench.refused(&format!("{set} duties 0 0 1.1 0"));
-    assert!(duty.contains("inlet = 1.1: must be from 0 to 1"), "{duty}");
+    assert!(duty.contains("a duty of the inlet of 110 %: must be from 0 to 100 %"), "{duty}");
 }
 
 /// A course on it is recorded as a simulated run, and replays to the bit.
@@ -376,7 +376,7 @@ fn assert_a_joint_is_driven(bench: &Bench) {
 fn assert_a_lock_ends(bench: &Bench) {
     let set = "thermyo board emulated set";
     let negative = bench.refused(&format!("{set} torque 0.5 --stiffness -8"));
-    assert!(negative.contains("stiffness_n_m_rad = -8: must be from 0 to "), "{negative}");
+    assert!(negative.contains("a stiffness of -8 N m/rad: must be from 0 to "), "{negative}");
 
     assert!(bench.refused(&format!("{set} lock")).contains("joint.lock_s = 0: must be above 0"));
     let text = fs::read_to_string(repository().join("scenarios/joint_board.toml")).unwrap();

@@ -386,6 +386,8 @@ impl Estimator {
         self.energy.set(self.energy.energy_j() * larger);
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() * larger);
         self.zones.set_mass(self.mass_kg.value());
+        // Their sums are of the other volume.
+        self.interval.void = true;
         self.window.void = true;
     }
 
