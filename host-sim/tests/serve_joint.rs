@@ -64,7 +64,7 @@ fn a_joint_is_steered_and_recorded_from_the_page() {
     page.until("it records", |page| page.state["recording"].is_object());
     page.drive_joint();
     page.order(angle(3.0));
-    page.until("out of range", |page| page.happened("angle_rad = 3: must be from"));
+    page.until("out of range", |page| page.happened("an angle of 171.8873 deg: must be from"));
     page.order(json!({ "set_joint": "Lock" }));
     page.until("never locks", |page| page.happened("joint.lock_s = 0"));
     page.until("stiff", |page| (page.cell(STIFFNESS) - 14.0).abs() < 1.5);

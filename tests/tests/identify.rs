@@ -414,7 +414,7 @@ fn bad_input_is_one_clear_message() {
             "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n0,2e5,0.3,298,0,0\n0.1,2e5,0.3,298,0,0\n\n\
              0.1,2e5,0.3,298,0,0\n0.2,2e5,0.3,298,0,0\n0.3,2e5,0.3,298,0,0\n",
             configured("full"),
-            "data.csv:5: column time_s = 0.1: must be later than the row before, where pressure_pa drives the plant",
+            "data.csv:5: column time_s = 0.1: must be later than the row before it, at 0.1 s",
         ),
         (
             "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n0,2e5,0.3,298,0,0\n10,2e5,0.3,298,0,0\n\

@@ -176,6 +176,7 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
 /// Name of a value, its practical unit, and that unit's number per SI.
 type Named = (&'static str, &'static str, f64);
 
+const DEG_PER_RAD: f64 = 180.0 / std::f64::consts::PI;
 const ARMED: Named = ("a highest pressure", "kPa", 1e-3);
 
 fn of_muscle(field: SetPointField) -> Named {
@@ -198,8 +199,11 @@ fn of_joint(field: JointField) -> Named {
         JointField::Pressure => of_muscle(SetPointField::Pressure),
         JointField::Torque => ("a torque", "N m", 1.0),
         JointField::Stiffness => ("a stiffness", "N m/rad", 1.0),
+        JointField::Angle => ("an angle", "deg", DEG_PER_RAD),
+        JointField::Speed => ("a speed", "deg/s", DEG_PER_RAD),
+        JointField::Acceleration => ("an acceleration", "deg/s2", DEG_PER_RAD),
         JointField::Armed => ARMED,
-        other => (other.key(), "", 1.0),
+        other => (other.key(), "(SI)", 1.0),
     }
 }
 
@@ -393,6 +397,10 @@ mod tests {
         assert_eq!(
             of_joint(JointField::Pressure, 2e6, 0.0, 689_500.0),
             "a pressure of 2000 kPa: must be from 0 to 689.5 kPa"
+        );
+        assert_eq!(
+            of_joint(JointField::Angle, 3.0, -0.8, 0.8),
+            "an angle of 171.8873 deg: must be from -45.836 to 45.836 deg"
         );
         assert_eq!(
             of_joint(JointField::Stiffness, -1.0, 0.0, 1e6),
