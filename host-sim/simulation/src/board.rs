@@ -345,30 +345,31 @@ mod tests {
         assert!(said(-3000.0).ends_with("to 689.5 kPa") && said(9e5).ends_with("to 689.5 kPa"));
     }
 
+    fn of_muscle(field: SetPointField, value: f32, minimum: f32, maximum: f32) -> String {
+        let range = SetPointError::Range { field, value, minimum, maximum };
+        BoardError::Refused(Refusal::SetPoint(range)).to_string()
+    }
+
+    fn of_joint(field: JointField, value: f32, minimum: f32, maximum: f32) -> String {
+        let range = JointError::Range { field, value, minimum, maximum };
+        BoardError::Refused(Refusal::JointSetPoint(range)).to_string()
+    }
+
     /// The lower end was printed without a reason, and below the pressure now it was "refused: armed_pa".
     #[test]
     fn a_highest_pressure_below_the_one_now_is_refused_with_that_reason() {
-        let of_muscle = |value, minimum, maximum| {
-            let field = SetPointField::Armed;
-            Refusal::SetPoint(SetPointError::Range { field, value, minimum, maximum })
-        };
-        let of_joint = |value, minimum, maximum| {
-            let field = JointField::Armed;
-            Refusal::JointSetPoint(JointError::Range { field, value, minimum, maximum })
-        };
-        let said = |refusal| BoardError::Refused(refusal).to_string();
         let now = "a highest pressure of 130 kPa: must be from 158.25 to 689.5 kPa; the lower end is the pressure now, at \
                    least ambient";
-        assert_eq!(said(of_muscle(1.3e5, 158_250.0, 689_500.0)), now);
-        assert_eq!(said(of_joint(1.3e5, 158_250.0, 689_500.0)), now);
-        assert!(said(of_joint(9.0e5, 158_250.0, 689_500.0)).ends_with("to 689.5 kPa"));
+        assert_eq!(of_muscle(SetPointField::Armed, 1.3e5, 158_250.0, 689_500.0), now);
+        assert_eq!(of_joint(JointField::Armed, 1.3e5, 158_250.0, 689_500.0), now);
+        assert!(of_joint(JointField::Armed, 9.0e5, 158_250.0, 689_500.0).ends_with("to 689.5 kPa"));
         // It was 200.00002 kPa.
         assert!(
-            said(of_joint(2.0e5, 305_424.0, 660_090.0))
+            of_joint(JointField::Armed, 2.0e5, 305_424.0, 660_090.0)
                 .starts_with("a highest pressure of 200 kPa: ")
         );
         assert_eq!(
-            said(of_muscle(6.895e5, 705_120.0, 689_500.0)),
+            of_muscle(SetPointField::Armed, 6.895e5, 705_120.0, 689_500.0),
             "the pressure now is 705.12 kPa, and the board arms for 689.5 kPa at most: it has to vent first"
         );
     }
@@ -376,24 +377,20 @@ mod tests {
     /// The largest contraction was printed as 0.37278953.
     #[test]
     fn a_value_that_is_refused_is_in_a_practical_unit() {
-        let said = |field, value, minimum, maximum| {
-            let range = SetPointError::Range { field, value, minimum, maximum };
-            BoardError::Refused(Refusal::SetPoint(range)).to_string()
-        };
         assert_eq!(
-            said(SetPointField::Contraction, 0.9, 0.0, 0.372_789_53),
+            of_muscle(SetPointField::Contraction, 0.9, 0.0, 0.372_789_53),
             "a contraction of 90 %: must be from 0 to 37.278 %"
         );
-        assert!(said(SetPointField::Contraction, 5.0, 0.0, 0.372_789_53).ends_with(" 37.278 %"));
-        assert!(said(SetPointField::Inlet, -0.1, 0.0, 1.0).ends_with("must be from 0 to 100 %"));
+        assert!(
+            of_muscle(SetPointField::Contraction, 5.0, 0.0, 0.372_789_53).ends_with(" 37.278 %")
+        );
+        assert!(
+            of_muscle(SetPointField::Inlet, -0.1, 0.0, 1.0).ends_with("must be from 0 to 100 %")
+        );
         assert_eq!(
-            said(SetPointField::Flow, 0.9, -0.001_234_9, 0.001_234_9),
+            of_muscle(SetPointField::Flow, 0.9, -0.001_234_9, 0.001_234_9),
             "a mass flow of 900 g/s: must be from -1.234 to 1.234 g/s"
         );
-        let of_joint = |field, value, minimum, maximum| {
-            let range = JointError::Range { field, value, minimum, maximum };
-            BoardError::Refused(Refusal::JointSetPoint(range)).to_string()
-        };
         assert_eq!(
             of_joint(JointField::Pressure, 2e6, 0.0, 689_500.0),
             "a pressure of 2000 kPa: must be from 0 to 689.5 kPa"
@@ -406,7 +403,7 @@ mod tests {
             of_joint(JointField::Stiffness, -1.0, 0.0, 1e6),
             "a stiffness of -1 N m/rad: must be from 0 to 1000000 N m/rad"
         );
-        let still = said(SetPointField::Contraction, 0.1, 0.0, 0.0);
+        let still = of_muscle(SetPointField::Contraction, 0.1, 0.0, 0.0);
         assert!(still.contains("this chamber does not move"), "{still}");
     }
 }
