@@ -11,3 +11,10 @@ pub fn ends(numbers: impl IntoIterator<Item = f64>) -> [f64; 2] {
     let none = [f64::INFINITY, f64::NEG_INFINITY];
     numbers.into_iter().fold(none, |[least, most], x| [least.min(x), most.max(x)])
 }
+
+/// Usual distance of numbers from the ones before them, the middle one of all; 0 of fewer than two.
+pub fn usual_distance(numbers: &[f64]) -> f64 {
+    let mut distances: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or_default()
+}

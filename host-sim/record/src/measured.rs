@@ -1,8 +1,10 @@
 //! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
 
+use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Instead, Problem, nearest, quoted};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
+use thermyo_scenario::profile::LEAST_DISTANCE_S;
 use thermyo_scenario::schema::Limits;
 
 pub const TIME: &str = "time_s";
@@ -27,8 +29,6 @@ const NOT_ABSOLUTE: f64 = 0.8;
 const LEAST_PRESSURE_PA: f64 = 2.0e4;
 /// As that of `supply.pressure_pa` \[Pa\].
 const MOST_PRESSURE_PA: f64 = 3.0e6;
-/// Closer rows of a motion are those of a record in minutes: 50 rows a second are 0.33 ms apart in them \[s\].
-const LEAST_DISTANCE_S: f64 = 4.0e-4;
 /// Distances of times from the file are rounded by less \[-\].
 const ROUNDING: f64 = 1.0e-3;
 
@@ -133,13 +133,6 @@ pub fn check_rising(table: &Table, times: &[f64]) -> Result<(), InputError> {
     }
 }
 
-/// Usual distance of times, the middle one of all \[s\].
-pub fn usual_distance_s(times: &[f64]) -> f64 {
-    let mut distances: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.get(distances.len() / 2).copied().unwrap_or_default()
-}
-
 /// Refuses times in ms or min, and rows too far apart, by their usual distance: at most `most_s`, which `why` needs.
 ///
 /// # Errors
@@ -149,7 +142,7 @@ pub fn check_distances(
     times: &[f64],
     (most_s, why): (f64, &str),
 ) -> Result<(), InputError> {
-    let usual_s = usual_distance_s(times);
+    let usual_s = usual_distance(times);
     let longest_s = (1.0 + ROUNDING) * most_s;
     let (is_wrong, allowed): (&dyn Fn(f64) -> bool, String) = if usual_s > longest_s {
         let most = significant(most_s, 3);

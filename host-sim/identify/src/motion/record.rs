@@ -1,10 +1,9 @@
 //! A record of motion: length and pressure over time, and the force where a load cell is there.
 
+use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
-use thermyo_record::measured::{
-    check_distances, check_pressures, check_rising, since_s, usual_distance_s,
-};
+use thermyo_record::measured::{check_distances, check_pressures, check_rising, since_s};
 use thermyo_scenario::{PlantKind, Scenario};
 
 /// Required columns, and the optional one.
@@ -162,7 +161,7 @@ fn largest(values: &[f64]) -> usize {
 fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
     check_rising(table, times)?;
     check_distances(table, times, (MOST_DISTANCE_S, "as slip and creep need"))?;
-    let longest_s = (GAP_ROWS * usual_distance_s(times)).max(LEAST_GAP_S);
+    let longest_s = (GAP_ROWS * usual_distance(times)).max(LEAST_GAP_S);
     match times.windows(2).position(|pair| pair[1] - pair[0] > longest_s) {
         Some(row) => {
             let allowed = format!(
