@@ -41,13 +41,28 @@ fn duties(command: Command) -> SetPoint {
     SetPoint::Duty { inlet: command.inlet.share(), outlet: command.outlet.share() }
 }
 
-/// Largest difference of the estimate between cycle [`SETTLED_CYCLE`] and the last one \[K\].
-fn drift_k(model: PlantModel, cycles: u32) -> f32 {
+/// Differences of the estimate between cycle [`SETTLED_CYCLE`] and the last one \[K\].
+struct Drift {
+    /// Of the whole cycle, root of the mean square.
+    rms_k: f64,
+    /// Of one step. The last bit of a state may decide whether a reading is within a code that the converter makes too
+    /// wide; for a few milliseconds, the estimates then differ as the readings at that edge do.
+    worst_k: f64,
+}
+
+impl Drift {
+    fn check(&self, model: PlantModel) {
+        let Drift { rms_k, worst_k } = *self;
+        assert!(rms_k < 0.01 && worst_k < 0.1, "{model:?}: {rms_k} K RMS, {worst_k} K at one step");
+    }
+}
+
+fn drift(model: PlantModel, cycles: u32) -> Drift {
     let (config, record) = recorded(model);
     let mut core = Core::new(&config).unwrap();
     let started = Instant::now();
     let mut settled = Vec::with_capacity(CYCLE);
-    let mut drift_k = 0.0_f32;
+    let (mut squares, mut worst_k) = (0.0, 0.0_f64);
     for cycle in 1..=cycles {
         for (step, Step { sample, command, gas_k: true_k }) in record.iter().enumerate() {
             core.set(duties(*command)).unwrap();
@@ -64,28 +79,31 @@ fn drift_k(model: PlantModel, cycles: u32) -> f32 {
                 assert!(error_k < 1.0, "{error_k} K in step {step}");
                 settled.push(gas_k);
             } else if cycle == cycles {
-                drift_k = drift_k.max((gas_k - settled[step]).abs());
+                let difference_k = f64::from(gas_k - settled[step]).abs();
+                squares += difference_k.powi(2);
+                worst_k = worst_k.max(difference_k);
             }
         }
     }
     let steps = f64::from(cycles) * CYCLE as f64;
     let per_s = steps / started.elapsed().as_secs_f64();
-    println!("{model:?}: {steps:.0} steps, {per_s:.2e} per second, drift {drift_k:.5} K");
-    drift_k
+    let rms_k = (squares / CYCLE as f64).sqrt();
+    println!(
+        "{model:?}: {steps:.0} steps, {per_s:.2e} per second, drift {rms_k:.5} K RMS, {worst_k:.5} K at one step"
+    );
+    Drift { rms_k, worst_k }
 }
 
 #[test]
 fn the_estimate_does_not_drift_in_half_an_hour() {
-    let drift_k = drift_k(PlantModel::Full, 360);
-    assert!(drift_k < 0.02, "{drift_k} K");
+    drift(PlantModel::Full, 360).check(PlantModel::Full);
 }
 
 #[test]
 #[ignore = "10^8 steps per plant; fast only in release: cargo test --release -p system-tests soak -- --ignored"]
 fn the_estimate_does_not_drift_in_a_day() {
     for model in [PlantModel::Lumped, PlantModel::Full] {
-        let drift_k = drift_k(model, 20_000);
-        assert!(drift_k < 0.02, "{model:?}: {drift_k} K");
+        drift(model, 20_000).check(model);
     }
 }
 
