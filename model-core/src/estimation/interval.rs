@@ -24,6 +24,10 @@ const LEAK_UNCERTAINTY_S: f32 = 0.1;
 /// errs by what friction holds, 18 mm at 800 N/m, a sixteenth of the volume, and (k-1) T/16 is 7 K. An assumption, of one
 /// turn a second.
 const LENGTHLESS_DRIFT_K: f32 = 7.0;
+/// Deviation that a movement adds to the mass in which more than a zone's gas crosses the port \[-\]: the temperature at
+/// the port then errs by a tenth (`zones.rs`), and a tenth of the gas leaves before zones and readings have followed. An
+/// assumption.
+const LARGE_FLOW_SD: f32 = 0.01;
 /// Innovations beyond so many of their deviations correct nothing.
 const UNLIKELY: f32 = 5.0;
 /// Range of the factors on heat transfer and stirring.
@@ -66,6 +70,8 @@ pub(super) struct Movements {
     conductance_j_k: PerZone,
     gas_k: PerZone,
     faces: Faces,
+    /// Movements in which more than a zone's gas crossed the port.
+    large_flows: u8,
     response: Response,
 }
 
@@ -84,6 +90,7 @@ impl Default for Movements {
             conductance_j_k: [0.0; ZONES],
             gas_k: [0.0; ZONES],
             faces: Faces::default(),
+            large_flows: 0,
             response: Response::NONE,
         }
     }
@@ -218,6 +225,8 @@ impl Movements {
         self.flowing_steps += flow.flowing_steps;
         self.inflow_kg += flow.inflow_kg;
         self.outflow_kg += flow.outflow_kg;
+        let zone_kg = total(&zones.mass_kg) * (1.0 / ZONES as f32);
+        self.large_flows += u8::from(flow.inflow_kg + flow.outflow_kg > zone_kg);
     }
 
     fn add(&mut self, moved: &Moved, conductance_j_k: &PerZone) {
@@ -592,6 +601,8 @@ impl Estimator {
         if c.leaks {
             common += LEAK_UNCERTAINTY_S * square(self.pending.leaked) / duration_s;
         }
+        let large_flows = core::mem::take(&mut self.pending.moved.large_flows);
+        common += square(LARGE_FLOW_SD) * f32::from(large_flows);
         self.covariance.add_common(common);
         // First-order Gauss-Markov: an error that is not seen again returns to the configured value.
         let returned = 2.0 * c.forget;
@@ -696,7 +707,10 @@ impl Estimator {
     fn update_deviation(&mut self) {
         let noise = self.coefficients.pressure_sd_pa / self.pressure_pa;
         let shares = scaled(&self.zones.mass_kg, 1.0 / total(&self.zones.mass_kg));
-        let variance = self.covariance.gas(&shares) + self.energy.noise_left() * noise * noise;
+        // Anywhere within a wide code alike.
+        let unseen = self.wide_volume * self.wide_volume * (1.0 / 3.0);
+        let variance =
+            self.covariance.gas(&shares) + self.energy.noise_left() * noise * noise + unseen;
         self.gas_sd_k = self.gas_k * limit(sqrt(variance), 1.0e-6, 1.0);
         self.wall_sd_k = sqrt(self.covariance.wall_k2());
     }

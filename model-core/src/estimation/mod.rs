@@ -73,7 +73,7 @@ use self::per_zone::PerZone;
 use self::trend::{FlowState, Trend, Uncertainty};
 use self::zones::{Exchange, Moved, Place, Zones};
 use crate::config::Config;
-use crate::math::{CompensatedSum, is_above, is_within, limit};
+use crate::math::{CompensatedSum, absolute, is_above, is_within, limit};
 use crate::physics::chamber::Chamber;
 use crate::physics::gas::Reservoir;
 use crate::physics::hysteresis::Held;
@@ -192,6 +192,8 @@ pub struct Estimator {
     entering: bool,
     /// Gas flowed while the length was anywhere within a wide code: its mass is as uncertain.
     flowed_unseen: bool,
+    /// Largest error of the volume within a wide code, share of it \[-\].
+    wide_volume: f32,
     started: bool,
     length_source: LengthSource,
     energy: Energy,
@@ -289,6 +291,7 @@ impl Estimator {
             motion: Trend::REST,
             entering: false,
             flowed_unseen: false,
+            wide_volume: 0.0,
             missing_steps: 0,
             length_m: 0.0,
             held: Held::default(),
@@ -365,9 +368,16 @@ impl Estimator {
         let change_m = length.value - self.followed_m;
         self.followed_m += self.motion.step(change_m, uncertainty, openings.flow_state(flowing));
         let volume_m3 = chamber.volume_m3(self.followed_m);
-        if matches!(uncertainty, Uncertainty::WideCode(_)) {
+        if let Uncertainty::WideCode(half_m) = uncertainty {
             self.flowed_unseen |= flowing;
-        } else if self.flowed_unseen {
+            if self.wide_volume == 0.0 {
+                let farther_m3 = chamber.volume_m3(self.followed_m + half_m);
+                self.wide_volume = absolute(farther_m3 - volume_m3) / volume_m3;
+            }
+            return volume_m3;
+        }
+        self.wide_volume = 0.0;
+        if self.flowed_unseen {
             self.flowed_unseen = false;
             if !flowing {
                 self.correct_volume(volume_m3);
@@ -792,6 +802,46 @@ mod tests {
             worst_k = worst_k.max((estimator.estimate().gas_k - 298.0).abs());
         }
         assert!(worst_k < 0.5, "{worst_k} K");
+    }
+
+    /// A muscle that rests within a wide code may have any volume there: the stated deviation has that in it, as long as
+    /// it is there.
+    #[test]
+    fn a_rest_within_a_wide_code_is_as_uncertain_as_its_volume() {
+        let wide_m = 0.001;
+        let (near_m3, far_m3) = (muscle().volume_m3(0.28), muscle().volume_m3(0.28 + wide_m));
+        let least_k = 298.0 * absolute(far_m3 - near_m3) / near_m3 / sqrt(3.0);
+        let mut estimator = Estimator::new(&Config::default());
+        let mut sd_k = |wide: f32| {
+            for _ in 0..2_000 {
+                let measurement = measurement(2.0e5, 0.28, 298.0, 0);
+                let length = Reading { value: 0.28, wide, validity: Validity::Valid };
+                estimator.step(&muscle(), &Measurement { length, ..measurement });
+            }
+            estimator.estimate().gas_sd_k
+        };
+        let [before_k, within_k, after_k] = [0.0, wide_m, 0.0].map(&mut sd_k);
+        assert!(before_k < 0.5 && after_k < 0.5, "{before_k}, {after_k} K");
+        assert!((least_k..least_k + 0.5).contains(&within_k), "{within_k} K for {least_k} K");
+    }
+
+    /// A valve so large that it fills the muscle within one movement of the zones leaves its mass a percent uncertain.
+    #[test]
+    fn a_fill_within_one_movement_is_uncertain() {
+        let mut config = Config::default();
+        (config.heat.inner_w_m2_k, config.heat.inner_per_flow) = (0.0, 0.0);
+        let sd_k = |fill_steps: u16| {
+            let mut estimator = Estimator::new(&config);
+            for step in 0..2_100_u16 {
+                let filled = step.saturating_sub(2_000).min(fill_steps);
+                let pressure_pa = 1.0e5 + 3.0e5 * f32::from(filled) / f32::from(fill_steps);
+                let flow = u8::from(filled > 0 && filled < fill_steps);
+                estimator.step(&muscle(), &measurement(pressure_pa, 0.28, 298.0, flow));
+            }
+            estimator.estimate().gas_sd_k
+        };
+        let (fast_k, slow_k) = (sd_k(5), sd_k(100));
+        assert!((3.0..8.0).contains(&fast_k) && slow_k < 1.5, "{fast_k}, {slow_k} K");
     }
 
     /// A valve that stays open while the pressure swings by a percent at 100 Hz: behind a hose gas leaves at its own

@@ -11,14 +11,19 @@
 //!
 //! where y_f is what jet and diffusion exchange. Taking all of it from behind would mix as much as four stirred
 //! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
+//!
+//! A large valve on a small chamber replaces a zone's gas within one movement. Masses that grow meanwhile would then be
+//! counted as if they had been as large all the time: the shape of the masses moves instead ([`Zones::replaced`]).
 
 use super::coefficients::Coefficients;
 use super::per_zone::{PerZone, ZONES, least, minus, plus, scaled, times, total};
 use super::profile::{Conduction, SETTLED_CONDUCTION};
-use crate::math::{absolute, inverse_cube_root, limit, sqrt};
+use crate::math::{absolute, exp, inverse_cube_root, limit, ln, sqrt};
 
 /// Share of what crosses a face that comes from ahead \[-\].
 const AHEAD: f32 = 0.25;
+/// Volumes of a zone across a face that replace its gas \[-\].
+const REPLACED: f32 = 1.0;
 /// Least and most of a zone's mass, in shares of the mean \[-\].
 const LEAST: f32 = 0.3;
 const MOST: f32 = 3.0;
@@ -139,6 +144,36 @@ pub struct Zones {
     pub profile_k: PerZone,
 }
 
+impl Faces {
+    /// Whether so much crosses a face that it replaces a zone's gas.
+    fn replace_a_zone(&self) -> bool {
+        largest(self.net().map(absolute)) > REPLACED
+    }
+
+    fn net(&self) -> [f32; 3] {
+        let Self { up: [p1, p2, p3], down: [q1, q2, q3] } = self;
+        [p1 - q1, p2 - q2, p3 - q3]
+    }
+
+    fn times(&self, factor: f32) -> Self {
+        Self { up: self.up.map(|x| x * factor), down: self.down.map(|x| x * factor) }
+    }
+}
+
+fn largest(values: [f32; ZONES - 1]) -> f32 {
+    values.into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX))
+}
+
+/// Mean of two energies over their logarithmic mean: a volume that crosses while the energy changes is dH/(k E) at every
+/// instant.
+fn per_logarithmic_mean(before_j: f32, after_j: f32) -> f32 {
+    const MOST: f32 = 1.0e3;
+    const ALIKE: f32 = 0.1;
+    let ratio = limit(after_j / limit(before_j, f32::MIN_POSITIVE, f32::MAX), 1.0 / MOST, MOST);
+    let change = ratio - 1.0;
+    if absolute(change) < ALIKE { 1.0 } else { 0.5 * (ratio + 1.0) * ln(ratio) / change }
+}
+
 impl Zones {
     /// So much gas, everything at that temperature \[K\].
     pub fn at(temperature_k: f32, mass_kg: f32) -> Self {
@@ -243,7 +278,13 @@ impl Zones {
         let stirred_j = times(&exchange.stirred_j_k, &excess_k);
         let energy_j = 0.5 * (flow.energy_j + place.energy_j);
         let faces = self.faces(c, flow, place, &heat_j, energy_j);
-        self.mass_kg = self.transport(&faces, flow.inflow_kg - flow.outflow_kg);
+        let port_kg = flow.inflow_kg - flow.outflow_kg;
+        self.mass_kg = if faces.replace_a_zone() {
+            let faces = faces.times(per_logarithmic_mean(flow.energy_j, place.energy_j));
+            self.replaced(&faces, port_kg)
+        } else {
+            self.transported(&faces, port_kg)
+        };
         let before = self.ratio;
         self.set_mass(place.mass_kg);
         self.warm_walls(c, place, &heat_j, duration_s);
@@ -297,13 +338,12 @@ impl Zones {
     }
 
     /// Masses after what crossed the faces, and what came through the port \[kg\]: Crank and Nicolson's mean of before
-    /// and after, or after alone where much crosses.
-    fn transport(&self, faces: &Faces, port_kg: f32) -> PerZone {
+    /// and after, or after alone where much mixes.
+    fn transported(&self, faces: &Faces, port_kg: f32) -> PerZone {
         const AT_ONCE: f32 = 1.0;
         let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = *faces;
         let [m0, m1, m2, m3] = self.mass_kg;
-        let most =
-            [p1 + q1, p2 + q2, p3 + q3].into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX));
+        let most = largest([p1 + q1, p2 + q2, p3 + q3]);
         let after = if most > AT_ONCE { 1.0 } else { 0.5 };
         let before = 1.0 - after;
         let f1 = before * (p1 * m0 - q1 * m1);
@@ -311,21 +351,35 @@ impl Zones {
         let f3 = before * (p3 * m2 - q3 * m3);
         let (p1, p2, p3) = (after * p1, after * p2, after * p3);
         let (q1, q2, q3) = (after * q1, after * q2, after * q3);
-        // Thomas: elimination from the port, substitution back.
-        let d0 = 1.0 / (1.0 + p1);
-        let r0 = (m0 + port_kg - f1) * d0;
-        let u0 = q1 * d0;
-        let d1 = 1.0 / (1.0 + q1 + p2 - p1 * u0);
-        let r1 = (m1 + f1 - f2 + p1 * r0) * d1;
-        let u1 = q2 * d1;
-        let d2 = 1.0 / (1.0 + q2 + p3 - p2 * u1);
-        let r2 = (m2 + f2 - f3 + p2 * r1) * d2;
-        let u2 = q3 * d2;
-        let d3 = 1.0 / (1.0 + q3 - p3 * u2);
-        let r3 = (m3 + f3 + p3 * r2) * d3;
-        let r2 = r2 + u2 * r3;
-        let r1 = r1 + u1 * r2;
-        [r0 + u0 * r1, r1, r2, r3]
+        solved(
+            [1.0 + p1, 1.0 + q1 + p2, 1.0 + q2 + p3, 1.0 + q3],
+            ([p1, p2, p3], [q1, q2, q3]),
+            [m0 + port_kg - f1, m1 + f1 - f2, m2 + f2 - f3, m3 + f3],
+        )
+    }
+
+    /// The shape of the masses where a zone's gas is replaced. While all become denser or larger by the same factor e^g,
+    /// and gas of that density crosses the faces, the shape stays: dn_i/dt = x_i (n_(i-1) - n_i) for n = m/e^g and the
+    /// volumes x_i that come in, taken after the movement. Gas that came through the port \[kg\] in proportion to that
+    /// growth counts with g/(e^g - 1).
+    fn replaced(&self, faces: &Faces, port_kg: f32) -> PerZone {
+        const LEAST_GROWTH: f32 = 1.0e-2;
+        const MOST_GROWTH: f32 = 10.0;
+        let positive = |x: f32| limit(x, 0.0, f32::MAX);
+        let net = faces.net();
+        let [through_first, _, through_last] = net;
+        let growth = limit(through_last, LEAST_GROWTH, MOST_GROWTH);
+        let [m0, m1, m2, m3] = self.mass_kg;
+        let port_kg = positive(port_kg) * growth / (exp(growth) - 1.0);
+        // Of even zones the first lets three quarters on.
+        let p0 = positive(through_first * (4.0 / 3.0));
+        let [p1, p2, p3] = faces.up.map(positive);
+        let [q1, q2, q3] = faces.down.map(positive);
+        solved(
+            [1.0 + p0 + q1, 1.0 + p1 + q2, 1.0 + p2 + q3, 1.0 + p3],
+            ([p1, p2, p3], [q1, q2, q3]),
+            [m0 + port_kg, m1, m2, m3],
+        )
     }
 
     fn warm_walls(&mut self, c: &Coefficients, place: &Place, heat_j: &PerZone, duration_s: f32) {
@@ -359,6 +413,31 @@ impl Zones {
     }
 }
 
+/// Solution of `diagonal_i m_i = right_i + up_i m_(i-1) + down_i m_(i+1)`.
+fn solved(
+    diagonal: PerZone,
+    (up, down): ([f32; ZONES - 1], [f32; ZONES - 1]),
+    right: PerZone,
+) -> PerZone {
+    let [[d0, d1, d2, d3], [r0, r1, r2, r3]] = [diagonal, right];
+    let [[p1, p2, p3], [q1, q2, q3]] = [up, down];
+    // Thomas: elimination from the port, substitution back.
+    let d0 = 1.0 / d0;
+    let r0 = r0 * d0;
+    let u0 = q1 * d0;
+    let d1 = 1.0 / (d1 - p1 * u0);
+    let r1 = (r1 + p1 * r0) * d1;
+    let u1 = q2 * d1;
+    let d2 = 1.0 / (d2 - p2 * u1);
+    let r2 = (r2 + p2 * r1) * d2;
+    let u2 = q3 * d2;
+    let d3 = 1.0 / (d3 - p3 * u2);
+    let r3 = (r3 + p3 * r2) * d3;
+    let r2 = r2 + u2 * r3;
+    let r1 = r1 + u1 * r2;
+    [r0 + u0 * r1, r1, r2, r3]
+}
+
 impl Coefficients {
     /// Flow that stirs as much, in proportion, as that one does \[kg/s\]: f (s/f)^(2/3).
     fn forced(&self, flow_kg_s: f32) -> f32 {
@@ -378,5 +457,63 @@ impl Coefficients {
         }
         let buoyancy = self.buoyancy4 * pressure_pa * pressure_pa * absolute(difference_k);
         sqrt(sqrt(self.conduction4 + buoyancy))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::Config;
+
+    /// Ratios of the zones after gas has compressed what was there fourfold without mixing: a layer that comes in at the
+    /// pressure p has its own temperature there and (p_end/p)^((k-1)/k) times that in the end, where it fills the volume
+    /// down to (p/p_end)^(1/k) of all.
+    fn plug_flow(k: f64) -> [f64; ZONES] {
+        const LAYERS: usize = 1000;
+        let first = 0.25_f64.powf(1.0 / k);
+        let density = |x: f64| (1.0 - x).max(first).powf(k - 1.0);
+        let mass = |zone: usize| {
+            let at = |i: usize| (zone as f64 + (i as f64 + 0.5) / LAYERS as f64) / ZONES as f64;
+            (0..LAYERS).map(|i| density(at(i))).sum::<f64>()
+        };
+        let masses = [0, 1, 2, 3].map(mass);
+        let mean = masses.iter().sum::<f64>() / ZONES as f64;
+        masses.map(|mass| mean / mass)
+    }
+
+    /// A large valve fills a small chamber within one movement: the gas that came last is the coldest, at the port.
+    #[test]
+    fn a_fill_within_one_movement_leaves_the_cold_gas_at_the_port() {
+        let mut config = Config::default();
+        config.zones.diffusivity_m2_s = 0.0;
+        let c = Coefficients::new(&config);
+        let (supply_k, per_cv) = (config.supply.temperature_k, c.per_cv);
+        let (before_j, enthalpy_j) = (10.0, 30.0);
+        let before_kg = before_j * per_cv / supply_k;
+        let inflow_kg = enthalpy_j * c.per_cp_supply;
+        let mut zones = Zones::at(supply_k, before_kg);
+        let flow = Flow {
+            steps: c.counts.move_steps,
+            gas_k: supply_k * f32::from(c.counts.move_steps),
+            inflow_kg,
+            enthalpy_j,
+            energy_j: before_j,
+            flowing_steps: c.counts.move_steps,
+            ..Flow::default()
+        };
+        let place = Place {
+            energy_j: before_j + enthalpy_j,
+            pressure_pa: 4.0e5,
+            volume_m3: 4.0e-5,
+            mass_kg: before_kg + inflow_kg,
+            ..Place::NONE
+        };
+        let moved = zones.advance(&c, &flow, &Exchange::default(), &place);
+        assert!(moved.faces.replace_a_zone());
+        let exact = plug_flow(f64::from(config.gas.heat_capacity_ratio));
+        for (ratio, exact) in zones.ratio.iter().zip(exact) {
+            let error = f64::from(*ratio) / exact - 1.0;
+            assert!(error.abs() < 0.13, "{:?} for {exact:?}", zones.ratio);
+        }
     }
 }
