@@ -11,6 +11,7 @@ use crate::topics::{Layout, MUSCLE};
 use std::path::Path;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
+use thermyo_record::board_trace::Recorder;
 use thermyo_record::sinks::Sinks;
 
 const MCAP: &str = "trace.mcap";
@@ -30,8 +31,20 @@ impl Logs {
         self.open_stream(MUSCLE).map(drop)
     }
 
-    /// Starts the records, beside the trace in that folder.
-    pub fn open(&self, out: &mut OutputDir, layout: Layout) -> Result<Sinks, InputError> {
+    /// Starts a record in that folder: these columns of the layout as its file, and the chosen records beside it.
+    pub fn record(
+        &self,
+        out: &mut OutputDir,
+        layout: Layout,
+        columns: &[&str],
+    ) -> Result<Recorder, InputError> {
+        let file = out.file(layout.file)?;
+        let beside = self.open(out, layout)?;
+        let recorder = Recorder::with_columns(file, columns);
+        Ok(recorder.map_err(|error| out.unwritable(layout.file, &error))?.beside(beside))
+    }
+
+    fn open(&self, out: &mut OutputDir, layout: Layout) -> Result<Sinks, InputError> {
         let mut sinks = Sinks::default();
         if let Some(stream) = self.open_stream(layout)? {
             sinks.add(stream);

@@ -1,7 +1,7 @@
 //! The columns of a trace as topics of a log, with meaning and unit.
 
 use serde_json::{Map, Value, json};
-use thermyo_joint::trace::board_columns;
+use thermyo_joint::trace;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::units::unit_of;
 
@@ -17,17 +17,19 @@ pub struct Topic {
 /// Name of the column that every topic has.
 pub const TIME: &str = "time_s";
 
-/// The columns of a record, and their topics.
+/// The file and the columns of a record, and their topics.
 #[derive(Debug, Clone, Copy)]
 pub struct Layout {
+    pub file: &'static str,
     pub topics: &'static [Topic],
     /// Names of a row's cells; a row may end early.
     pub columns: fn() -> Vec<&'static str>,
 }
 
-pub const MUSCLE: Layout = Layout { topics: &TOPICS, columns: every_column };
+pub const MUSCLE: Layout = Layout { file: "trace.csv", topics: &TOPICS, columns: every_column };
 
-pub const JOINT: Layout = Layout { topics: &JOINT_TOPICS, columns: board_columns };
+pub const JOINT: Layout =
+    Layout { file: trace::FILE, topics: &JOINT_TOPICS, columns: trace::board_columns };
 
 const TOPICS: [Topic; 5] = [
     Topic {

@@ -4,19 +4,20 @@ use super::log::LogArgs;
 use super::progress::Bar;
 use super::{Console, Failure, interrupt, pretty, read_to_compare, title_of};
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::subject::Subject;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
-use thermyo_logs::topics::MUSCLE;
 use thermyo_record::board_trace::Recorder;
 use thermyo_scenario::DriveKind;
 use thermyo_scenario::profile::Profile;
+use thermyo_setup::SET_POINT_COLUMNS;
 use thermyo_setup::from_config;
-use thermyo_setup::{Loaded, SET_POINT_COLUMNS};
-use thermyo_studies::drive;
-use thermyo_studies::drive::{Drawn, DriveError, Driven, Ended, Gathered};
+use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive::{
+    self, Course, DriveError, Driven, Ended, Gathered, MuscleCourse, Record, SetPointOf,
+};
 
 #[derive(Debug, Args)]
 pub(super) struct DriveArgs {
@@ -39,29 +40,6 @@ pub(super) struct DriveArgs {
     pub(super) log: LogArgs,
 }
 
-/// Drives a muscle, and prints where the record of a drive that failed is.
-pub(super) fn drive_profile(
-    board: &mut LiveBoard,
-    args: &DriveArgs,
-    to: &mut Console<'_>,
-) -> Result<(), Failure> {
-    let mut record = None;
-    let driven = drive_and_record(board, args, &mut record, to);
-    say_record(&driven, record, to);
-    driven
-}
-
-/// Prints where the record of a drive that failed is.
-pub(super) fn say_record(
-    driven: &Result<(), Failure>,
-    record: Option<PathBuf>,
-    to: &mut Console<'_>,
-) {
-    if let (Err(_), Some(record)) = (driven, record.filter(|record| record.exists())) {
-        to.say(format_args!("the record so far is in {}", record.display()));
-    }
-}
-
 impl DriveArgs {
     /// The kind of the profile's column `value`.
     fn kind(&self) -> Option<DriveKind> {
@@ -70,15 +48,26 @@ impl DriveArgs {
     }
 }
 
-/// `record` names the folder of the recording until it is published: a drive cannot be repeated.
-fn drive_and_record(
+/// A drive on a board: set points over its time, and the record that they make.
+pub(super) struct Planned<'a, R: Record> {
+    pub(super) record: R,
+    pub(super) course: &'a dyn Course<SetPointOf<R>>,
+    pub(super) duration_s: f64,
+    /// Content of `profile.csv`.
+    pub(super) profile: Option<String>,
+    /// Summary as text.
+    pub(super) brief: fn(&R::Driven, UnitSystem) -> String,
+    /// A refusal of the board to be armed.
+    pub(super) refused: fn(BoardError, UnitSystem) -> Failure,
+}
+
+/// Drives a muscle.
+pub(super) fn drive_profile(
     board: &mut LiveBoard,
     args: &DriveArgs,
-    record: &mut Option<PathBuf>,
     to: &mut Console<'_>,
 ) -> Result<(), Failure> {
-    let config = board.config()?;
-    let configured = from_config::to_scenario(&config)?;
+    let configured = from_config::to_scenario(&board.config()?)?;
     let armed_pa = if args.arm { None } else { board.status()?.armed_pa };
     let driven = drive::plan(&args.profile, args.kind(), &configured, armed_pa)?;
     let duration_s = driven.plant.run.duration_s;
@@ -86,41 +75,20 @@ fn drive_and_record(
         Some(path) => Some(read_to_compare(path, &driven.plant, duration_s, to)?),
         None => None,
     };
-    warn_of_times(args, driven.drive_profile.as_ref(), to);
-    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
-    let mut files = drive_files(&folder, &driven)?;
-    let mut recorder = Recorder::new(files.file("trace.csv")?)
-        .map_err(|error| files.unwritable("trace.csv", &error))?
-        .beside(args.log.wanted().open(&mut files, MUSCLE)?);
-    let (mut gathered, mut drawn) = (Gathered::new(&driven, measured.as_ref()), Drawn::default());
-    interrupt::watch();
-    if args.arm {
-        board.arm(None)?;
-    }
-    let bar = Bar::new((duration_s * 1e3) as u64, to.format.quiet);
-    let outcome =
-        drive::drive(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
-            let row = recorder.write(&config, status, telemetry)?;
-            gathered.add(&row);
-            drawn.add(&row);
-            bar.set_position((row.truth.time_s * 1e3) as u64);
-            Ok(())
-        });
-    bar.clear();
-    let ended = ended(outcome, recorder, ("trace.csv", &mut files), record, to)?;
-    let (status, timing) = (board.status()?, board.timing()?);
-    let summary = Driven {
-        stopped_of_s: (ended == Ended::Stopped).then_some(duration_s),
-        ..gathered.finish(board.port(), &status, &timing)
+    let profile = driven.drive_profile.as_ref();
+    warn_of_times(args, profile, to);
+    let planned = Planned {
+        record: Gathered::new(driven.clone(), measured.as_ref()),
+        course: &MuscleCourse::new(&driven),
+        duration_s,
+        profile: profile.map(|profile| {
+            let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
+            String::from("time_s,value\n") + &rows.collect::<String>()
+        }),
+        brief,
+        refused: |error, _| error.into(),
     };
-    let title = title_of(&args.profile);
-    files.text("report.html", &drive::page(&title, &driven, &drawn, &summary))?;
-    let summed = Summed {
-        json: pretty(&summary),
-        brief: brief(&summary, to.units),
-        stopped: summary.stopped_of_s.map(|_| summary.driven()),
-    };
-    drove(files, &folder, &summed, to)
+    drive_planned(board, args, planned, to)
 }
 
 /// Warns of a profile whose times seem to be in another unit.
@@ -130,18 +98,80 @@ pub(super) fn warn_of_times(args: &DriveArgs, profile: Option<&Profile>, to: &mu
     }
 }
 
+/// Drives a board, and prints where the record of a drive that failed is: a drive cannot be repeated.
+pub(super) fn drive_planned<R: Record>(
+    board: &mut R::Board,
+    args: &DriveArgs,
+    planned: Planned<'_, R>,
+    to: &mut Console<'_>,
+) -> Result<(), Failure> {
+    let mut place = None;
+    let driven = drive_and_record(board, args, planned, &mut place, to);
+    if let (Err(_), Some(place)) = (&driven, place.filter(|place| place.exists())) {
+        to.say(format_args!("the record so far is in {}", place.display()));
+    }
+    driven
+}
+
+/// `place` names the folder of the recording until it is published.
+fn drive_and_record<R: Record>(
+    board: &mut R::Board,
+    args: &DriveArgs,
+    planned: Planned<'_, R>,
+    place: &mut Option<PathBuf>,
+    to: &mut Console<'_>,
+) -> Result<(), Failure> {
+    let Planned { mut record, course, duration_s, profile, brief, refused } = planned;
+    let config = board.config()?;
+    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
+    let mut files = OutputDir::create(&folder)?;
+    files.text("scenario.toml", &record.scenario())?;
+    if let Some(profile) = profile {
+        files.text("profile.csv", &profile)?;
+    }
+    let logs = args.log.wanted();
+    let mut recorder = logs.record(&mut files, R::LAYOUT, &(R::LAYOUT.columns)())?;
+    interrupt::watch();
+    if args.arm {
+        board.arm(None).map_err(|error| refused(error, to.units))?;
+    }
+    let bar = Bar::new((duration_s * 1e3) as u64, to.format.quiet);
+    let outcome =
+        drive::follow(board, course, &interrupt::is_requested, &mut |telemetry, status| {
+            record.add(&R::write(&mut recorder, &config, status, telemetry)?);
+            bar.set_position((record.steps().last_s * 1e3) as u64);
+            Ok(())
+        });
+    bar.clear();
+    let ended = ended(outcome, recorder, (R::LAYOUT.file, &mut files), place, to)?;
+    let (status, timing) = (board.status()?, board.timing()?);
+    let stopped_of_s = (ended == Ended::Stopped).then_some(duration_s);
+    let driven = drive::driven(record.steps().last_s, stopped_of_s);
+    let of = (board.port(), &status, &timing);
+    let (summary, page) = record.finish(&title_of(&args.profile), of, stopped_of_s);
+    let json = pretty(&summary);
+    files.text("report.html", &page)?;
+    files.text("summary.json", &json)?;
+    to.results(files, (&json, &brief(&summary, to.units)))?;
+    if ended == Ended::Stopped {
+        let folder = folder.display();
+        return Err(Failure::StoppedAt(format!("{driven}; the record is in {folder}")));
+    }
+    Ok(())
+}
+
 /// Closes the record of a drive. From its first row on it is kept, and `record` names its folder.
-pub(super) fn ended(
+fn ended(
     outcome: Result<Ended, DriveError>,
     recorder: Recorder,
     (name, files): (&'static str, &mut OutputDir),
-    record: &mut Option<PathBuf>,
+    place: &mut Option<PathBuf>,
     to: &mut Console<'_>,
 ) -> Result<Ended, Failure> {
     let rows = recorder.rows();
     if rows > 0 {
         files.keep();
-        *record = Some(files.place().to_path_buf());
+        *place = Some(files.place().to_path_buf());
     }
     let unwritable = |error| Failure::from(files.unwritable(name, &error));
     let written = recorder.finish().map_err(unwritable);
@@ -157,47 +187,12 @@ pub(super) fn ended(
     written.map(|_| ended)
 }
 
-/// Summary of a drive: as JSON, as text, and the driven time where it was stopped early.
-pub(super) struct Summed {
-    pub(super) json: String,
-    pub(super) brief: String,
-    pub(super) stopped: Option<String>,
-}
-
-/// Publishes a drive, and prints its summary.
-pub(super) fn drove(
-    mut files: OutputDir,
-    folder: &Path,
-    summed: &Summed,
-    to: &mut Console<'_>,
-) -> Result<(), Failure> {
-    let Summed { json, brief, stopped } = summed;
-    files.text("summary.json", json)?;
-    to.results(files, (json, brief))?;
-    if let Some(driven) = stopped {
-        let folder = folder.display();
-        return Err(Failure::StoppedAt(format!("{driven}; the record is in {folder}")));
-    }
-    Ok(())
-}
-
-/// Creates the folder of a drive, with its scenario and its profile.
-fn drive_files(folder: &Path, driven: &Loaded) -> Result<OutputDir, Failure> {
-    let mut files = OutputDir::create(folder)?;
-    files.text("scenario.toml", &thermyo_setup::render(driven))?;
-    if let Some(profile) = &driven.drive_profile {
-        let rows = profile.points().iter().map(|(time_s, value)| format!("{time_s},{value}\n"));
-        files.text("profile.csv", &(String::from("time_s,value\n") + &rows.collect::<String>()))?;
-    }
-    Ok(files)
-}
-
 fn brief(summary: &Driven, units: UnitSystem) -> String {
     let mut text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
          pressure {}, estimated gas {}\n\
          core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
-        summary.driven(),
+        drive::driven(summary.duration_s, summary.stopped_of_s),
         summary.config_name,
         summary.config_checksum,
         units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),

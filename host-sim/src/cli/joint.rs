@@ -7,10 +7,9 @@ use std::path::Path;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::page::PageRecorder;
-use thermyo_joint::trace::FILE;
 use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary, angle_text};
-use thermyo_logs::{Logs, topics};
-use thermyo_record::board_trace::Recorder;
+use thermyo_logs::Logs;
+use thermyo_logs::topics::JOINT;
 
 /// Validates it and prints it with every default.
 pub(super) fn check(
@@ -64,10 +63,8 @@ fn record(
     recorder: &mut PageRecorder,
 ) -> Result<Summary, Failure> {
     out.text("scenario.toml", &thermyo_joint::render(loaded))?;
-    let file = out.file(FILE)?;
-    let beside = logs.open(out, topics::JOINT)?;
-    let unwritable = |error: io::Error| out.unwritable(FILE, &error);
-    let mut rows = Recorder::with_columns(file, &COLUMNS).map_err(unwritable)?.beside(beside);
+    let mut rows = logs.record(out, JOINT, &COLUMNS)?;
+    let unwritable = |error: io::Error| out.unwritable(JOINT.file, &error);
     let bar = Bar::new(
         (loaded.muscles[0].plant.run.duration_s * 1000.0) as u64,
         args.output.format.quiet,

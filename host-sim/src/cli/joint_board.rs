@@ -2,28 +2,23 @@
 
 use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
 use super::board_task::{ArmArgs, BoardTask, ConfigTask};
-use super::drive::{DriveArgs, Summed, drove, ended, say_record, warn_of_times};
+use super::drive::{DriveArgs, Planned, drive_planned, warn_of_times};
 use super::joint::faulty;
-use super::progress::Bar;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
-use super::{Console, Failure, calibrate, interrupt, pretty, title_of};
+use super::{Console, Failure, calibrate, interrupt, title_of};
 use crate::commands::joint::line;
 use model_core::Faults;
 use model_core::joint::{JointError, JointField, JointMode, JointSetPoint, JointTelemetry, Motion};
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use thermyo_boards::emulated::{EmulatedBoard, Exchange, STEP_NS};
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_boards::subject::Subject;
-use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
-use thermyo_joint::trace::{FILE, board_columns};
 use thermyo_joint::{Inputs, JointLoaded, Rig, RunError, angle_text, named, venting};
-use thermyo_logs::topics;
 use thermyo_protocol::Refusal;
-use thermyo_record::board_trace::Recorder;
 use thermyo_simulation::board::BoardError;
-use thermyo_studies::drive::{self, Ended, joint};
+use thermyo_studies::drive::{driven, joint};
 
 /// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
@@ -61,12 +56,7 @@ pub(super) fn run(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(
             to.done(&json!({ "mode": "vent" }), "both muscles vent\n")
         }
         BoardTask::Clear => clear(&mut board, to),
-        BoardTask::Drive(args) => {
-            let mut record = None;
-            let driven = drive_and_record(&mut board, &args, &mut record, to);
-            say_record(&driven, record, to);
-            driven
-        }
+        BoardTask::Drive(args) => drive(&mut board, &args, to),
         BoardTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, to),
         BoardTask::History => history(&board.history()?, to),
         BoardTask::Config(ConfigTask::Read { file }) => read(&mut board, &file, to),
@@ -241,68 +231,30 @@ fn hold(
     Ok((true, last))
 }
 
-/// As that of one muscle: `record` names the folder of the recording until it is published.
-fn drive_and_record(
-    board: &mut LiveJoint,
-    args: &DriveArgs,
-    record: &mut Option<PathBuf>,
-    to: &mut Console<'_>,
-) -> Result<(), Failure> {
+/// Drives a joint.
+fn drive(board: &mut LiveJoint, args: &DriveArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     if args.kind.is_some() || args.measured.is_some() {
         let usage = "--kind and --measured are for one muscle; a joint's CSV has time_s, angle_rad and \
                      stiffness_n_m_rad";
         return Err(Failure::Usage(usage.to_owned()));
     }
-    let config = board.config()?;
-    let driven = joint::plan(&args.profile, &config)?;
-    let duration_s = driven.muscles[0].plant.run.duration_s;
+    let driven = joint::plan(&args.profile, &board.config()?)?;
     warn_of_times(args, driven.profile.as_ref().map(|[angle, _]| angle), to);
-    let folder = args.out.clone().unwrap_or_else(|| PathBuf::from("out/drive"));
-    let mut files = drive_files(&folder, &driven)?;
-    let mut recorder = Recorder::with_columns(files.file(FILE)?, &board_columns())
-        .map_err(|error| files.unwritable(FILE, &error))?
-        .beside(args.log.wanted().open(&mut files, topics::JOINT)?);
-    let mut gathered = joint::Gathered::new(&driven);
-    interrupt::watch();
-    if args.arm {
-        board.arm(None).map_err(|error| refused(error, to.units))?;
-    }
-    let bar = Bar::new((duration_s * 1e3) as u64, to.format.quiet);
-    let outcome =
-        drive::follow(board, &driven, &interrupt::is_requested, &mut |telemetry, status| {
-            let row = thermyo_joint::trace::record(&mut recorder, &config, status, telemetry)?;
-            gathered.add(&row);
-            bar.set_position((row.time_s * 1e3) as u64);
-            Ok(())
-        });
-    bar.clear();
-    let ended = ended(outcome, recorder, (FILE, &mut files), record, to)?;
-    let (status, timing) = (board.status()?, board.timing()?);
-    let title = title_of(&args.profile);
-    let stopped_of_s = (ended == Ended::Stopped).then_some(duration_s);
-    let (summary, page) =
-        gathered.finish((&title, &driven), (board.port(), &status, &timing), stopped_of_s);
-    files.text("report.html", &page)?;
-    let summed = Summed {
-        json: pretty(&summary),
-        brief: brief(&summary, to.units),
-        stopped: summary.stopped_of_s.map(|_| summary.driven()),
+    let planned = Planned {
+        record: joint::Gathered::new(driven.clone()),
+        course: &driven,
+        duration_s: driven.muscles[0].plant.run.duration_s,
+        profile: driven.profile.as_ref().map(|[angle, stiffness]| {
+            let rows = angle.points().iter().map(|(time_s, angle_rad)| {
+                format!("{time_s},{angle_rad},{}\n", stiffness.value(*time_s))
+            });
+            let head = String::from("time_s,angle_rad,stiffness_n_m_rad\n");
+            head + &rows.collect::<String>()
+        }),
+        brief,
+        refused,
     };
-    drove(files, &folder, &summed, to)
-}
-
-/// Creates the folder of a drive, with its scenario and its profile.
-fn drive_files(folder: &Path, driven: &JointLoaded) -> Result<OutputDir, Failure> {
-    let mut files = OutputDir::create(folder)?;
-    files.text("scenario.toml", &thermyo_joint::render(driven))?;
-    if let Some([angle, stiffness]) = &driven.profile {
-        let rows = angle.points().iter().map(|(time_s, angle_rad)| {
-            format!("{time_s},{angle_rad},{}\n", stiffness.value(*time_s))
-        });
-        let head = String::from("time_s,angle_rad,stiffness_n_m_rad\n");
-        files.text("profile.csv", &(head + &rows.collect::<String>()))?;
-    }
-    Ok(files)
+    drive_planned(board, args, planned, to)
 }
 
 fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
@@ -314,7 +266,7 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
          angle {least} to {most}, RMS error {}, at the end {}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s; highest pressures {a} and {b}\n\
          core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
-        summary.driven(),
+        driven(summary.duration_s, summary.stopped_of_s),
         summary.config_name,
         summary.config_checksum,
         angle_text(figures.rms_error_rad, units),

@@ -67,8 +67,8 @@ use thermyo_identify::static_map;
 use thermyo_identify::static_map::Readings;
 use thermyo_identify::{IdentifyError, identify_table, known_columns};
 use thermyo_joint::JointLoaded;
-use thermyo_logs::{Logs, topics};
-use thermyo_record::board_trace::Recorder;
+use thermyo_logs::Logs;
+use thermyo_logs::topics::MUSCLE;
 use thermyo_record::board_trace::every_column;
 use thermyo_record::measured::{self, Measured, check_pressures, of_unknown_column};
 use thermyo_record::summary::Summary;
@@ -80,6 +80,7 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
+use thermyo_studies::drive::Record;
 
 /// Arguments that print text for a program or a file: it is not folded.
 const AS_IT_IS: [Option<&str>; 4] =
@@ -581,9 +582,8 @@ fn monitor_as<S: monitor::Monitored>(
     to: &mut Console<'_>,
 ) -> Result<(), Failure> {
     let mut out = OutputDir::create(folder)?;
-    let recorder = Recorder::with_columns(out.file(S::TRACE)?, &(S::LAYOUT.columns)())
-        .map_err(|error| out.unwritable(S::TRACE, &error))?
-        .beside(logs.open(&mut out, S::LAYOUT)?);
+    let layout = S::Record::LAYOUT;
+    let recorder = logs.record(&mut out, layout, &(layout.columns)())?;
     let mut session = Session::<S>::open(port, every, recorder).map_err(Failure::Board)?;
     let shown = match (to.is_read(), io::stdout().is_terminal()) {
         (false, _) => Shown::Not,
@@ -598,7 +598,7 @@ fn monitor_as<S: monitor::Monitored>(
     drop(session);
     if rows > 0 {
         to.publish(out)?;
-        let trace = folder.join(S::TRACE).display().to_string();
+        let trace = folder.join(layout.file).display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
         to.done(&json, &format!("{rows} rows recorded: {trace}\n"))?;
     }
@@ -644,10 +644,8 @@ fn record(
 ) -> Result<Summary, Failure> {
     // Written first: the trace of a killed program is replayed with it.
     out.text("scenario.toml", &thermyo_setup::render(loaded))?;
-    let file = out.file("trace.csv")?;
-    let beside = logs.open(out, topics::MUSCLE)?;
-    let unwritable = |error: io::Error| out.unwritable("trace.csv", &error);
-    let mut writer = Recorder::with_columns(file, &COLUMNS).map_err(unwritable)?.beside(beside);
+    let mut writer = logs.record(out, MUSCLE, &COLUMNS)?;
+    let unwritable = |error: io::Error| out.unwritable(MUSCLE.file, &error);
     let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, quiet);
     let mut observer = |row: &Row| {
         writer.push(&row.cells())?;

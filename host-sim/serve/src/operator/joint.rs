@@ -4,7 +4,6 @@ use super::served::{Held, Served};
 use super::{NotDone, Operator};
 use crate::frames::{Shown, rounded};
 use crate::page::Kind;
-use crate::recording::JointRecord;
 use crate::state::{JointPart, Part};
 use crate::target::Target;
 use crate::word::{Order, ScenarioText};
@@ -16,6 +15,7 @@ use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_protocol::Refusal;
 use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive::joint::Gathered;
 
 const OF_ONE_MUSCLE: NotDone = NotDone::NotNow(
     "the board drives a joint: on the page only one muscle is calibrated, tuned and measured, and \
@@ -78,7 +78,7 @@ impl Shown for LiveJoint {
 
 impl Served for LiveJoint {
     type Tasks = ();
-    type Record = JointRecord;
+    type Record = Gathered;
 
     const KIND: Kind = Kind::Joint;
     const VENTS: &'static str = "both muscles vent";

@@ -7,7 +7,6 @@ use super::{NO_LINK, NotDone, Operator, RECORDS};
 use crate::frames::{Shown, rounded};
 use crate::guide::{Calibration, Guided, Step};
 use crate::page::Kind;
-use crate::recording::MuscleRecord;
 use crate::results::{Outcome, next_folder};
 use crate::shared::Shared;
 use crate::sought::{self, Sought};
@@ -36,7 +35,7 @@ use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 use thermyo_studies::calibrate;
-use thermyo_studies::drive::LiveBench;
+use thermyo_studies::drive::{Gathered, LiveBench};
 use thermyo_studies::stops;
 use thermyo_studies::stops::{Asked, LiveRows, Plan, Record, RowBench};
 use thermyo_studies::tune;
@@ -138,7 +137,7 @@ impl Shown for LiveBoard {
 
 impl Served for LiveBoard {
     type Tasks = MuscleTasks;
-    type Record = MuscleRecord;
+    type Record = Gathered;
 
     const KIND: Kind = Kind::Muscle;
     const VENTS: &'static str = "the muscle vents";

@@ -3,13 +3,13 @@
 use super::{NotDone, Operator};
 use crate::frames::Shown;
 use crate::page::Kind;
-use crate::recording::Record;
 use crate::shared::Shared;
 use crate::state::{self, Part};
 use crate::target::Target;
 use crate::word::{Order, ScenarioText};
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
+use thermyo_studies::drive::Record;
 
 /// Faults of a muscle, of a second one, and of their joint.
 pub type Held = [Faults; 3];

@@ -12,6 +12,7 @@ use thermyo_boards::{port, serial_port};
 use thermyo_protocol::{Answer, HostCommand, LastReset, PROTOCOL, Refusal, Timing, Version};
 use thermyo_record::board_trace::Recorder;
 use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive::Record;
 
 /// Interval of attempts to open a lost port, and of requests.
 const RETRY: Duration = Duration::from_millis(500);
@@ -123,7 +124,8 @@ impl<S: Monitored> Session<S> {
                 continue;
             }
             let status = self.link.status();
-            let written = S::record(&mut self.recorder, &config, status.as_ref(), &telemetry);
+            let written =
+                S::Record::write(&mut self.recorder, &config, status.as_ref(), &telemetry);
             written.map_err(MonitorError::Recording)?;
             self.latest = Some(telemetry);
         }

@@ -4,18 +4,17 @@ use crate::commands::joint;
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry, Motion};
 use model_core::{Config, Faults, SetPoint, Telemetry};
 use serde::Serialize;
-use std::io;
 use thermyo_boards::line::Line;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_boards::subject::Subject;
 use thermyo_files::input::InputError;
 use thermyo_files::units::UnitSystem;
-use thermyo_logs::topics::{self, Layout};
-use thermyo_protocol::{Answer, HostCommand, Image, Side, Status};
-use thermyo_record::board_trace::{Recorder, kind_and_values};
+use thermyo_protocol::{Answer, HostCommand, Image, Side};
+use thermyo_record::board_trace::kind_and_values;
 use thermyo_setup::from_config;
 use thermyo_simulation::board::BoardError;
+use thermyo_studies::drive::{self, Record};
 
 /// Increment of the pressure's set point \[Pa\].
 const MOVE_PA: f32 = 5.0e3;
@@ -24,9 +23,8 @@ const MOVE_RAD: f32 = core::f32::consts::PI / 180.0;
 
 /// A board that is monitored.
 pub trait Monitored: Subject<Config: Default + Serialize> {
-    /// Name of the record's file.
-    const TRACE: &'static str;
-    const LAYOUT: Layout;
+    type Record: Record<Board = Self>;
+
     /// The quantity that the arrow keys move.
     const MOVED: &'static str;
     /// Requests whose answers are the configuration.
@@ -34,13 +32,6 @@ pub trait Monitored: Subject<Config: Default + Serialize> {
 
     /// The configuration, once every one of [`Self::QUESTIONS`] is answered.
     fn config_of(answers: &[Option<Answer>]) -> Option<Self::Config>;
-
-    fn record(
-        recorder: &mut Recorder,
-        config: &Self::Config,
-        status: Option<&Status>,
-        telemetry: &Self::Telemetry,
-    ) -> io::Result<()>;
 
     /// The set point so many increments from the wanted one, or from where it is, and its request.
     fn moved(
@@ -69,8 +60,8 @@ pub fn joint_at(port: &str) -> Result<bool, BoardError> {
 }
 
 impl Monitored for LiveBoard {
-    const TRACE: &'static str = "trace.csv";
-    const LAYOUT: Layout = topics::MUSCLE;
+    type Record = drive::Gathered;
+
     const MOVED: &'static str = "the pressure";
     const QUESTIONS: &'static [HostCommand] = &[HostCommand::ReadConfig];
 
@@ -79,15 +70,6 @@ impl Monitored for LiveBoard {
             [Some(Answer::Config(config))] => Some(*config),
             _ => None,
         }
-    }
-
-    fn record(
-        recorder: &mut Recorder,
-        config: &Config,
-        status: Option<&Status>,
-        telemetry: &Telemetry,
-    ) -> io::Result<()> {
-        recorder.write(config, status, telemetry).map(drop)
     }
 
     fn moved(
@@ -150,8 +132,8 @@ fn set_point(set_point: SetPoint, units: UnitSystem) -> String {
 }
 
 impl Monitored for LiveJoint {
-    const TRACE: &'static str = thermyo_joint::trace::FILE;
-    const LAYOUT: Layout = topics::JOINT;
+    type Record = drive::joint::Gathered;
+
     const MOVED: &'static str = "the angle";
     const QUESTIONS: &'static [HostCommand] = &[
         HostCommand::ReadMuscle(Side::A),
@@ -167,15 +149,6 @@ impl Monitored for LiveJoint {
             }
             _ => None,
         }
-    }
-
-    fn record(
-        recorder: &mut Recorder,
-        config: &JointConfig,
-        status: Option<&Status>,
-        telemetry: &JointTelemetry,
-    ) -> io::Result<()> {
-        thermyo_joint::trace::record(recorder, config, status, telemetry).map(drop)
     }
 
     /// Moves the angle. The stiffness is that of the set point, or the one that the joint has: the lowest

@@ -1,17 +1,23 @@
 //! A run of a joint on a board that samples its own muscles and angle.
 
 use super::Course;
-use super::summary::Counted;
-use model_core::joint::{JointConfig, JointSetPoint};
+use super::record::{Counted, Record};
+use super::summary::driven;
+use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use serde::Serialize;
+use std::io;
 use std::path::{Path, PathBuf};
+use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::read_table;
 use thermyo_joint::page::PageRecorder;
+use thermyo_joint::trace::record;
 use thermyo_joint::{
     Accumulator, Figures, JointLoaded, Row, SET_POINT_INTERVAL_S, angle_and_stiffness, to_scenario,
 };
+use thermyo_logs::topics::{self, Layout};
 use thermyo_protocol::{Status, Timing};
+use thermyo_record::board_trace::Recorder;
 use thermyo_record::summary::TimingFigures;
 
 /// Scenario to drive: the drive of a file, on the joint that the board was configured with.
@@ -93,17 +99,12 @@ pub struct Driven {
 }
 
 impl Driven {
-    /// Driven time: "4.00 s", or "2.46 s of 4 s".
-    pub fn driven(&self) -> String {
-        super::summary::driven(self.duration_s, self.stopped_of_s)
-    }
-
     /// The sentence above the page.
     fn lead(&self) -> String {
         let stopped = if self.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
         self.figures.lead(&format!(
             "{stopped}{} on the board at {}, configuration {} ({:08x}).",
-            self.driven(),
+            driven(self.duration_s, self.stopped_of_s),
             self.board,
             self.config_name,
             self.config_checksum,
@@ -115,37 +116,68 @@ impl Driven {
 pub struct Gathered {
     accumulator: Accumulator,
     drawn: PageRecorder,
+    driven: JointLoaded,
     steps: Counted,
 }
 
 impl Gathered {
     /// For a run, which begins at step 0.
-    pub fn new(driven: &JointLoaded) -> Self {
+    pub fn new(driven: JointLoaded) -> Self {
         Self {
             accumulator: Accumulator::new(driven.muscles[0].plant.run.step_s),
             drawn: PageRecorder::default(),
+            driven,
             steps: Counted::from_start(),
         }
     }
+}
 
-    /// For a record that may begin at any step.
-    pub fn of_record(driven: &JointLoaded) -> Self {
-        Self { steps: Counted::default(), ..Self::new(driven) }
+impl Record for Gathered {
+    type Board = LiveJoint;
+    type Row = Row;
+    type Driven = Driven;
+
+    const LAYOUT: Layout = topics::JOINT;
+    const STUDIED: bool = false;
+
+    fn of_board(config: &JointConfig) -> Result<Self, InputError> {
+        Ok(Self { steps: Counted::default(), ..Self::new(to_scenario(config)?) })
     }
 
-    pub fn add(&mut self, row: &Row) {
+    fn write(
+        recorder: &mut Recorder,
+        config: &JointConfig,
+        status: Option<&Status>,
+        telemetry: &JointTelemetry,
+    ) -> io::Result<Row> {
+        record(recorder, config, status, telemetry)
+    }
+
+    fn add(&mut self, row: &Row) {
         self.steps.add(row.telemetry.step(), row.time_s);
         self.accumulator.add(row);
         self.drawn.add(row);
     }
 
-    pub fn duration_s(&self) -> f64 {
-        self.steps.last_s
+    fn steps(&self) -> &Counted {
+        &self.steps
     }
 
-    pub fn finish(
+    fn scenario(&self) -> String {
+        thermyo_joint::render(&self.driven)
+    }
+
+    fn cut(&mut self) {
+        for muscle in &mut self.driven.muscles {
+            let run = &mut muscle.plant.run;
+            run.duration_s = self.steps.last_s.max(run.step_s);
+            muscle.believed.run = run.clone();
+        }
+    }
+
+    fn finish(
         self,
-        (title, driven): (&str, &JointLoaded),
+        title: &str,
         (port, status, timing): (&str, &Status, &Timing),
         stopped_of_s: Option<f64>,
     ) -> (Driven, String) {
@@ -159,7 +191,7 @@ impl Gathered {
             lost_steps: self.steps.lost,
             timing: TimingFigures::from(timing),
         };
-        let page = self.drawn.of_board(title, driven, &summary.lead(), &summary.figures);
+        let page = self.drawn.of_board(title, &self.driven, &summary.lead(), &summary.figures);
         (summary, page)
     }
 }

@@ -8,12 +8,15 @@
 
 mod bench;
 pub mod joint;
+mod muscle;
 mod page;
+mod record;
 mod summary;
 
 pub use bench::LiveBench;
-pub use page::{Drawn, page};
-pub use summary::{Driven, Gathered};
+pub use muscle::Gathered;
+pub use record::{ConfigOf, Record, SetPointOf, TelemetryOf};
+pub use summary::{Driven, driven};
 
 use model_core::{Faults, SetPoint, Telemetry};
 use std::io;
@@ -159,8 +162,7 @@ pub fn drive(
     wanted: &dyn Fn() -> bool,
     each: Each<'_, Telemetry>,
 ) -> Result<Ended, DriveError> {
-    let course = MuscleCourse { set_points: SetPoints::new(driven), driven };
-    follow(board, &course, wanted, each)
+    follow(board, &MuscleCourse::new(driven), wanted, each)
 }
 
 /// Set points over the steps of a drive.
@@ -178,9 +180,15 @@ pub trait Course<P> {
 }
 
 /// The set points of a scenario.
-struct MuscleCourse<'a> {
+pub struct MuscleCourse<'a> {
     set_points: SetPoints,
     driven: &'a Loaded,
+}
+
+impl<'a> MuscleCourse<'a> {
+    pub fn new(driven: &'a Loaded) -> Self {
+        Self { set_points: SetPoints::new(driven), driven }
+    }
 }
 
 impl Course<SetPoint> for MuscleCourse<'_> {

@@ -1,6 +1,6 @@
 //! Page of a run on a board.
 
-use super::Driven;
+use super::summary::{Driven, driven};
 use model_core::SetPoint;
 use thermyo_files::number::COUNT;
 use thermyo_plant::chamber;
@@ -60,7 +60,7 @@ impl Drawn {
     }
 }
 
-pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
+pub fn page(title: &str, scenario: &Loaded, drawn: &Drawn, summary: &Driven) -> String {
     let faulted = Faulted(&summary.core);
     let stopped = if summary.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
     let mut lead = stopped.to_owned() + &faulted.lead();
@@ -69,7 +69,7 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
     }
     lead += &format!(
         "{} on the board at {}, configuration {} ({:08x}).",
-        summary.driven(),
+        driven(summary.duration_s, summary.stopped_of_s),
         summary.board,
         summary.config_name,
         summary.config_checksum
@@ -103,7 +103,7 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         lead: &lead,
         warnings: &[],
         controlled: drawn.controlled.filter(|_| !drawn.mixed),
-        scenario_toml: &thermyo_setup::render(driven),
+        scenario_toml: &thermyo_setup::render(scenario),
         tiles: faulted.tiles().chain(control).chain(own).collect(),
         series: &drawn.series,
         // A board does not measure flows.
@@ -111,8 +111,8 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
         measured: &[],
         summary: &rows,
         axial_wall_k: &[],
-        rest_length_m: chamber::of(&driven.plant).map(|chamber| chamber.rest_length()),
-        kind: driven.plant.plant.kind,
+        rest_length_m: chamber::of(&scenario.plant).map(|chamber| chamber.rest_length()),
+        kind: scenario.plant.plant.kind,
         last_stroke: &[],
         detail_s: None,
     })
@@ -120,8 +120,7 @@ pub fn page(title: &str, driven: &Loaded, drawn: &Drawn, summary: &Driven) -> St
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::drive::Gathered;
+    use crate::drive::{Gathered, Record};
     use thermyo_protocol::{Status, Timing};
     use thermyo_record::board_trace;
     use thermyo_setup::core_config::core_config;
@@ -133,16 +132,15 @@ mod tests {
             "[run]\nduration_s = 1.0\n[plant]\nmodel = \"lumped\"\n[drive]\nkind = \"pressure\"\n";
         let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
         let config = core_config(&loaded.believed);
-        let (mut gathered, mut drawn) = (Gathered::of_record(&loaded), Drawn::default());
+        let mut gathered = Gathered::new(loaded.clone(), None);
         run::on_core(&loaded, |row| {
             // A board sends only telemetry.
             let row = board_trace::row(row.truth.time_s, &config, &row.telemetry);
             gathered.add(&row);
-            drawn.add(&row);
         })
         .unwrap();
-        let summary = gathered.finish("here", &Status::AT_START, &Timing::default());
-        let page = page("steps", &loaded, &drawn, &summary);
+        let of = ("here", &Status::AT_START, &Timing::default());
+        let (_, page) = gathered.finish("steps", of, None);
         let (_, lead) = page.split_once("class=\"lead\">").unwrap();
         assert!(lead.starts_with("The absolute pressure follows its set point with an error of "));
         let (_, tiles) = page.split_once("class=\"tiles\"").unwrap();

@@ -1,18 +1,8 @@
 //! A recording: every step of the link, written by a separate thread.
 
-mod joint;
-mod muscle;
-mod record;
-
-pub use joint::JointRecord;
-pub use muscle::MuscleRecord;
-pub use record::Record;
-
 use super::results::{Outcome, next_folder};
 use super::shared::Shared;
 use super::state::{Recorded, Weight};
-use record::Finished;
-use std::fs::File;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -20,17 +10,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
-use thermyo_boards::subject::Subject;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
 use thermyo_logs::Logs;
 use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
+use thermyo_studies::drive::{ConfigOf, Record, TelemetryOf};
 
 /// Rows are flushed to the file at least at this interval.
 const HAND_OVER: Duration = Duration::from_millis(500);
-
-type Telemetry<R> = <<R as Record>::Board as Subject>::Telemetry;
 
 pub struct Recording<R: Record> {
     parts: Sender<Part<R>>,
@@ -42,7 +30,7 @@ pub struct Recording<R: Record> {
 /// Messages to the thread. The channel is unbounded: a disk that stalls for a while costs memory,
 /// not rows.
 enum Part<R: Record> {
-    Step(Option<Status>, Telemetry<R>),
+    Step(Option<Status>, TelemetryOf<R>),
     End(Status, Timing),
 }
 
@@ -55,26 +43,24 @@ impl<R: Record> Recording<R> {
         out: &Path,
         logs: &Logs,
         port: &str,
-        config: &<R::Board as Subject>::Config,
+        config: &ConfigOf<R>,
         shared: Arc<Shared>,
     ) -> Result<Self, InputError> {
-        let record = R::new(config)?;
+        let record = R::of_board(config)?;
         let (folder, name) = next_folder(out, "record");
         let mut files = OutputDir::create(&folder)?;
         files.text("scenario.toml", &record.scenario())?;
-        let (file, layout) = (R::TRACE, R::LAYOUT);
-        let recorder = Recorder::with_columns(files.file(file)?, &(layout.columns)())
-            .map_err(|error| files.unwritable(file, &error))?
-            .beside(logs.open(&mut files, layout)?);
+        let recorder = logs.record(&mut files, R::LAYOUT, &(R::LAYOUT.columns)())?;
         let (parts, received) = mpsc::channel();
         let rows = Arc::new(AtomicU64::new(0));
-        let port = port.to_owned();
-        let writer = Writer::<R> { name, port, files, recorder, record, rows: Arc::clone(&rows) };
+        let (port, config) = (port.to_owned(), *config);
+        let counted = Arc::clone(&rows);
+        let writer = Writer::<R> { name, port, config, files, recorder, record, rows: counted };
         let thread = thread::spawn(move || writer.run(&received, &shared));
         Ok(Self { parts, rows, began: Instant::now(), thread })
     }
 
-    pub fn step(&self, status: Option<Status>, telemetry: &Telemetry<R>) {
+    pub fn step(&self, status: Option<Status>, telemetry: &TelemetryOf<R>) {
         // A write error has been reported already.
         let _ = self.parts.send(Part::Step(status, *telemetry));
     }
@@ -101,8 +87,9 @@ impl<R: Record> Recording<R> {
 struct Writer<R: Record> {
     name: String,
     port: String,
+    config: ConfigOf<R>,
     files: OutputDir,
-    recorder: Recorder<File>,
+    recorder: Recorder,
     record: R,
     rows: Arc<AtomicU64>,
 }
@@ -118,7 +105,7 @@ impl<R: Record> Writer<R> {
                 Err(RecvTimeoutError::Disconnected) => return drop(self.files.leave()),
             };
             if let Err(error) = written {
-                let error = self.files.unwritable(R::TRACE, &error);
+                let error = self.files.unwritable(R::LAYOUT.file, &error);
                 let left = self.files.leave();
                 let text =
                     format!("recording: {error}; the record so far is in {}", left.display());
@@ -127,28 +114,31 @@ impl<R: Record> Writer<R> {
         }
     }
 
-    fn write(&mut self, status: Option<&Status>, telemetry: &Telemetry<R>) -> io::Result<()> {
-        self.record.write(&mut self.recorder, status, telemetry)?;
+    fn write(&mut self, status: Option<&Status>, telemetry: &TelemetryOf<R>) -> io::Result<()> {
+        let row = R::write(&mut self.recorder, &self.config, status, telemetry)?;
+        self.record.add(&row);
         self.rows.fetch_add(1, Ordering::Relaxed);
         Ok(())
     }
 
     fn finish(self, status: &Status, timing: &Timing, shared: &Shared) {
-        let Self { name, port, mut files, recorder, record, .. } = self;
+        let Self { name, port, mut files, recorder, mut record, .. } = self;
         let folder = files.path().to_path_buf();
         let rows = recorder.rows();
-        let finished = record.finish((&name, &port), status, timing);
-        let written = recorder.finish().map_err(|error| files.unwritable(R::TRACE, &error));
+        record.cut();
+        let (scenario, steps) = (record.scenario(), record.steps());
+        let text = format!("{:.1} s, {rows} steps, {} lost", steps.last_s, steps.lost);
+        let (summary, report) = record.finish(&name, (&port, status, timing), None);
+        let summary = serde_json::to_string_pretty(&summary).expect("plain data") + "\n";
+        let written = recorder.finish().map_err(|error| files.unwritable(R::LAYOUT.file, &error));
         let published = written.and_then(|_| {
-            files.text("scenario.toml", &finished.scenario)?;
-            files.text("summary.json", &finished.summary)?;
-            files.text("report.html", &finished.report)?;
+            files.text("scenario.toml", &scenario)?;
+            files.text("summary.json", &summary)?;
+            files.text("report.html", &report)?;
             files.publish().map(drop)
         });
         match published {
             Ok(()) => {
-                let Finished { duration_s, lost_steps, .. } = finished;
-                let text = format!("{duration_s:.1} s, {rows} steps, {lost_steps} lost");
                 shared.log(Weight::Plain, format!("recorded in {}: {text}", folder.display()));
                 shared.add_result(Outcome { name, folder, text, trace: R::STUDIED });
             }
