@@ -124,29 +124,30 @@ const FLOW: Faults =
 /// Gas that leaves and is not replaced.
 const LOST: Faults = Faults::LEAK.with(BURST).with(Faults::NO_INFLOW);
 
-/// A fault that is visible during every task, and at once.
+/// A fault that is visible during every task, and at once; nothing is stated of it yet.
 fn fault(
     name: &'static str,
     size: &'static str,
     inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
-    found: Faults,
-    within_s: f64,
-    reaction: Reaction,
 ) -> Fault {
     Fault {
         name,
         size,
         tasks: &Task::ALL,
         inject,
-        found,
+        found: Faults::NONE,
         counted: Counted::Always,
-        within_s,
-        reaction,
+        within_s: f64::INFINITY,
+        reaction: NotStated,
         observed_s: 1.0,
     }
 }
 
 impl Fault {
+    fn found(self, found: Faults, within_s: f64, reaction: Reaction) -> Self {
+        Self { found, within_s, reaction, ..self }
+    }
+
     /// For a fault that is visible under a condition only, or later.
     fn seen(self, counted: Counted, tasks: &'static [Task], observed_s: f64) -> Self {
         Self { counted, tasks, observed_s, ..self }
@@ -167,301 +168,150 @@ pub fn all() -> Vec<Fault> {
 
 fn of_the_pressure_sensor() -> Vec<Fault> {
     vec![
-        fault(
-            "pressure sensor open",
-            "code 32760",
-            |_, _, w| w.pressure = Open,
-            PRESSURE,
-            0.011,
-            Vents,
-        ),
-        fault(
-            "pressure sensor shorted",
-            "code 0",
-            |_, _, w| w.pressure = Shorted,
-            PRESSURE,
-            0.011,
-            Vents,
-        ),
-        fault(
-            "pressure sensor frozen",
-            "the code of that moment",
-            |_, _, w| w.pressure = Frozen,
-            PRESSURE.with(FLOW),
-            0.1,
-            Vents,
-        )
-        .seen(Counted::Driven, &Task::MOVING, 6.0),
-        fault(
-            "pressure sensor noisy",
-            "5 % of the range",
-            |_, _, w| w.pressure = Noisy,
-            PRESSURE,
-            0.05,
-            Vents,
-        ),
-        fault(
-            "pressure sensor drifting up",
-            "10 to 30 kPa/s",
-            |draw, _, w| {
-                let rate_per_s = draw.factor([1.0e4, 3.0e4]);
-                w.pressure = Drifting { rate_per_s };
-            },
-            PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE),
-            40.0,
-            Vents,
-        )
+        fault("pressure sensor open", "code 32760", |_, _, w| w.pressure = Open)
+            .found(PRESSURE, 0.011, Vents),
+        fault("pressure sensor shorted", "code 0", |_, _, w| w.pressure = Shorted)
+            .found(PRESSURE, 0.011, Vents),
+        fault("pressure sensor frozen", "the code of that moment", |_, _, w| w.pressure = Frozen)
+            .found(PRESSURE.with(FLOW), 0.1, Vents)
+            .seen(Counted::Driven, &Task::MOVING, 6.0),
+        fault("pressure sensor noisy", "5 % of the range", |_, _, w| w.pressure = Noisy)
+            .found(PRESSURE, 0.05, Vents),
+        fault("pressure sensor drifting up", "10 to 30 kPa/s", |draw, _, w| {
+            let rate_per_s = draw.factor([1.0e4, 3.0e4]);
+            w.pressure = Drifting { rate_per_s };
+        })
+        .found(PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE), 40.0, Vents)
         .seen(Counted::Always, &Task::ALL, 42.0),
-        fault(
-            "pressure sensor drifting down",
-            "10 to 30 kPa/s",
-            |draw, _, w| {
-                let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
-                w.pressure = Drifting { rate_per_s };
-            },
-            PRESSURE.with(FLOW).with(FORCE),
-            f64::INFINITY,
-            NotStated,
-        )
+        fault("pressure sensor drifting down", "10 to 30 kPa/s", |draw, _, w| {
+            let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
+            w.pressure = Drifting { rate_per_s };
+        })
+        .found(PRESSURE.with(FLOW).with(FORCE), f64::INFINITY, NotStated)
         .seen(Counted::Always, &Task::ALL, 32.0),
     ]
 }
 
 fn of_the_gas_sensor() -> Vec<Fault> {
     vec![
-        fault("gas sensor open", "code 32760", |_, _, w| w.gas = Open, GAS, 0.001, Shown),
-        fault("gas sensor shorted", "code 0", |_, _, w| w.gas = Shorted, GAS, 0.001, Shown),
-        fault(
-            "gas sensor frozen",
-            "the code of that moment",
-            |_, _, w| w.gas = Frozen,
-            GAS,
-            12.0,
-            Shown,
-        )
-        .seen(Counted::Always, &Task::MOVING, 14.0),
-        fault("gas sensor noisy", "5 % of the range", |_, _, w| w.gas = Noisy, GAS, 0.05, Shown),
-        fault(
-            "gas sensor drifting",
-            "0.5 to 3 K/s, up or down",
-            |draw, _, w| {
-                let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
-                w.gas = Drifting { rate_per_s };
-            },
-            GAS,
-            20.0,
-            Shown,
-        )
+        fault("gas sensor open", "code 32760", |_, _, w| w.gas = Open).found(GAS, 0.001, Shown),
+        fault("gas sensor shorted", "code 0", |_, _, w| w.gas = Shorted).found(GAS, 0.001, Shown),
+        fault("gas sensor frozen", "the code of that moment", |_, _, w| w.gas = Frozen)
+            .found(GAS, 12.0, Shown)
+            .seen(Counted::Always, &Task::MOVING, 14.0),
+        fault("gas sensor noisy", "5 % of the range", |_, _, w| w.gas = Noisy)
+            .found(GAS, 0.05, Shown),
+        fault("gas sensor drifting", "0.5 to 3 K/s, up or down", |draw, _, w| {
+            let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
+            w.gas = Drifting { rate_per_s };
+        })
+        .found(GAS, 20.0, Shown)
         .seen(Counted::Always, &Task::ALL, 22.0),
     ]
 }
 
 fn of_the_length_sensor() -> Vec<Fault> {
+    let drifting = "2 to 10 % of the rest length per second, up or down";
     vec![
-        fault("length sensor open", "code 32760", |_, _, w| w.length = Open, LENGTH, 0.001, Shown),
-        fault(
-            "length sensor shorted",
-            "code 0",
-            |_, _, w| w.length = Shorted,
-            LENGTH,
-            0.001,
-            Shown,
-        ),
-        fault(
-            "length sensor frozen",
-            "the code of that moment",
-            |_, _, w| w.length = Frozen,
-            LENGTH,
-            0.2,
-            Shown,
-        )
-        .seen(Counted::Moving, &Task::MOVING, 6.0),
-        fault(
-            "length sensor noisy",
-            "5 % of the range",
-            |_, _, w| w.length = Noisy,
-            LENGTH,
-            0.05,
-            Shown,
-        ),
-        fault(
-            "length sensor drifting",
-            "2 to 10 % of the rest length per second, up or down",
-            |draw, s, w| {
-                let rest_m = s.muscle.rest_length_m;
-                let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
-                w.length = Drifting { rate_per_s };
-            },
-            LENGTH.with(FORCE).with(FLOW),
-            20.0,
-            ShownOrVents,
-        )
+        fault("length sensor open", "code 32760", |_, _, w| w.length = Open)
+            .found(LENGTH, 0.001, Shown),
+        fault("length sensor shorted", "code 0", |_, _, w| w.length = Shorted)
+            .found(LENGTH, 0.001, Shown),
+        fault("length sensor frozen", "the code of that moment", |_, _, w| w.length = Frozen)
+            .found(LENGTH, 0.2, Shown)
+            .seen(Counted::Moving, &Task::MOVING, 6.0),
+        fault("length sensor noisy", "5 % of the range", |_, _, w| w.length = Noisy)
+            .found(LENGTH, 0.05, Shown),
+        fault("length sensor drifting", drifting, |draw, s, w| {
+            let rest_m = s.muscle.rest_length_m;
+            let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
+            w.length = Drifting { rate_per_s };
+        })
+        .found(LENGTH.with(FORCE).with(FLOW), 20.0, ShownOrVents)
         .seen(Counted::Always, &Task::ALL, 22.0),
     ]
 }
 
 fn of_the_valves() -> Vec<Fault> {
     vec![
-        fault(
-            "overpressure",
-            "inlet commanded open, supply of 7.5 to 10 bar",
-            |draw, _, w| w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6])),
-            Faults::OVERPRESSURE,
-            0.015,
-            Vents,
-        )
+        fault("overpressure", "inlet commanded open, supply of 7.5 to 10 bar", |draw, _, w| {
+            w.supply_pressure_pa = Some(draw.between([7.5e5, 1.0e6]));
+        })
+        .found(Faults::OVERPRESSURE, 0.015, Vents)
         .seen(Counted::Above, &[Task::Filling], 6.0),
-        fault(
-            "inlet stuck open",
-            "its full conductance",
-            |_, _, w| w.inlet = ValveFault::Open,
-            FLOW.with(Faults::OVERPRESSURE),
-            1.0,
-            VentsInVain,
-        )
-        .seen(Counted::Always, &Task::ALL, 3.0),
-        fault(
-            "inlet stuck shut",
-            "no flow",
-            |_, _, w| w.inlet = ValveFault::Shut,
-            Faults::NO_INFLOW,
-            2.0,
-            Vents,
-        )
-        .seen(Counted::Inlet, &Task::MOVING, 8.0),
-        fault(
-            "inlet leaking",
-            "5 to 20 % of its conductance",
-            |draw, _, w| {
-                let share = draw.factor([0.05, 0.2]);
-                w.inlet = ValveFault::Leaking { share };
-            },
-            FLOW.with(Faults::OVERPRESSURE),
-            20.0,
-            VentsInVain,
-        )
+        fault("inlet stuck open", "its full conductance", |_, _, w| w.inlet = ValveFault::Open)
+            .found(FLOW.with(Faults::OVERPRESSURE), 1.0, VentsInVain)
+            .seen(Counted::Always, &Task::ALL, 3.0),
+        fault("inlet stuck shut", "no flow", |_, _, w| w.inlet = ValveFault::Shut)
+            .found(Faults::NO_INFLOW, 2.0, Vents)
+            .seen(Counted::Inlet, &Task::MOVING, 8.0),
+        fault("inlet leaking", "5 to 20 % of its conductance", |draw, _, w| {
+            let share = draw.factor([0.05, 0.2]);
+            w.inlet = ValveFault::Leaking { share };
+        })
+        .found(FLOW.with(Faults::OVERPRESSURE), 20.0, VentsInVain)
         .seen(Counted::Always, &Task::HOLDING, 22.0),
-        fault(
-            "outlet stuck open",
-            "its full conductance",
-            |_, _, w| w.outlet = ValveFault::Open,
-            FLOW,
-            2.0,
-            Vents,
-        )
-        .seen(Counted::Always, &Task::ALL, 3.0),
-        fault(
-            "outlet stuck shut",
-            "no flow",
-            |_, _, w| w.outlet = ValveFault::Shut,
-            Faults::NO_OUTFLOW,
-            2.0,
-            VentsInVain,
-        )
-        .seen(Counted::Outlet, &Task::MOVING, 8.0),
-        fault(
-            "outlet leaking",
-            "5 to 20 % of its conductance",
-            |draw, _, w| {
-                let share = draw.factor([0.05, 0.2]);
-                w.outlet = ValveFault::Leaking { share };
-            },
-            LOST,
-            30.0,
-            ShownOrVents,
-        )
+        fault("outlet stuck open", "its full conductance", |_, _, w| w.outlet = ValveFault::Open)
+            .found(FLOW, 2.0, Vents)
+            .seen(Counted::Always, &Task::ALL, 3.0),
+        fault("outlet stuck shut", "no flow", |_, _, w| w.outlet = ValveFault::Shut)
+            .found(Faults::NO_OUTFLOW, 2.0, VentsInVain)
+            .seen(Counted::Outlet, &Task::MOVING, 8.0),
+        fault("outlet leaking", "5 to 20 % of its conductance", |draw, _, w| {
+            let share = draw.factor([0.05, 0.2]);
+            w.outlet = ValveFault::Leaking { share };
+        })
+        .found(LOST, 30.0, ShownOrVents)
         .seen(Counted::Always, &Task::HOLDING, 32.0),
     ]
 }
 
 fn of_the_gas() -> Vec<Fault> {
     vec![
-        fault(
-            "muscle leaks",
-            "a hole of 5 to 20 % of a valve",
-            |draw, s, w| {
-                let share = draw.factor([0.05, 0.2]);
-                w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
-            },
-            LOST,
-            30.0,
-            ShownOrVents,
-        )
+        fault("muscle leaks", "a hole of 5 to 20 % of a valve", |draw, s, w| {
+            let share = draw.factor([0.05, 0.2]);
+            w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+        })
+        .found(LOST, 30.0, ShownOrVents)
         .seen(Counted::Always, &Task::HOLDING, 32.0),
-        fault(
-            "muscle bursts",
-            "a hole of two to five valves",
-            |draw, s, w| {
-                let share = draw.factor([2.0, 5.0]);
-                w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
-            },
-            FLOW,
-            2.0,
-            Vents,
-        )
+        fault("muscle bursts", "a hole of two to five valves", |draw, s, w| {
+            let share = draw.factor([2.0, 5.0]);
+            w.leak_conductance_m3_s_pa = share * s.valve.conductance_m3_s_pa;
+        })
+        .found(FLOW, 2.0, Vents)
         .seen(Counted::Always, &Task::ALL, 3.0),
-        fault(
-            "supply lost",
-            "the ambient's pressure in its place",
-            |_, s, w| w.supply_pressure_pa = Some(s.ambient.pressure_pa),
-            Faults::NO_INFLOW.with(BURST),
-            1.0,
-            Vents,
-        )
+        fault("supply lost", "the ambient's pressure in its place", |_, s, w| {
+            w.supply_pressure_pa = Some(s.ambient.pressure_pa);
+        })
+        .found(Faults::NO_INFLOW.with(BURST), 1.0, Vents)
         .seen(Counted::Inlet, &Task::MOVING, 8.0),
     ]
 }
 
 fn of_the_board() -> Vec<Fault> {
     vec![
-        fault(
-            "emergency stop",
-            "pressed for 1 to 100 ms",
-            |draw, _, w| {
-                w.emergency_stop = true;
-                w.until_s = w.from_s + draw.between([0.001, 0.1]);
-            },
-            Faults::EMERGENCY_STOP,
-            0.001,
-            Vents,
-        ),
-        fault(
-            "link lost",
-            "the host goes silent; link.timeout_s = 0.5",
-            |_, _, w| w.link = LinkFault::Lost,
-            Faults::LINK_LOST,
-            0.501,
-            Vents,
-        ),
-        fault(
-            "link flooded",
-            "more requests than the board takes",
-            |_, _, w| w.link = LinkFault::Flooded,
-            Faults::LINK_FLOODED,
-            0.001,
-            Shown,
-        ),
-        fault(
-            "missed steps",
-            "5 to 200 left out together, or one in ten",
-            |draw, s, w| {
-                (w.missed_steps, w.missed_period_s) = if draw.sign() > 0.0 {
-                    (draw.between([5.0, 200.0]) as u8, w.until_s)
-                } else {
-                    (1, 10.0 * s.run.step_s)
-                };
-            },
-            Faults::MISSED_STEPS,
-            0.2,
-            Vents,
-        ),
-        fault(
-            "board restarts",
-            "and is not configured again",
-            |_, _, w| w.board_restart = true,
-            Faults::NOT_CONFIGURED,
-            0.001,
-            Vents,
-        ),
+        fault("emergency stop", "pressed for 1 to 100 ms", |draw, _, w| {
+            w.emergency_stop = true;
+            w.until_s = w.from_s + draw.between([0.001, 0.1]);
+        })
+        .found(Faults::EMERGENCY_STOP, 0.001, Vents),
+        fault("link lost", "the host goes silent; link.timeout_s = 0.5", |_, _, w| {
+            w.link = LinkFault::Lost;
+        })
+        .found(Faults::LINK_LOST, 0.501, Vents),
+        fault("link flooded", "more requests than the board takes", |_, _, w| {
+            w.link = LinkFault::Flooded;
+        })
+        .found(Faults::LINK_FLOODED, 0.001, Shown),
+        fault("missed steps", "5 to 200 left out together, or one in ten", |draw, s, w| {
+            (w.missed_steps, w.missed_period_s) = if draw.sign() > 0.0 {
+                (draw.between([5.0, 200.0]) as u8, w.until_s)
+            } else {
+                (1, 10.0 * s.run.step_s)
+            };
+        })
+        .found(Faults::MISSED_STEPS, 0.2, Vents),
+        fault("board restarts", "and is not configured again", |_, _, w| w.board_restart = true)
+            .found(Faults::NOT_CONFIGURED, 0.001, Vents),
     ]
 }
