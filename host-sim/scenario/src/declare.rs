@@ -302,6 +302,11 @@ macro_rules! table {
             pub fn core(&self) -> $core {
                 $core { $($shared: self.$shared as f32),* }
             }
+
+            /// Takes them from the core.
+            pub fn take(&mut self, core: &$core) {
+                $(self.$shared = $crate::short(core.$shared);)*
+            }
         }
     };
 }

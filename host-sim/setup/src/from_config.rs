@@ -16,7 +16,7 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_scenario::schema::{Limits, limits};
 use thermyo_scenario::{
     GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario, ValveKind,
-    ZonesSource, short, with_numbers,
+    ZonesSource, short,
 };
 
 #[derive(Debug, Clone, PartialEq)]
@@ -70,19 +70,11 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
         Load::Isometric { length_m } => (LoadKind::Isometric, s.load.force_n, short(length_m)),
     };
     set_valve(&mut s, config);
-    let effective = Effective::of(&s);
-    let step_s = short(config.step_s);
-    let pt1000 = set_sensors(&mut s, config)?;
-    let core = numbers_of_the_core(config, pt1000);
-    let numbers = core.into_iter().map(|(path, value)| (path, short(value))).chain([
-        ("run.step_s", step_s),
-        ("valve.pwm_hz", 1.0 / (f64::from(config.pwm_period_steps) * step_s)),
-        ("heat.inner_per_flow", short(config.heat.inner_per_flow)),
-        ("wall.heat_capacity_j_k", short(config.wall.heat_capacity_j_k) / effective.wall),
-    ]);
-    let mut s = with_numbers(&s, numbers);
-    s.estimator = config.estimator;
-    s.controller = config.controller;
+    set_sensors(&mut s, config)?;
+    set_numbers(&mut s, config);
+    s.run.step_s = short(config.step_s);
+    s.valve.pwm_hz = 1.0 / (f64::from(config.pwm_period_steps) * s.run.step_s);
+    s.wall.heat_capacity_j_k = short(config.wall.heat_capacity_j_k) / Effective::of(&s).wall;
     Ok(s)
 }
 
@@ -150,11 +142,15 @@ fn set_chamber(s: &mut Scenario, config: &Config, tube_m3: f64) -> Result<(), Pr
     Ok(())
 }
 
-/// Sets the types of the sensors. Returns the element, if it is of platinum.
-fn set_sensors(s: &mut Scenario, config: &Config) -> Result<Pt1000, Problem> {
-    let mut pt1000 = Pt1000::default();
+/// Sets the types of the sensors.
+fn set_sensors(s: &mut Scenario, config: &Config) -> Result<(), Problem> {
+    let Pt1000 { range_min_k, range_max_k } = match config.sensors.gas_element {
+        GasElement::Pt1000(is) => is,
+        _ => Pt1000::default(),
+    };
+    (s.sensor.gas.range_min_k, s.sensor.gas.range_max_k) = (short(range_min_k), short(range_max_k));
     match config.sensors.gas_element {
-        GasElement::Pt1000(is) => pt1000 = is,
+        GasElement::Pt1000(_) => (),
         GasElement::Ntc(is) => (s.sensor.gas.kind, s.sensor.ntc) = (GasElementKind::Ntc, is),
         GasElement::Max31865(is) => {
             (s.sensor.gas.kind, s.sensor.max31865) = (GasElementKind::Max31865, is);
@@ -168,80 +164,28 @@ fn set_sensors(s: &mut Scenario, config: &Config) -> Result<Pt1000, Problem> {
         }
         _ => return Err(other_kind("sensor.pressure.kind", "\"ratiometric\" or \"mpr\"")),
     }
-    Ok(pt1000)
+    Ok(())
 }
 
-/// Keys that the core has unchanged.
-fn numbers_of_the_core(config: &Config, pt1000: Pt1000) -> Vec<(&'static str, f32)> {
-    let sensors = &config.sensors;
-    vec![
-        ("gas.gas_constant_j_kg_k", config.gas.gas_constant_j_kg_k),
-        ("gas.heat_capacity_ratio", config.gas.heat_capacity_ratio),
-        ("ambient.pressure_pa", config.ambient.pressure_pa),
-        ("ambient.temperature_k", config.ambient.temperature_k),
-        ("supply.pressure_pa", config.supply.pressure_pa),
-        ("supply.temperature_k", config.supply.temperature_k),
-        ("heat.inner_w_m2_k", config.heat.inner_w_m2_k),
-        ("heat.outer_w_m2_k", config.heat.outer_w_m2_k),
-        ("heat.outer_per_speed", config.heat.outer_per_speed),
-        ("zones.buoyancy_w_m2_k", config.zones.buoyancy_w_m2_k),
-        ("zones.per_outflow", config.zones.per_outflow),
-        ("zones.stirring_decay_s", config.zones.stirring_decay_s),
-        ("zones.recirculation", config.zones.recirculation),
-        ("zones.jet_reach_m", config.zones.jet_reach_m),
-        ("zones.diffusivity_m2_s", config.zones.diffusivity_m2_s),
-        ("zones.foil_position", config.zones.foil_position),
-        ("zones.foil_span", config.zones.foil_span),
-        ("zones.forced_flow_kg_s", config.zones.forced_flow_kg_s),
-        ("zones.bore_m", config.zones.bore_m),
-        ("zones.foil_radius", config.zones.foil_radius),
-        ("zones.outer_wall_j_k", config.zones.outer_wall_j_k),
-        ("zones.reversal_sd", config.zones.reversal_sd),
-        ("zones.layers_w_k", config.zones.layers_w_k),
-        ("friction.force_n", config.friction.force_n),
-        ("friction.reference_temperature_k", config.friction.reference_temperature_k),
-        ("friction.softening_per_k", config.friction.softening_per_k),
-        ("friction.pressure_factor", config.friction.pressure_factor),
-        ("friction.heat_fraction", config.friction.heat_fraction),
-        ("friction.presliding_stiffness_n_m", config.friction.presliding_stiffness_n_m),
-        ("friction.viscous_n_s_m", config.friction.viscous_n_s_m),
-        ("muscle.slip_force_n", config.hysteresis.slip_force_n),
-        ("muscle.slip_stiffness_n_m", config.hysteresis.slip_stiffness_n_m),
-        ("muscle.slip_pressure_factor", config.hysteresis.slip_pressure_factor),
-        ("muscle.creep_fast_n_m", config.hysteresis.creep_fast_n_m),
-        ("muscle.creep_fast_s", config.hysteresis.creep_fast_s),
-        ("muscle.creep_slow_n_m", config.hysteresis.creep_slow_n_m),
-        ("muscle.creep_slow_s", config.hysteresis.creep_slow_s),
-        ("load.mass_kg", config.moving_mass_kg),
-        ("valve.conductance_m3_s_pa", config.valve.conductance_m3_s_pa),
-        ("valve.critical_ratio", config.valve.critical_ratio),
-        ("valve.switch_time_s", config.valve.switch_time_s),
-        ("valve.dead_time_s", config.valve.dead_time_s),
-        ("leak.conductance_m3_s_pa", config.leak.conductance_m3_s_pa),
-        ("leak.critical_ratio", config.leak.critical_ratio),
-        ("adc.wide_code_lsb", sensors.adc.wide_code_lsb),
-        ("sensor.pressure.range_pa", sensors.pressure.range_pa),
-        ("sensor.pressure.noise_pa", sensors.pressure.noise_pa),
-        ("sensor.pressure.gain", sensors.pressure.gain),
-        ("sensor.pressure.offset_pa", sensors.pressure.offset_pa),
-        ("sensor.pressure.correction_25", sensors.pressure.correction_25),
-        ("sensor.pressure.correction_50", sensors.pressure.correction_50),
-        ("sensor.pressure.correction_75", sensors.pressure.correction_75),
-        ("sensor.length.range_m", sensors.length.range_m),
-        ("sensor.length.gain", sensors.length.gain),
-        ("sensor.length.offset_m", sensors.length.offset_m),
-        ("sensor.length.correction_25", sensors.length.correction_25),
-        ("sensor.length.correction_50", sensors.length.correction_50),
-        ("sensor.length.correction_75", sensors.length.correction_75),
-        ("sensor.gas.time_constant_s", sensors.gas.time_constant_s),
-        ("sensor.gas.housing_time_constant_s", sensors.gas.housing_time_constant_s),
-        ("sensor.gas.noise_k", sensors.gas.noise_k),
-        ("sensor.gas.gain", sensors.gas.gain),
-        ("sensor.gas.offset_k", sensors.gas.offset_k),
-        ("sensor.gas.range_min_k", pt1000.range_min_k),
-        ("sensor.gas.range_max_k", pt1000.range_max_k),
-        ("link.timeout_s", config.link.timeout_s),
-    ]
+/// Sets the keys that the core has unchanged.
+fn set_numbers(s: &mut Scenario, config: &Config) {
+    let Config { sensors, .. } = config;
+    s.gas.take(&config.gas);
+    s.ambient.take(&config.ambient);
+    s.supply.take(&config.supply);
+    s.heat.take(&config.heat);
+    s.zones.take(&config.zones);
+    s.friction.take(&config.friction);
+    s.muscle.take(&config.hysteresis);
+    s.load.mass_kg = short(config.moving_mass_kg);
+    s.valve.take(&config.valve);
+    s.leak.take(&config.leak);
+    s.adc.take(&sensors.adc);
+    s.sensor.pressure.take(&sensors.pressure);
+    s.sensor.length.take(&sensors.length);
+    s.sensor.gas.take(&sensors.gas);
+    s.link.take(&config.link);
+    (s.estimator, s.controller) = (config.estimator, config.controller);
 }
 
 #[cfg(test)]
