@@ -16,8 +16,9 @@ pub fn presets_of(entries: &Entries) -> impl Iterator<Item = &'static Preset> {
 }
 
 pub fn preset(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scenario, InputError> {
-    let values = presets_of(entries).flat_map(|preset| preset.values);
-    let mut preset = with_values(base, values.map(|(path, value)| (*path, value.toml())), origin)?;
+    let values = presets_of(entries).flat_map(|preset| &preset.values);
+    let mut preset =
+        with_values(base, values.map(|(path, value)| (path.as_str(), value.clone())), origin)?;
     if presets_of(entries).any(|preset| preset.table == "muscle") {
         let Muscle { rest_length_m, diameter_m, braid_angle_deg, .. } = preset.muscle;
         preset.muscle = at_rest(&preset.muscle, rest_length_m, diameter_m, braid_angle_deg);

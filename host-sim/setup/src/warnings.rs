@@ -196,10 +196,8 @@ fn contradicted(document: &Document) -> Vec<InputError> {
         let one = |preset: &Preset| {
             let differs = preset.values.iter().filter(|(path, value)| {
                 // The muscles of one type have any length: that key contradicts nothing.
-                *path != "muscle.rest_length_m"
-                    && entries
-                        .get(path)
-                        .is_some_and(|entry| !same(Some(&entry.value), Some(&value.toml())))
+                path != "muscle.rest_length_m"
+                    && entries.get(path).is_some_and(|entry| !same(Some(&entry.value), Some(value)))
             });
             let keys: Vec<String> = differs.map(|(path, _)| entries.full_path(path)).collect();
             let key = format!("{}.preset", preset.table);

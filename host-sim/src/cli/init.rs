@@ -247,7 +247,9 @@ fn unknown(presets: &[(&str, String)]) -> Vec<(Vec<&'static str>, &'static str)>
             "five static readings, which thermyo identify --plan lists for scenarios/static_map.toml with your dimensions",
         ));
     }
-    if of("muscle").is_none_or(|preset| preset.unknown.contains(&"muscle.slip_force_n")) {
+    if of("muscle")
+        .is_none_or(|preset| preset.unknown.iter().any(|key| key == "muscle.slip_force_n"))
+    {
         all.push((
             vec!["muscle.slip_force_n", "muscle.creep_fast_n_m", "muscle.creep_slow_n_m"],
             "four minutes of motion on the board: thermyo tune --plan motion",
