@@ -196,9 +196,13 @@ pub trait Plant: Send {
     /// The ledger since the start.
     fn ledger(&self) -> Ledger;
     /// Wall surface temperature per axial zone, port first \[K\]; one element without zones.
-    fn axial_wall_k(&self) -> Vec<f64>;
-    /// Gas temperature per axial zone, port first \[K\].
-    fn axial_gas_k(&self) -> Vec<f64>;
+    fn axial_wall_k(&self) -> Vec<f64> {
+        vec![self.truth().wall_temperature_k]
+    }
+    /// Gas temperature per axial zone, port first \[K\]; one element without zones.
+    fn axial_gas_k(&self) -> Vec<f64> {
+        vec![self.truth().gas_temperature_k]
+    }
 }
 
 /// A muscle, cylinder or table whose end a mechanism moves.

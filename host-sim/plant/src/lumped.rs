@@ -583,12 +583,4 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
             ..self.initial
         }
     }
-
-    fn axial_wall_k(&self) -> Vec<f64> {
-        vec![self.truth.wall_temperature_k]
-    }
-
-    fn axial_gas_k(&self) -> Vec<f64> {
-        vec![self.truth.gas_temperature_k]
-    }
 }

@@ -304,12 +304,4 @@ impl Plant for Vessel {
             ..self.initial
         }
     }
-
-    fn axial_wall_k(&self) -> Vec<f64> {
-        vec![self.truth.wall_temperature_k]
-    }
-
-    fn axial_gas_k(&self) -> Vec<f64> {
-        vec![self.truth.gas_temperature_k]
-    }
 }
