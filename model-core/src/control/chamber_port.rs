@@ -115,6 +115,26 @@ impl ChamberPort {
 }
 
 #[cfg(test)]
+impl ChamberPort {
+    /// Air of 298 K at rest, and periods of 10 ms.
+    pub fn of_air(pressure_pa: f32, volume_m3: f32) -> Self {
+        Self {
+            period_s: 0.01,
+            pwm_hz: 100.0,
+            pressure_pa,
+            volume_m3,
+            in_flight_kg: 0.0,
+            leaked_kg: 0.0,
+            saturated: false,
+            inflow_k: 298.0,
+            gas_k: 298.0,
+            per_k: 1.0 / 1.4,
+            gas_constant_j_kg_k: 287.05,
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 

@@ -647,19 +647,7 @@ mod tests {
     }
 
     fn port(feedback: &Feedback) -> ChamberPort {
-        ChamberPort {
-            period_s: PERIOD_S,
-            pwm_hz: 1.0 / PERIOD_S,
-            pressure_pa: feedback.pressure_pa,
-            volume_m3: muscle().volume_m3(feedback.length_m),
-            in_flight_kg: 0.0,
-            leaked_kg: 0.0,
-            saturated: false,
-            inflow_k: 298.0,
-            gas_k: 298.0,
-            per_k: 1.0 / 1.4,
-            gas_constant_j_kg_k: 287.05,
-        }
+        ChamberPort::of_air(feedback.pressure_pa, muscle().volume_m3(feedback.length_m))
     }
 
     /// Absolute pressure at which the muscle pulls so much at [`LENGTH_M`].

@@ -165,19 +165,8 @@ mod tests {
 
     /// A port behind which there is so much gas.
     fn port(mass_kg: f32, in_flight_kg: f32) -> ChamberPort {
-        ChamberPort {
-            period_s: 0.01,
-            pwm_hz: 100.0,
-            pressure_pa: mass_kg * 287.05 * 298.0 / VOLUME_M3,
-            volume_m3: VOLUME_M3,
-            in_flight_kg,
-            leaked_kg: 0.0,
-            saturated: false,
-            inflow_k: 298.0,
-            gas_k: 298.0,
-            per_k: 1.0 / 1.4,
-            gas_constant_j_kg_k: 287.05,
-        }
+        let pressure_pa = mass_kg * 287.05 * 298.0 / VOLUME_M3;
+        ChamberPort { in_flight_kg, ..ChamberPort::of_air(pressure_pa, VOLUME_M3) }
     }
 
     /// The first period after so many steps, with so much gas more than at the start \[mg\].

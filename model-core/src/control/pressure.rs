@@ -193,19 +193,7 @@ mod tests {
     }
 
     fn port(pressure_pa: f32) -> ChamberPort {
-        ChamberPort {
-            period_s: 0.01,
-            pwm_hz: 100.0,
-            pressure_pa,
-            volume_m3: VOLUME_M3,
-            in_flight_kg: 0.0,
-            leaked_kg: 0.0,
-            saturated: false,
-            inflow_k: 298.0,
-            gas_k: 298.0,
-            per_k: 1.0 / 1.4,
-            gas_constant_j_kg_k: 287.05,
-        }
+        ChamberPort::of_air(pressure_pa, VOLUME_M3)
     }
 
     /// Pressure change of one period at this pressure \[Pa\] for a set point.
