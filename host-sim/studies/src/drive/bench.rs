@@ -1,6 +1,6 @@
 //! A board with a muscle or a joint of its own, for `thermyo tune`.
 
-use super::{DriveError, Ended, drive};
+use super::{Ended, drive};
 use crate::tune::Bench;
 use model_core::{Config, Telemetry};
 use thermyo_boards::live::LiveBoard;
@@ -53,11 +53,9 @@ impl Bench for LiveBench<'_, LiveBoard> {
             each(telemetry);
             Ok(())
         };
-        match drive(self.board, driven, self.wanted, &mut show) {
-            Ok(Ended::Whole) => Ok(()),
-            Ok(Ended::Stopped) => Err(BoardError::Interrupted.into()),
-            Err(DriveError::Board(error)) => Err(RunError::Board(error)),
-            Err(DriveError::Output(error)) => Err(RunError::Output(error)),
+        match drive(self.board, driven, self.wanted, &mut show)? {
+            Ended::Whole => Ok(()),
+            Ended::Stopped => Err(BoardError::Interrupted.into()),
         }
     }
 

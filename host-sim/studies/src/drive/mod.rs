@@ -32,7 +32,7 @@ use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config::ConfigScenario;
 use thermyo_setup::{Loaded, SET_POINT_COLUMNS, set_points, set_points_in};
 use thermyo_simulation::board::BoardError;
-use thermyo_simulation::run::SetPoints;
+use thermyo_simulation::run::{RunError, SetPoints};
 
 /// Steps by which a set point is sent ahead of its time, to cover the delay of the link.
 const LEAD_STEPS: u64 = 5;
@@ -50,6 +50,15 @@ pub enum DriveError {
     Board(#[from] BoardError),
     #[error("the record cannot be written: {0}")]
     Output(io::Error),
+}
+
+impl From<DriveError> for RunError {
+    fn from(error: DriveError) -> Self {
+        match error {
+            DriveError::Board(error) => Self::Board(error),
+            DriveError::Output(error) => Self::Output(error),
+        }
+    }
 }
 
 /// Called with every step that a board sends, and its last status.

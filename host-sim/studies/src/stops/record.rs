@@ -2,7 +2,7 @@
 
 use super::REFERENCE_S;
 use super::plan::Plan;
-use crate::drive::{DriveError, Ended, drive};
+use crate::drive::{Ended, drive};
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Telemetry};
 use std::cell::Cell;
@@ -133,11 +133,9 @@ impl RowBench for LiveRows<'_> {
             ends.set(each(telemetry));
             Ok(())
         };
-        match drive(self.board, &plan.driven, &|| ends.get(), &mut show) {
-            Ok(Ended::Whole) => Ok(()),
-            Ok(Ended::Stopped) => Err(RunError::Stopped),
-            Err(DriveError::Board(error)) => Err(RunError::Board(error)),
-            Err(DriveError::Output(error)) => Err(RunError::Output(error)),
+        match drive(self.board, &plan.driven, &|| ends.get(), &mut show)? {
+            Ended::Whole => Ok(()),
+            Ended::Stopped => Err(RunError::Stopped),
         }
     }
 }
