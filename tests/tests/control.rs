@@ -4,12 +4,10 @@
 use model_core::Duty;
 use system_tests::assert_within;
 use thermyo_evaluate::control::{
-    USUAL_GAINS, full, pressure_step, pressure_step_between, rest, rms_mm, sine,
+    USUAL_GAINS, ambient, full, pressure_step, pressure_step_between, rest, rms_mm, sine,
 };
 use thermyo_evaluate::control_hosts::{Host, heavy};
-use thermyo_evaluate::control_observed::{
-    hold_across_a_wide_code, late_pulses, load_steps, unexpected,
-};
+use thermyo_evaluate::control_observed::{hold_across_a_wide_code, late_pulses, load_steps};
 use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
 use thermyo_evaluate::pid::PidBoard;
 use thermyo_record::trace::Row;
@@ -22,26 +20,11 @@ fn nominal() -> Loaded {
     full(&thermyo_evaluate::nominal().unwrap())
 }
 
-/// Changes both the plant and the core's configuration.
-fn both(mut loaded: Loaded, change: impl Fn(&mut Scenario)) -> Loaded {
-    change(&mut loaded.plant);
-    change(&mut loaded.believed);
-    loaded
-}
-
-fn ambient(loaded: Loaded, temperature_k: f64) -> Loaded {
-    both(loaded, |scenario| {
-        scenario.ambient.temperature_k = temperature_k;
-        scenario.supply.temperature_k = temperature_k;
-        scenario.plant.initial_temperature_k = temperature_k;
-    })
-}
-
 /// Where the converter swallows a millimetre, no valve cures what it reads: the middle of the code drove them for 0.34 of
 /// the rest.
 #[test]
 fn a_wide_code_of_the_length_does_not_drive_the_valves() {
-    let slippery = unexpected(nominal(), |s| {
+    let slippery = nominal().unexpected(|s| {
         s.friction.force_n = 0.0;
         s.friction.stribeck_force_n = 0.0;
     });
@@ -52,10 +35,10 @@ fn a_wide_code_of_the_length_does_not_drive_the_valves() {
 
 #[test]
 fn contraction_at_rest() {
-    let light = both(nominal(), |s| s.load.force_n = 50.0);
-    let heavy = both(ambient(nominal(), 283.15), |s| s.load.force_n = 200.0);
-    let warm = ambient(nominal(), 313.15);
-    let hanging = both(nominal(), |s| {
+    let light = nominal().with(|s| s.load.force_n = 50.0);
+    let heavy = ambient(&nominal(), 283.15).with(|s| s.load.force_n = 200.0);
+    let warm = ambient(&nominal(), 313.15);
+    let hanging = nominal().with(|s| {
         s.load.kind = LoadKind::Mass;
         s.load.mass_kg = 10.0;
     });
@@ -73,7 +56,7 @@ fn contraction_at_rest() {
 
 #[test]
 fn what_does_not_creep_is_driven_less_at_rest() {
-    let still = both(nominal(), |s| {
+    let still = nominal().with(|s| {
         s.muscle.creep_fast_n_m = 0.0;
         s.muscle.creep_slow_n_m = 0.0;
     });
@@ -86,11 +69,11 @@ fn what_does_not_creep_is_driven_less_at_rest() {
 
 #[test]
 fn what_is_not_as_believed_is_observed() {
-    let twice = unexpected(nominal(), |s| s.friction.force_n *= 2.0);
+    let twice = nominal().unexpected(|s| s.friction.force_n *= 2.0);
     let slow = sine(&twice, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
     assert_within("friction twice, mm", rms_mm(&twice, &slow), (0.08, 0.25));
     assert_within("pulses/s", slow.pulses_per_s, (40.0, 65.0));
-    let heavy = unexpected(nominal(), |s| s.load.mass_kg = 10.0);
+    let heavy = nominal().unexpected(|s| s.load.mass_kg = 10.0);
     let fast = sine(&heavy, 2.0, 0.05, &mut CoreBoard::default()).unwrap();
     assert_within("10 kg, believed 2, mm", rms_mm(&heavy, &fast), (0.2, 0.55));
     // 0.3 s for a mass that is not as believed too, where gas relaxes ten times as fast as air.
@@ -121,7 +104,7 @@ fn a_load_faster_than_the_lead_comes_to_rest() {
 
 #[test]
 fn gas_relaxes_onto_the_set_point_of_pressure() {
-    let isometric = both(nominal(), |s| {
+    let isometric = nominal().with(|s| {
         s.load.kind = LoadKind::Isometric;
         s.load.length_m = 0.27;
     });
@@ -200,7 +183,7 @@ fn wrong_configuration_still_comes_to_rest() {
 
 #[test]
 fn pressure_as_fast_as_the_valve() {
-    let isometric = both(nominal(), |s| {
+    let isometric = nominal().with(|s| {
         s.load.kind = LoadKind::Isometric;
         s.load.length_m = 0.27;
     });
@@ -215,7 +198,7 @@ fn pressure_as_fast_as_the_valve() {
 #[test]
 fn proportional_valves_do_not_hunt() {
     for believed in [0.7, 1.0, 1.3] {
-        let loaded = proportional(nominal(), believed);
+        let loaded = proportional(&nominal(), believed);
         let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut CoreBoard::default());
         let step = step.unwrap();
         assert_within("times the open valve", step.times_open_valve, (1.0, 1.3));
@@ -277,7 +260,7 @@ fn sines_are_followed() {
 #[test]
 fn friction_is_followed_into_the_cold_and_the_warmth() {
     for temperature_k in [283.15, 313.15] {
-        let loaded = ambient(nominal(), temperature_k);
+        let loaded = ambient(&nominal(), temperature_k);
         let mut fixed = loaded.clone();
         fixed.believed.friction.softening_per_k = 0.0;
         let rms = |loaded: &Loaded| {
@@ -307,14 +290,14 @@ fn the_working_cycle_stays_where_it_is() {
             for (supply_pa, conductance) in
                 [(7.0e5, 1.0), (6.65e5, 1.0), (7.35e5, 0.7), (7.0e5, 1.3)]
             {
-                let mut loaded = both(thermyo_evaluate::nominal().unwrap(), |s| {
+                let cycle = thermyo_evaluate::nominal().unwrap().with_model(model).with(|s| {
                     s.drive.period_s = period_s;
-                    s.run.duration_s = 30.0;
-                    s.run.log_every = 1;
-                })
-                .with_model(model);
-                loaded.believed.supply.pressure_pa = supply_pa;
-                loaded.believed.valve.conductance_m3_s_pa *= conductance;
+                    (s.run.duration_s, s.run.log_every) = (30.0, 1);
+                });
+                let loaded = cycle.believing(|s| {
+                    s.supply.pressure_pa = supply_pa;
+                    s.valve.conductance_m3_s_pa *= conductance;
+                });
                 let rows = run::rows(&loaded).unwrap();
                 let (early_pa, late_pa) = (peak_pa(&rows, 3.0, 6.0), peak_pa(&rows, 27.0, 30.0));
                 let climb = late_pa / early_pa - 1.0;
@@ -348,14 +331,15 @@ fn a_weight_that_swings_at_the_limit_is_held() {
 #[test]
 fn an_unreachable_contraction_stops_below_the_limit() {
     for model in [PlantModel::Lumped, PlantModel::Full] {
-        let loaded = both(nominal(), |s| {
-            s.load.force_n = 150.0;
-            s.drive.profile_csv = None;
-            s.drive.kind = DriveKind::Contraction;
-            s.drive.contraction = 0.35;
-            s.run.duration_s = 5.0;
-        })
-        .with_model(model);
+        let loaded = nominal()
+            .with(|s| {
+                s.load.force_n = 150.0;
+                s.drive.profile_csv = None;
+                s.drive.kind = DriveKind::Contraction;
+                s.drive.contraction = 0.35;
+                s.run.duration_s = 5.0;
+            })
+            .with_model(model);
         let rows = run::rows(&Loaded { drive_profile: None, ..loaded }).unwrap();
         let peak_pa = peak_pa(&rows, 0.0, 6.0);
         assert!((6.5e5..6.7e5).contains(&peak_pa), "{peak_pa} Pa");

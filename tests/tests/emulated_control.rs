@@ -40,7 +40,7 @@ fn pressure_as_fast_as_the_valve() {
 /// The pins carry 25 kHz, whose mean is the command.
 #[test]
 fn proportional_valves_hold_a_pressure() {
-    let loaded = proportional(full(&thermyo_evaluate::nominal().unwrap()), 1.0);
+    let loaded = proportional(&full(&thermyo_evaluate::nominal().unwrap()), 1.0);
     let mut board = EmulatedBoard::new().unwrap();
     let step = pressure_step_between(&loaded, FROM_10_TO_90_PA, &mut board).unwrap();
     println!("{step:?}");

@@ -7,7 +7,7 @@ use model_core::{Command, Duty};
 use std::f64::consts::TAU;
 use thermyo_compute::math;
 use thermyo_record::trace::Row;
-use thermyo_scenario::{DriveKind, Load, LoadKind, PlantModel, Scenario};
+use thermyo_scenario::{DriveKind, LoadKind, PlantModel, Scenario};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run::{Run, RunError};
@@ -339,28 +339,20 @@ pub fn pressure_step_between(
 }
 
 /// Sets the ambient temperature of plant and core; supply and muscle get it too.
-pub(super) fn ambient(mut loaded: Loaded, temperature_k: f64) -> Loaded {
-    for scenario in [&mut loaded.plant, &mut loaded.believed] {
+pub fn ambient(loaded: &Loaded, temperature_k: f64) -> Loaded {
+    loaded.with(|scenario| {
         scenario.ambient.temperature_k = temperature_k;
         scenario.supply.temperature_k = temperature_k;
         scenario.plant.initial_temperature_k = temperature_k;
-    }
-    loaded
+    })
 }
 
-pub(super) fn load(mut loaded: Loaded, force_n: f64) -> Loaded {
-    loaded.plant.load.force_n = force_n;
-    loaded.believed.load.force_n = force_n;
-    loaded
+pub(super) fn load(loaded: &Loaded, force_n: f64) -> Loaded {
+    loaded.with(|scenario| scenario.load.force_n = force_n)
 }
 
-/// Change of the core's configuration.
+/// Change of a scenario: of the plant, or of what the core is configured with.
 pub type Change = fn(&mut Scenario);
-
-pub(super) fn configured(mut loaded: Loaded, change: Change) -> Loaded {
-    change(&mut loaded.believed);
-    loaded
-}
 
 /// Holds after so many strokes, to errors of `most_percent`.
 fn holds(loaded: &Loaded, strokes: u32, most_percent: f64) -> Result<Vec<Figure>, RunError> {
@@ -404,20 +396,18 @@ fn load_n(scenario: &Scenario) -> f64 {
 }
 
 /// Without slip and creep: what holds it is friction alone.
-pub(super) fn creepless(mut loaded: Loaded) -> Loaded {
-    for scenario in [&mut loaded.plant, &mut loaded.believed] {
-        scenario.muscle.creep_fast_n_m = 0.0;
-        scenario.muscle.creep_slow_n_m = 0.0;
-    }
-    loaded
+pub(super) fn creepless(loaded: &Loaded) -> Loaded {
+    loaded.with(no_creep)
+}
+
+pub(super) fn no_creep(scenario: &mut Scenario) {
+    scenario.muscle.creep_fast_n_m = 0.0;
+    scenario.muscle.creep_slow_n_m = 0.0;
 }
 
 /// The nominal muscle with all effects that the core leaves out.
 pub fn full(nominal: &Loaded) -> Loaded {
-    let mut loaded = nominal.clone();
-    loaded.plant.plant.model = PlantModel::Full;
-    loaded.believed.plant.model = PlantModel::Full;
-    loaded
+    nominal.with_model(PlantModel::Full)
 }
 
 pub(super) type Job<'a> = Box<dyn Fn() -> Result<CaseFigures, RunError> + Send + Sync + 'a>;
@@ -432,17 +422,16 @@ pub(super) fn job<'a>(
 fn holding(full: &Loaded) -> Vec<Job<'_>> {
     let mut jobs: Vec<Job> = Vec::new();
     for temperature_k in [283.15, 298.15, 313.15] {
-        let at =
-            move |loaded: &Loaded, force_n| load(ambient(loaded.clone(), temperature_k), force_n);
+        let at = move |loaded: &Loaded, force_n| load(&ambient(loaded, temperature_k), force_n);
         let celsius = temperature_k - 273.15;
         for force_n in [20.0, 100.0, 200.0] {
             let case = format!("hold, {force_n} N, {celsius:.0} degC, cold");
             jobs.push(job(case, move || holds(&at(full, force_n), 0, 1.0)));
         }
         let case = format!("hold, 20 N, {celsius:.0} degC, no creep");
-        jobs.push(job(case, move || holds(&at(&creepless(full.clone()), 20.0), 0, 1.0)));
+        jobs.push(job(case, move || holds(&at(&creepless(full), 20.0), 0, 1.0)));
         let case = format!("hold, 100 N, {celsius:.0} degC, after 200 strokes");
-        jobs.push(job(case, move || holds(&ambient(full.clone(), temperature_k), 200, 1.0)));
+        jobs.push(job(case, move || holds(&ambient(full, temperature_k), 200, 1.0)));
     }
     let wrong: [(&str, Change); 8] = [
         ("friction 20 % low", |s| s.friction.force_n *= 0.8),
@@ -456,7 +445,7 @@ fn holding(full: &Loaded) -> Vec<Job<'_>> {
     ];
     for (name, change) in wrong {
         let case = format!("hold, {name}");
-        jobs.push(job(case, move || holds(&configured(full.clone(), change), 0, 2.0)));
+        jobs.push(job(case, move || holds(&full.believing(change), 0, 2.0)));
     }
     jobs
 }
@@ -484,21 +473,16 @@ pub fn overshoot_percent(loaded: &Loaded, board: &mut dyn Board) -> Result<f64, 
     Ok(STEPS.windows(2).enumerate().map(beyond).fold(0.0, f64::max))
 }
 
+/// The muscle at a fixed length.
+pub(super) fn isometric(loaded: &Loaded, length_m: f64) -> Loaded {
+    loaded.with(|s| (s.load.kind, s.load.length_m) = (LoadKind::Isometric, length_m))
+}
+
 /// Loads other than a constant force: a hanging mass, and a fixed length.
 fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
-    let with = |change: &dyn Fn(&mut Load)| {
-        let mut loaded = full.clone();
-        change(&mut loaded.plant.load);
-        change(&mut loaded.believed.load);
-        loaded
-    };
     let mut jobs: Vec<Job> = Vec::new();
-    let hanging = |mass_kg: f64| {
-        with(&|load| {
-            load.kind = LoadKind::Mass;
-            load.mass_kg = mass_kg;
-        })
-    };
+    let hanging =
+        |mass_kg: f64| full.with(|s| (s.load.kind, s.load.mass_kg) = (LoadKind::Mass, mass_kg));
     for mass_kg in [2.0, 10.0, 20.0] {
         let loaded = hanging(mass_kg);
         let case = format!("hold, {mass_kg} kg hanging");
@@ -515,10 +499,7 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
         ));
     }
     for length_m in [0.29, 0.27, 0.24] {
-        let loaded = with(&|load| {
-            load.kind = LoadKind::Isometric;
-            load.length_m = length_m;
-        });
+        let loaded = isometric(full, length_m);
         jobs.push(job(format!("isometric, {:.0} mm", 1e3 * length_m), move || {
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;
             let held = force_hold(&loaded, &mut CoreBoard::default())?;
@@ -552,12 +533,12 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
     // N of friction alone takes a third of half a period at 5 Hz.
     for (force_n, bandwidth_target_hz) in [(50.0, 5.0), (100.0, 5.0), (200.0, 5.0)] {
         jobs.push(job(format!("pressure 2 to 4 bar, {force_n} N"), move || {
-            let loaded = load(full.clone(), force_n);
+            let loaded = load(full, force_n);
             let step = pressure_step(&loaded, &mut CoreBoard::default())?;
             Ok(step_figures(&step))
         }));
         jobs.push(job(format!("sine of 2.5 % of stroke, {force_n} N"), move || {
-            let loaded = load(full.clone(), force_n);
+            let loaded = load(full, force_n);
             let at = |hz: f64| sine(&loaded, hz, 0.025, &mut CoreBoard::default());
             let mut peak: f64 = 0.0;
             let mut bandwidth_hz: f64 = 0.0;
@@ -578,7 +559,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
             ])
         }));
         jobs.push(job(format!("0.5 Hz over 30 % of stroke, {force_n} N"), move || {
-            let loaded = load(full.clone(), force_n);
+            let loaded = load(full, force_n);
             let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default())?;
             Ok(vec![Figure::at_most("rms_percent", slow.rms_percent, 2.0)])
         }));
@@ -598,9 +579,9 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
         .into_iter()
         .map(|temperature_k| {
             job(format!("0.5 Hz sine, {:.0} degC", temperature_k - 273.15), move || {
-                let loaded = ambient(full.clone(), temperature_k);
-                let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
-                let room = configured(loaded.clone(), for_the_room);
+                let loaded = ambient(full, temperature_k);
+                let fixed = loaded.believing(|s| s.friction.softening_per_k = 0.0);
+                let room = loaded.believing(for_the_room);
                 let rms = |loaded: &Loaded, board: &mut dyn Board| {
                     sine(loaded, 0.5, 0.15, board).map(|slow| slow.rms_percent)
                 };

@@ -58,12 +58,7 @@ impl Board for Host {
 
 /// The nominal muscle with 20 kg and valves of that frequency, all of which is believed.
 pub fn heavy(full: &Loaded, pwm_hz: f64) -> Loaded {
-    let mut loaded = full.clone();
-    for scenario in [&mut loaded.plant, &mut loaded.believed] {
-        scenario.load.mass_kg = 20.0;
-        scenario.valve.pwm_hz = pwm_hz;
-    }
-    loaded
+    full.with(|s| (s.load.mass_kg, s.valve.pwm_hz) = (20.0, pwm_hz))
 }
 
 pub(super) fn jobs(full: &Loaded) -> Vec<Job<'_>> {

@@ -3,44 +3,32 @@
 
 use super::control::rest::{self, Held};
 use super::control::{
-    Job, Point, STROKE, configured, creepless, job, load, rms_mm, sine, stepped_trace,
+    Change, Job, Point, STROKE, creepless, isometric, job, load, no_creep, rms_mm, sine,
+    stepped_trace,
 };
 use super::{CaseFigures, Figure};
 use thermyo_compute::parallel::{self, Watch};
-use thermyo_scenario::{DriveKind, HeatModel, LoadKind, Scenario};
+use thermyo_scenario::{DriveKind, HeatModel};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run::RunError;
 
-/// Change of the plant, which the core is not configured for.
-type PlantChange = fn(&mut Scenario);
-
-/// The plant is not as the core believes.
-pub fn unexpected(mut loaded: Loaded, change: PlantChange) -> Loaded {
-    change(&mut loaded.plant);
-    loaded
-}
-
 /// Friction, with its surplus at standstill, is so many times what is believed.
-const TWICE: PlantChange = |s| {
+const TWICE: Change = |s| {
     s.friction.force_n *= 2.0;
     s.friction.stribeck_force_n *= 2.0;
 };
-const NO_FRICTION: PlantChange = |s| {
+const NO_FRICTION: Change = |s| {
     s.friction.force_n = 0.0;
     s.friction.stribeck_force_n = 0.0;
 };
-const TEN_KG: PlantChange = |s| s.load.mass_kg = 10.0;
-const NO_CREEP: PlantChange = |s| {
-    s.muscle.creep_fast_n_m = 0.0;
-    s.muscle.creep_slow_n_m = 0.0;
-};
-const TWICE_THE_FLOW: PlantChange = |s| s.valve.conductance_m3_s_pa *= 2.0;
-const HALF_THE_FLOW: PlantChange = |s| s.valve.conductance_m3_s_pa *= 0.5;
+const TEN_KG: Change = |s| s.load.mass_kg = 10.0;
+const TWICE_THE_FLOW: Change = |s| s.valve.conductance_m3_s_pa *= 2.0;
+const HALF_THE_FLOW: Change = |s| s.valve.conductance_m3_s_pa *= 0.5;
 
 fn sines(full: &Loaded) -> Vec<Job<'_>> {
     // Two frequencies, amplitudes as shares of the stroke: 13.5 and 4.5 mm.
-    let cases: [(&str, PlantChange, f64, f64, f64); 6] = [
+    let cases: [(&str, Change, f64, f64, f64); 6] = [
         ("as believed", |_| {}, 0.5, 0.15, 0.1),
         ("friction twice the believed", TWICE, 0.5, 0.15, 0.2),
         ("no friction", NO_FRICTION, 0.5, 0.15, 0.2),
@@ -50,9 +38,9 @@ fn sines(full: &Loaded) -> Vec<Job<'_>> {
     ];
     let jobs = cases.into_iter().map(|(name, change, hz, amplitude, most_mm)| {
         job(format!("{hz} Hz sine, {name}"), move || {
-            let mut loaded = unexpected(full.clone(), change);
+            let mut loaded = full.unexpected(change);
             if name.ends_with("200 N") {
-                loaded = super::control::load(loaded, 200.0);
+                loaded = load(&loaded, 200.0);
             }
             let followed = sine(&loaded, hz, amplitude, &mut CoreBoard::default())?;
             let mut figures = vec![Figure::at_most("rms_mm", rms_mm(&loaded, &followed), most_mm)];
@@ -122,18 +110,18 @@ fn worst_load_steps(mut loaded: Loaded) -> Result<LoadSteps, RunError> {
 }
 
 fn loads(full: &Loaded) -> Vec<Job<'_>> {
-    let cases: [(&str, PlantChange); 7] = [
+    let cases: [(&str, Change); 7] = [
         ("as believed", |_| {}),
         ("friction twice the believed", TWICE),
         ("no friction", NO_FRICTION),
         ("10 kg, believed 2", TEN_KG),
-        ("creep that is only believed", NO_CREEP),
+        ("creep that is only believed", no_creep),
         ("conductance twice the believed", TWICE_THE_FLOW),
         ("conductance half the believed", HALF_THE_FLOW),
     ];
     let jobs = cases.into_iter().map(|(name, change)| {
         job(format!("load steps of 50 N, {name}"), move || {
-            let steps = worst_load_steps(unexpected(full.clone(), change))?;
+            let steps = worst_load_steps(full.unexpected(change))?;
             Ok(vec![
                 Figure::at_most("back_s", steps.back_s, 0.5),
                 Figure::at_most("error_percent", steps.error_percent, 0.5),
@@ -145,18 +133,17 @@ fn loads(full: &Loaded) -> Vec<Job<'_>> {
 }
 
 fn resting(full: &Loaded) -> Vec<Job<'_>> {
-    let cases: [(&str, bool, PlantChange); 6] = [
+    let cases: [(&str, bool, Change); 6] = [
         ("no creep", true, |_| {}),
         ("creep", false, |_| {}),
         ("no friction", false, NO_FRICTION),
         ("friction twice the believed", false, TWICE),
-        ("creep that is only believed", false, NO_CREEP),
+        ("creep that is only believed", false, no_creep),
         ("conductance twice the believed", false, TWICE_THE_FLOW),
     ];
     let jobs = cases.into_iter().map(|(name, still, change)| {
         job(format!("at rest, {name}"), move || {
-            let loaded = if still { creepless(full.clone()) } else { full.clone() };
-            let loaded = unexpected(loaded, change);
+            let loaded = if still { creepless(full) } else { full.clone() }.unexpected(change);
             let held = rest::hold(&loaded, 0, &mut CoreBoard::default())?;
             let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
             Ok(vec![
@@ -184,9 +171,9 @@ pub fn hold_across_a_wide_code(loaded: &Loaded, board: &mut dyn Board) -> Result
 
 fn across_a_wide_code(full: &Loaded) -> Vec<Job<'_>> {
     let cases = [
-        ("20 N, no creep", load(creepless(full.clone()), 20.0)),
+        ("20 N, no creep", load(&creepless(full), 20.0)),
         ("creep", full.clone()),
-        ("no friction", unexpected(full.clone(), NO_FRICTION)),
+        ("no friction", full.unexpected(NO_FRICTION)),
     ];
     let jobs = cases.into_iter().map(|(name, loaded)| {
         job(format!("across a wide code, {name}"), move || {
@@ -223,22 +210,12 @@ pub fn late_pulses(loaded: &Loaded, board: &mut dyn Board) -> Result<[usize; 2],
 }
 
 fn relaxing(full: &Loaded) -> Vec<Job<'_>> {
-    let still: fn(&mut Scenario) = |s| {
-        s.heat.model = HeatModel::Constant;
-        s.heat.inner_w_m2_k = 10.0;
-    };
-    let stirred: fn(&mut Scenario) = |_| {};
+    let still: Change = |s| (s.heat.model, s.heat.inner_w_m2_k) = (HeatModel::Constant, 10.0);
+    let stirred: Change = |_| {};
     let jobs =
         [("stirred gas", stirred), ("still gas", still)].into_iter().map(|(name, change)| {
             job(format!("pressure 2 to 4 bar and back, 270 mm, {name}"), move || {
-                let isometric: fn(&mut Scenario) = |s| {
-                    s.load.kind = LoadKind::Isometric;
-                    s.load.length_m = 0.27;
-                };
-                let mut loaded = full.clone();
-                for change in [change, isometric] {
-                    loaded = configured(unexpected(loaded, change), change);
-                }
+                let loaded = isometric(&full.with(change), 0.27);
                 let [filled, vented] = late_pulses(&loaded, &mut CoreBoard::default())?;
                 Ok(vec![
                     Figure::at_most("late_pulses", filled as f64, 5.0),

@@ -2,8 +2,7 @@
 //! `docs/background/control-trials.md`, each as a file, and a page with all of them.
 
 use super::control::{
-    self, Change, STEP_PA, ambient, configured, for_the_room, load, pressure_step_traces,
-    sine_trace,
+    self, Change, STEP_PA, ambient, for_the_room, load, pressure_step_traces, sine_trace,
 };
 use super::{CaseFigures, figures, opened, tune};
 use thermyo_report::Colour;
@@ -53,7 +52,7 @@ pub fn page(nominal: &Loaded, lines: &[CaseFigures], plots: &[Plot]) -> String {
 }
 
 fn pressure_step(full: &Loaded) -> Result<Plot, TuneError> {
-    let loaded = load(full.clone(), 100.0);
+    let loaded = load(full, 100.0);
     let (closed, open) = pressure_step_traces(&loaded, STEP_PA, &mut CoreBoard::default())?;
     let within = |points: &[(f64, f64)]| -> (Vec<f64>, Vec<f64>) {
         let shown = points.iter().filter(|(time_s, _)| (-0.02..=0.3).contains(time_s));
@@ -75,14 +74,14 @@ fn pressure_step(full: &Loaded) -> Result<Plot, TuneError> {
 fn temperature(full: &Loaded) -> Result<Plot, TuneError> {
     let mut chart = Chart::new(Axis::new("Time", "s"));
     for (celsius, name) in [(10.0, "10 °C"), (25.0, "25 °C"), (40.0, "40 °C")] {
-        let loaded = ambient(full.clone(), 273.15 + celsius);
-        let fixed = configured(loaded.clone(), |s| s.friction.softening_per_k = 0.0);
+        let loaded = ambient(full, 273.15 + celsius);
+        let fixed = loaded.believing(|s| s.friction.softening_per_k = 0.0);
         let error = |loaded: &Loaded| -> Result<(Vec<f64>, Vec<f64>), TuneError> {
             let points = sine_trace(loaded, 0.5, 0.15, &mut CoreBoard::default())?;
             let share = |error: f64| 100.0 * error / control::STROKE;
             Ok(points.iter().map(|point| (point.time_s, share(point.error))).unzip())
         };
-        let room = configured(loaded.clone(), for_the_room);
+        let room = loaded.believing(for_the_room);
         let (with, without, room) = (error(&loaded)?, error(&fixed)?, error(&room)?);
         chart = chart.panel(
             Panel::new(Axis::new(&format!("{name}: error"), "% of stroke").range(-1.0, 1.0))
@@ -110,7 +109,7 @@ fn frequency_response(full: &Loaded) -> Result<Plot, TuneError> {
     for (force_n, colour) in
         [(50.0, Colour::Vermillion), (100.0, Colour::Blue), (200.0, Colour::Green)]
     {
-        let loaded = load(full.clone(), force_n);
+        let loaded = load(full, force_n);
         let hz: Vec<f64> = (2..=20).map(|step| 0.5 * f64::from(step)).collect();
         let sines = hz
             .iter()

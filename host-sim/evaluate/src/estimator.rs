@@ -2,6 +2,7 @@
 //! and in motions other than those of the tuning; also relative to the best estimate from the same
 //! samples.
 
+use super::control::isometric;
 use super::faults::muscle::{self, Draw, Spread, Task};
 use super::{CaseFigures, Figure};
 use crate::smoother;
@@ -10,7 +11,7 @@ use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
 use thermyo_record::trace::Row;
 use thermyo_scenario::profile::Profile;
-use thermyo_scenario::{ChannelFault, DriveKind, FaultWindow, HeatModel, LoadKind, PlantModel};
+use thermyo_scenario::{ChannelFault, DriveKind, FaultWindow, HeatModel, PlantModel};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run;
@@ -84,10 +85,7 @@ pub fn cases() -> Vec<Case> {
         case("strokes of 30 s", [0.3, 0.6], |l| period(l, 30.0)),
         case("random pressure steps", [0.3, 0.6], random_pressure),
         case("isometric hold", [0.3, 0.6], |l| {
-            for scenario in [&mut l.plant, &mut l.believed] {
-                scenario.load.kind = LoadKind::Isometric;
-                scenario.load.length_m = 0.27;
-            }
+            *l = isometric(l, 0.27);
             random_pressure(l);
         }),
         case("held at 1.5 bar", [0.1, 0.15], |l| {
@@ -140,18 +138,13 @@ pub fn cases() -> Vec<Case> {
 
 /// A constant coefficient for still gas \[W/(m2 K)\], believed rightly.
 fn still(loaded: &mut Loaded, inner_w_m2_k: f64) {
-    for scenario in [&mut loaded.plant, &mut loaded.believed] {
-        scenario.heat.model = HeatModel::Constant;
-        scenario.heat.inner_w_m2_k = inner_w_m2_k;
-    }
+    *loaded =
+        loaded.with(|s| (s.heat.model, s.heat.inner_w_m2_k) = (HeatModel::Constant, inner_w_m2_k));
 }
 
 /// A hose of 4 mm between valves and muscle, believed rightly.
 fn hose(loaded: &mut Loaded, length_m: f64) {
-    for scenario in [&mut loaded.plant, &mut loaded.believed] {
-        scenario.tube.length_m = Some(length_m);
-        scenario.tube.diameter_m = Some(0.004);
-    }
+    *loaded = loaded.with(|s| (s.tube.length_m, s.tube.diameter_m) = (Some(length_m), Some(0.004)));
 }
 
 fn scale_heat(loaded: &mut Loaded, factor: f64) {

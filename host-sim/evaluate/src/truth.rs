@@ -132,7 +132,7 @@ fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, TruthErr
     let mut loaded = control::full(of_all);
     loaded.believed = of_five.believed.clone();
     let held = parallel::map(&HELD_N, |(name, load_n)| {
-        let mut loaded = control::load(loaded.clone(), *load_n);
+        let mut loaded = control::load(&loaded, *load_n);
         let strokes = strokes(&loaded);
         loaded.believed.controller.contraction_dead_zone = (DEAD_ZONE * strokes[0]) as f32;
         let held = rest::hold_within(&loaded, 0, strokes, &mut CoreBoard::default())?;

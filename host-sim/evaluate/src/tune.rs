@@ -31,9 +31,7 @@ pub const ALL_WRONG: (&str, Change) = ("friction -30, volume -20, conductance +3
 
 /// The muscle with all effects that the core leaves out; the core's configuration is changed.
 pub fn configured(nominal: &Loaded, change: Change) -> Loaded {
-    let mut loaded = full(nominal);
-    change(&mut loaded.believed);
-    loaded
+    full(nominal).believing(change)
 }
 
 pub fn tuned(loaded: &Loaded) -> Result<Tuned, TuneError> {

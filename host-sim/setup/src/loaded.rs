@@ -23,9 +23,28 @@ impl Loaded {
     /// The same scenario on another plant, for which the core is configured too: it drives ideal
     /// valves differently.
     pub fn with_model(&self, model: PlantModel) -> Self {
+        self.with(|scenario| scenario.plant.model = model)
+    }
+
+    /// The same scenario with a change that the core is configured with too.
+    #[must_use]
+    pub fn with(&self, change: impl Fn(&mut Scenario)) -> Self {
+        self.unexpected(&change).believing(change)
+    }
+
+    /// The same scenario with a change of the plant alone.
+    #[must_use]
+    pub fn unexpected(&self, change: impl Fn(&mut Scenario)) -> Self {
         let mut other = self.clone();
-        other.plant.plant.model = model;
-        other.believed.plant.model = model;
+        change(&mut other.plant);
+        other
+    }
+
+    /// The same scenario with a change of the core's configuration alone.
+    #[must_use]
+    pub fn believing(&self, change: impl Fn(&mut Scenario)) -> Self {
+        let mut other = self.clone();
+        change(&mut other.believed);
         other
     }
 

@@ -58,16 +58,14 @@ fn noisy_record(loaded: &Loaded, points: Vec<(f64, f64)>, noise_pa: f64) -> Stri
 
 /// Another muscle than the scenario's.
 fn other() -> Loaded {
-    let mut loaded = shipped_scenario();
-    for scenario in [&mut loaded.plant, &mut loaded.believed] {
+    shipped_scenario().with(|scenario| {
         scenario.load.mass_kg = 0.2;
         let muscle = &mut scenario.muscle;
         (muscle.bladder_saturation_n, muscle.bladder_strain) = (230.0, 0.026);
         (muscle.slip_force_n, muscle.slip_stiffness_n_m) = (9.0, 4500.0);
         (muscle.creep_fast_n_m, muscle.creep_fast_s) = (1800.0, 0.7);
         (muscle.creep_slow_n_m, muscle.creep_slow_s) = (2100.0, 15.0);
-    }
-    loaded
+    })
 }
 
 #[test]

@@ -170,33 +170,21 @@ impl Study {
         let period_s = self.loaded.plant.drive.period_s;
         let ratio = self.loaded.plant.gas.heat_capacity_ratio;
         let lumped = |heat: HeatModel| {
-            let mut variant = self.loaded.with_model(PlantModel::Lumped);
-            variant.plant.heat.model = heat;
-            variant
+            self.loaded.with_model(PlantModel::Lumped).unexpected(|s| s.heat.model = heat)
         };
         let paper = |alpha_in: f64, alpha_out: f64, alpha: f64| {
             let mut variant = self.loaded.with_model(PlantModel::Paper);
             variant.plant.paper = Paper { alpha_in, alpha_out, alpha };
             // Eq. (6) compresses the inflow at the inside temperature, which goes far beyond the
             // range of a sensor for this muscle.
-            for scenario in [&mut variant.plant, &mut variant.believed] {
-                scenario.sensor.pressure.range_pa *= 3.0;
-            }
-            variant
+            variant.with(|scenario| scenario.sensor.pressure.range_pa *= 3.0)
         };
-        let mut frictionless = self.loaded.clone();
-        frictionless.plant.friction.heat_fraction = 0.0;
-        let mut still_air = self.loaded.clone();
-        still_air.plant.heat.outer_per_speed = 0.0;
-        let mut averaging = self.loaded.clone();
-        for scenario in [&mut averaging.plant, &mut averaging.believed] {
-            scenario.sensor.gas.span = 1.0;
-        }
+        let frictionless = self.loaded.unexpected(|s| s.friction.heat_fraction = 0.0);
+        let still_air = self.loaded.unexpected(|s| s.heat.outer_per_speed = 0.0);
+        let averaging = self.loaded.with(|s| s.sensor.gas.span = 1.0);
         // The paper's model has friction heat, and no air that moves under the insulation.
-        let mut model = self.loaded.with_model(PlantModel::Lumped);
-        model.plant.heat.outer_per_speed = 0.0;
-        let mut one_stroke_less = self.loaded.clone();
-        one_stroke_less.plant.run.duration_s -= period_s;
+        let model = still_air.with_model(PlantModel::Lumped);
+        let one_stroke_less = self.loaded.unexpected(|s| s.run.duration_s -= period_s);
         let blend = &self.loaded.plant.paper;
         let variants = [
             ("without friction heat", frictionless),

@@ -59,10 +59,8 @@ impl Record for Gathered {
     const STUDIED: bool = true;
 
     fn of_board(config: &Config) -> Result<Self, InputError> {
-        let mut driven = from_config::to_scenario(config)?.scenario;
-        for scenario in [&mut driven.plant, &mut driven.believed] {
-            scenario.drive.kind = DriveKind::Closed;
-        }
+        let configured = from_config::to_scenario(config)?.scenario;
+        let driven = configured.with(|scenario| scenario.drive.kind = DriveKind::Closed);
         Ok(Self { steps: Counted::default(), ..Self::new(driven, None) })
     }
 
