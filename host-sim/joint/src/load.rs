@@ -253,7 +253,9 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     let mut muscles = [muscle(document, a, length_a_m)?, muscle(document, b, length_b_m)?];
     // Muscle b has no length sensor that could break.
     for scenario in [&mut muscles[1].plant, &mut muscles[1].believed] {
-        scenario.faults.windows_mut().for_each(|window| window.length = ChannelFault::None);
+        for window in scenario.faults.windows_mut() {
+            (window.length, window.length_drift_m_s) = (ChannelFault::None, None);
+        }
     }
     let mut controller = document.controller.clone();
     derive(&mut controller, document, &muscles);

@@ -42,13 +42,13 @@ impl InjectedFaults {
         let mut sensed = *truth;
         for window in self.active(truth.time_s) {
             let elapsed_s = truth.time_s - window.from_s;
-            for (fault, reading) in [
-                (window.pressure, &mut sensed.sensor_pressure_pa),
-                (window.gas, &mut sensed.sensor_gas_k),
-                (window.length, &mut sensed.sensor_length_m),
+            for (fault, rate_per_s, reading) in [
+                (window.pressure, window.pressure_drift_pa_s, &mut sensed.sensor_pressure_pa),
+                (window.gas, window.gas_drift_k_s, &mut sensed.sensor_gas_k),
+                (window.length, window.length_drift_m_s, &mut sensed.sensor_length_m),
             ] {
-                if let ChannelFault::Drifting { rate_per_s } = fault {
-                    *reading += rate_per_s * elapsed_s;
+                if fault == ChannelFault::Drifting {
+                    *reading += rate_per_s.unwrap_or_default() * elapsed_s;
                 }
             }
         }
@@ -82,14 +82,15 @@ impl InjectedFaults {
     pub fn disturbance(&self, time_s: f64) -> Disturbance {
         let mut disturbance = Disturbance::default();
         for window in self.active(time_s) {
-            for (travel, fault) in
-                [(&mut disturbance.inlet, window.inlet), (&mut disturbance.outlet, window.outlet)]
-            {
+            for (travel, fault, leak) in [
+                (&mut disturbance.inlet, window.inlet, window.inlet_leak),
+                (&mut disturbance.outlet, window.outlet, window.outlet_leak),
+            ] {
                 match fault {
                     ValveFault::None => {}
                     ValveFault::Open => *travel = Travel { shut: 1.0, open: 1.0 },
                     ValveFault::Shut => *travel = Travel { shut: 0.0, open: 0.0 },
-                    ValveFault::Leaking { share } => travel.shut = share,
+                    ValveFault::Leaking => travel.shut = leak.unwrap_or_default(),
                 }
             }
             disturbance.leak_m3_s_pa += window.leak_conductance_m3_s_pa;
@@ -118,7 +119,7 @@ impl InjectedFaults {
         };
         match fault {
             // The drift is already in the code.
-            ChannelFault::None | ChannelFault::Drifting { .. } => code,
+            ChannelFault::None | ChannelFault::Drifting => code,
             ChannelFault::Open | ChannelFault::Shorted => RawCode::of_part(0, fresh),
             ChannelFault::Frozen => arrived.stale(),
             ChannelFault::Noisy => RawCode::of_part(self.noisy(reading), fresh),
@@ -128,7 +129,7 @@ impl InjectedFaults {
     fn analog(&mut self, fault: ChannelFault, code: AdcCode, arrived: AdcCode) -> AdcCode {
         match fault {
             // The drift is already in the code.
-            ChannelFault::None | ChannelFault::Drifting { .. } => code,
+            ChannelFault::None | ChannelFault::Drifting => code,
             ChannelFault::Open => AdcCode(CODE_MAX),
             ChannelFault::Shorted => AdcCode(0),
             ChannelFault::Frozen => arrived,

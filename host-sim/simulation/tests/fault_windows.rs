@@ -30,7 +30,8 @@ fn windows_are_read_and_printed() {
     assert_eq!((faults.own.length, faults.own.until_s), (ChannelFault::Frozen, 4.0));
     let paths: Vec<String> = faults.windows().map(|(path, _)| path).collect();
     assert_eq!(paths, ["faults", "faults.burst", "faults.cold-start_2"]);
-    assert_eq!(faults.named["cold-start_2"].gas, ChannelFault::Drifting { rate_per_s: -0.5 });
+    let cold = &faults.named["cold-start_2"];
+    assert_eq!((cold.gas, cold.gas_drift_k_s), (ChannelFault::Drifting, Some(-0.5)));
     assert_eq!(faults.largest_leak_m3_s_pa(), 1e-7);
     let printed = thermyo_setup::render(&loaded);
     assert_eq!(parse(&printed), Ok(loaded), "{printed}");

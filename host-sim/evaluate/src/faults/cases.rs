@@ -179,13 +179,13 @@ fn of_the_pressure_sensor() -> Vec<Fault> {
             .found(PRESSURE, 0.05, Vents),
         fault("pressure sensor drifting up", "10 to 30 kPa/s", |draw, _, w| {
             let rate_per_s = draw.factor([1.0e4, 3.0e4]);
-            w.pressure = Drifting { rate_per_s };
+            (w.pressure, w.pressure_drift_pa_s) = (Drifting, Some(rate_per_s));
         })
         .found(PRESSURE.with(FLOW).with(FORCE).with(Faults::OVERPRESSURE), 40.0, Vents)
         .seen(Counted::Always, &Task::ALL, 42.0),
         fault("pressure sensor drifting down", "10 to 30 kPa/s", |draw, _, w| {
             let rate_per_s = -draw.factor([1.0e4, 3.0e4]);
-            w.pressure = Drifting { rate_per_s };
+            (w.pressure, w.pressure_drift_pa_s) = (Drifting, Some(rate_per_s));
         })
         .found(PRESSURE.with(FLOW).with(FORCE), f64::INFINITY, NotStated)
         .seen(Counted::Always, &Task::ALL, 32.0),
@@ -203,7 +203,7 @@ fn of_the_gas_sensor() -> Vec<Fault> {
             .found(GAS, 0.05, Shown),
         fault("gas sensor drifting", "0.5 to 3 K/s, up or down", |draw, _, w| {
             let rate_per_s = draw.sign() * draw.factor([0.5, 3.0]);
-            w.gas = Drifting { rate_per_s };
+            (w.gas, w.gas_drift_k_s) = (Drifting, Some(rate_per_s));
         })
         .found(GAS, 20.0, Shown)
         .seen(Counted::Always, &Task::ALL, 22.0),
@@ -225,7 +225,7 @@ fn of_the_length_sensor() -> Vec<Fault> {
         fault("length sensor drifting", drifting, |draw, s, w| {
             let rest_m = s.muscle.rest_length_m;
             let rate_per_s = draw.sign() * draw.factor([0.02, 0.1]) * rest_m;
-            w.length = Drifting { rate_per_s };
+            (w.length, w.length_drift_m_s) = (Drifting, Some(rate_per_s));
         })
         .found(LENGTH.with(FORCE).with(FLOW), 20.0, ShownOrVents)
         .seen(Counted::Always, &Task::ALL, 22.0),
@@ -247,7 +247,7 @@ fn of_the_valves() -> Vec<Fault> {
             .seen(Counted::Inlet, &Task::MOVING, 8.0),
         fault("inlet leaking", "5 to 20 % of its conductance", |draw, _, w| {
             let share = draw.factor([0.05, 0.2]);
-            w.inlet = ValveFault::Leaking { share };
+            (w.inlet, w.inlet_leak) = (ValveFault::Leaking, Some(share));
         })
         .found(FLOW.with(Faults::OVERPRESSURE), 20.0, VentsInVain)
         .seen(Counted::Always, &Task::HOLDING, 22.0),
@@ -259,7 +259,7 @@ fn of_the_valves() -> Vec<Fault> {
             .seen(Counted::Outlet, &Task::MOVING, 8.0),
         fault("outlet leaking", "5 to 20 % of its conductance", |draw, _, w| {
             let share = draw.factor([0.05, 0.2]);
-            w.outlet = ValveFault::Leaking { share };
+            (w.outlet, w.outlet_leak) = (ValveFault::Leaking, Some(share));
         })
         .found(LOST, 30.0, ShownOrVents)
         .seen(Counted::Always, &Task::HOLDING, 32.0),

@@ -5,70 +5,9 @@ use crate::declare::{choice, table};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Declares the faults of one channel with their words: as the run has them, and as in a file. The
-/// last one takes a number from another key.
-macro_rules! faults_of_a_line {
-    (
-        $(#[$attribute:meta])*
-        $fault:ident, in a file $word:ident {
-            $($(#[$plain_attribute:meta])* $plain:ident = $plain_text:literal,)*
-        } and with a number {
-            $(#[$measured_attribute:meta])*
-            $measured:ident = $measured_text:literal {
-                $(#[$number_attribute:meta])* $number:ident
-            },
-        }
-    ) => {
-        $(#[$attribute])*
-        #[derive(Debug, Clone, Copy, PartialEq)]
-        pub enum $fault {
-            $($(#[$plain_attribute])* $plain,)*
-            $(#[$measured_attribute])*
-            $measured {
-                $(#[$number_attribute])*
-                $number: f64,
-            },
-        }
-
-        choice! {
-            $(#[$attribute])*
-            /// As in a file, without the number.
-            $word {
-                $($(#[$plain_attribute])* $plain = $plain_text,)*
-                $(#[$measured_attribute])*
-                $measured = $measured_text,
-            }
-        }
-
-        impl $fault {
-            /// The fault of a word; none if its number is missing.
-            fn of(word: $word, number: Option<f64>) -> Option<Self> {
-                match word {
-                    $($word::$plain => Some(Self::$plain),)*
-                    $word::$measured => number.map(|$number| Self::$measured { $number }),
-                }
-            }
-
-            fn word(self) -> $word {
-                match self {
-                    $(Self::$plain => $word::$plain,)*
-                    Self::$measured { .. } => $word::$measured,
-                }
-            }
-
-            fn number(self) -> Option<f64> {
-                match self {
-                    $(Self::$plain => None,)*
-                    Self::$measured { $number } => Some($number),
-                }
-            }
-        }
-    };
-}
-
-faults_of_a_line! {
+choice! {
     /// A fault of one analog channel.
-    ChannelFault, in a file ChannelWord {
+    ChannelFault {
         None = "none",
         /// The line is open: the code goes to the upper rail.
         Open = "open",
@@ -78,27 +17,19 @@ faults_of_a_line! {
         Frozen = "frozen",
         /// Strong noise on the line, 5 % of the range.
         Noisy = "noisy",
-    } and with a number {
         /// The reading drifts at a constant rate from the start of the window.
-        Drifting = "drifting" {
-            /// The rate, in the reading's unit \[Pa/s, K/s or m/s\].
-            rate_per_s
-        },
+        Drifting = "drifting",
     }
 }
 
-faults_of_a_line! {
+choice! {
     /// A fault of one valve.
-    ValveFault, in a file ValveWord {
+    ValveFault {
         None = "none",
         Open = "open",
         Shut = "shut",
-    } and with a number {
         /// It leaks when shut.
-        Leaking = "leaking" {
-            /// Fraction of its full conductance that it passes when shut \[-\].
-            share
-        },
+        Leaking = "leaking",
     }
 }
 
@@ -114,18 +45,18 @@ choice! {
 }
 
 table! {
-    /// A [`FaultWindow`] as in a file.
+    /// A fault that needs a number has it.
     "faults", "faults that the run injects in one window of time; every [faults.NAME] is another";
-    FaultKeys {
-        pressure: choice ChannelWord::None, "fault of the pressure channel";
+    FaultWindow {
+        pressure: choice ChannelFault::None, "fault of the pressure channel";
         pressure_drift_pa_s: optional "Pa/s", -1.0e8 to 1.0e8, "drift of its sensor from the start on (drifting)";
-        gas: choice ChannelWord::None, "fault of the gas sensor's channel";
+        gas: choice ChannelFault::None, "fault of the gas sensor's channel";
         gas_drift_k_s: optional "K/s", -1000.0 to 1000.0, "drift of its sensor from the start on (drifting)";
-        length: choice ChannelWord::None, "fault of the length channel";
+        length: choice ChannelFault::None, "fault of the length channel";
         length_drift_m_s: optional "m/s", -10.0 to 10.0, "drift of its sensor from the start on (drifting)";
-        inlet: choice ValveWord::None, "fault of the inlet valve: stuck open, stuck shut, not tight";
+        inlet: choice ValveFault::None, "fault of the inlet valve: stuck open, stuck shut, not tight";
         inlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
-        outlet: choice ValveWord::None, "fault of the outlet valve: stuck open, stuck shut, not tight";
+        outlet: choice ValveFault::None, "fault of the outlet valve: stuck open, stuck shut, not tight";
         outlet_leak: optional "", 0.0 to 1.0, "share of the conductance passed when shut (leaking)";
         leak_conductance_m3_s_pa: real 0.0, "m3/(s Pa)", 0.0 to 1.0e-3, "sonic conductance of a hole from the gas to ambient, large for a burst; 0: none";
         supply_pressure_pa: optional "Pa", 1.0 to IDEAL_GAS_PA, "in place of the supply's own; below the gas's, gas flows back through an open inlet";
@@ -148,105 +79,7 @@ pub(crate) const NEEDED: [[&str; 3]; 5] = [
     ["outlet", "leaking", "outlet_leak"],
 ];
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "FaultKeys", into = "FaultKeys")]
-pub struct FaultWindow {
-    pub pressure: ChannelFault,
-    pub gas: ChannelFault,
-    pub length: ChannelFault,
-    pub inlet: ValveFault,
-    pub outlet: ValveFault,
-    /// Sonic conductance of a hole from the gas to ambient; 0 for none \[m3/(s Pa)\].
-    pub leak_conductance_m3_s_pa: f64,
-    /// Absolute supply pressure in the window; none for the supply's own \[Pa\].
-    pub supply_pressure_pa: Option<f64>,
-    pub emergency_stop: bool,
-    /// Line between host and board.
-    pub link: LinkFault,
-    /// Steps that the board leaves out together, at the window's start and again after every
-    /// `missed_period_s`; 0 for none.
-    pub missed_steps: u8,
-    /// See `missed_steps` \[s\].
-    pub missed_period_s: f64,
-    /// The board restarts at the window's start and is not configured again.
-    pub board_restart: bool,
-    pub from_s: f64,
-    pub until_s: f64,
-}
-
-impl Default for FaultWindow {
-    fn default() -> Self {
-        Self::of(&FaultKeys::default(), [ChannelFault::None; 3], [ValveFault::None; 2])
-    }
-}
-
-impl TryFrom<FaultKeys> for FaultWindow {
-    type Error = String;
-
-    fn try_from(keys: FaultKeys) -> Result<Self, String> {
-        let channels = [
-            (keys.pressure, keys.pressure_drift_pa_s),
-            (keys.gas, keys.gas_drift_k_s),
-            (keys.length, keys.length_drift_m_s),
-        ];
-        let valves = [(keys.inlet, keys.inlet_leak), (keys.outlet, keys.outlet_leak)];
-        let [pressure, gas, length] =
-            channels.map(|(word, rate)| ChannelFault::of(word, rate).ok_or("a drift has no rate"));
-        let [inlet, outlet] =
-            valves.map(|(word, leak)| ValveFault::of(word, leak).ok_or("a leak has no share"));
-        Ok(Self::of(&keys, [pressure?, gas?, length?], [inlet?, outlet?]))
-    }
-}
-
-impl From<FaultWindow> for FaultKeys {
-    fn from(window: FaultWindow) -> Self {
-        Self {
-            pressure: window.pressure.word(),
-            pressure_drift_pa_s: window.pressure.number(),
-            gas: window.gas.word(),
-            gas_drift_k_s: window.gas.number(),
-            length: window.length.word(),
-            length_drift_m_s: window.length.number(),
-            inlet: window.inlet.word(),
-            inlet_leak: window.inlet.number(),
-            outlet: window.outlet.word(),
-            outlet_leak: window.outlet.number(),
-            leak_conductance_m3_s_pa: window.leak_conductance_m3_s_pa,
-            supply_pressure_pa: window.supply_pressure_pa,
-            emergency_stop: window.emergency_stop,
-            link: window.link,
-            missed_steps: window.missed_steps,
-            missed_period_s: window.missed_period_s,
-            board_restart: window.board_restart,
-            from_s: window.from_s,
-            until_s: window.until_s,
-        }
-    }
-}
-
 impl FaultWindow {
-    /// The window with these faults of three channels and two valves, and the rest from `keys`.
-    fn of(keys: &FaultKeys, channels: [ChannelFault; 3], valves: [ValveFault; 2]) -> Self {
-        let [pressure, gas, length] = channels;
-        let [inlet, outlet] = valves;
-        Self {
-            pressure,
-            gas,
-            length,
-            inlet,
-            outlet,
-            leak_conductance_m3_s_pa: keys.leak_conductance_m3_s_pa,
-            supply_pressure_pa: keys.supply_pressure_pa,
-            emergency_stop: keys.emergency_stop,
-            link: keys.link,
-            missed_steps: keys.missed_steps,
-            missed_period_s: keys.missed_period_s,
-            board_restart: keys.board_restart,
-            from_s: keys.from_s,
-            until_s: keys.until_s,
-        }
-    }
-
     /// Whether that time \[s\] lies in the window, without its end.
     pub fn contains(&self, time_s: f64) -> bool {
         (self.from_s..self.until_s).contains(&time_s)

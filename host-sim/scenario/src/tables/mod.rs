@@ -122,7 +122,7 @@ pub static TABLES: &[Table] = &[
     )
     .believed(),
     Link::TABLE,
-    FaultKeys::TABLE,
+    FaultWindow::TABLE,
     Identify::TABLE,
 ];
 
