@@ -42,7 +42,7 @@ pub enum Order {
     Save,
     Record,
     Finish,
-    Calibrate(SensorName),
+    Calibrate(Sensor),
     /// The typed reading of the reference.
     Reference(String),
     /// Starts a tuning, up to this absolute pressure \[Pa\].
@@ -106,24 +106,6 @@ pub struct ScenarioText {
 impl ScenarioText {
     pub fn stem(&self) -> String {
         Path::new(&self.name).file_stem().unwrap_or_default().to_string_lossy().into_owned()
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum SensorName {
-    Pressure,
-    Length,
-    Gas,
-}
-
-impl From<SensorName> for Sensor {
-    fn from(name: SensorName) -> Self {
-        match name {
-            SensorName::Pressure => Self::Pressure,
-            SensorName::Length => Self::Length,
-            SensorName::Gas => Self::Gas,
-        }
     }
 }
 

@@ -271,7 +271,7 @@ impl Operator<LiveBoard> {
                 self.linked()?;
                 self.records_nothing()?;
                 self.is_configured()?;
-                let calibration = Calibration::new(sensor.into(), self.known.config);
+                let calibration = Calibration::new(sensor, self.known.config);
                 self.tasks.guided = Some(Guided::Calibration(Box::new(calibration)));
             }
             _ => return Err(BoardError::Refused(Refusal::OtherImage { joint: false }).into()),

@@ -9,9 +9,11 @@ pub use procedure::{Bench, CalibrateError, Calibrated, Dialogue, calibrate, wait
 
 use model_core::control::Mode;
 use model_core::{Config, Sample};
+use serde::Deserialize;
 use thermyo_files::units::{Unit, Unread, Wanted};
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Sensor {
     /// Absolute pressure \[Pa\].
     Pressure,
