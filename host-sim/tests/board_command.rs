@@ -26,6 +26,10 @@ fn a_board_is_configured_armed_driven_and_queried() {
     );
     let bar = bench.refused("thermyo board emulated set pressure 1.3 --arm --hold 1");
     assert!(bar.contains(" kPa; use 1.3bar, which is 130000 Pa\n"), "{bar}");
+    let duty = bench.refused("thermyo board emulated set duty 2 0 --arm --hold 1");
+    assert!(duty.contains("a duty of the inlet of 200 %"), "{duty}");
+    // A refused set point left the board armed.
+    assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
     fs::write(bench.path("bar.csv"), "time_s,pressure_pa\n0,1.2\n1,1.4\n").unwrap();
     let bar = bench.path("bar.csv").display().to_string();
     let bar = bench.refused(&format!("thermyo board emulated drive {bar} --arm --out out/drive"));
@@ -274,6 +278,9 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     let written = bench.ok(&format!("thermyo board emulated config write {scenario}"));
     assert!(written.starts_with("joint_board, "), "{written}");
     assert!(bench.refused(set).contains("not armed"));
+    let degrees = bench.refused("thermyo board emulated set angle 20 --stiffness 14 --arm");
+    assert!(degrees.ends_with(" to 45.837 deg, the stops; use 20deg\n"), "{degrees}");
+    assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
     let armed = bench.ok("thermyo board emulated arm --max-pressure 5bar");
     assert!(armed.contains("500.0 kPa, absolute, in either muscle; above 5"), "{armed}");
     let held = bench.json(&format!("{set} --hold 1.5"));
@@ -336,7 +343,8 @@ fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     let bar = bench.refused(&format!("{set} pressures 2bar 1.3"));
     assert!(bar.contains(" kPa; use 1.3bar, which is 130000 Pa\n"), "{bar}");
     let high = bench.refused(&format!("{set} pressures 2bar 9bar"));
-    assert!(high.contains("a pressure of 900 kPa: must be from 0 to 689.5 kPa"), "{high}");
+    let expected = "a pressure of 900 kPa: must be from 101.33 kPa (ambient, as the board is configured) to 689.5 kPa";
+    assert!(high.contains(expected), "{high}");
     // Inlet of muscle a open, outlet of muscle b.
     let filled = bench.json(&format!("{set} duties 30% 0 0 1 --hold 0.3"));
     let [a, b] = [0, 1].map(|side: usize| filled["pressure_pa"][side].as_f64().unwrap());

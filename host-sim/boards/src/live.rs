@@ -3,7 +3,8 @@
 pub use super::line::VIEW_DIVIDER;
 use super::link::Link;
 use super::subject::{Live, Subject};
-use model_core::control::Mode;
+use model_core::control::{Mode, Target};
+use model_core::physics::chamber::AnyChamber;
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults, SetPoint, SetPointError, Telemetry};
 use thermyo_protocol::{
@@ -18,9 +19,31 @@ pub struct LiveBoard {
 }
 
 impl LiveBoard {
-    fn set_any(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
-        self.live.driving |= set_point != SetPoint::Vent;
-        self.live.done(HostCommand::Set(set_point), "set point")
+    fn check_above_ambient(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        let SetPoint::Pressure { pressure_pa } = set_point else { return Ok(()) };
+        let config = self.known_config()?;
+        let least_pa = config.ambient.pressure_pa;
+        if pressure_pa >= least_pa {
+            return Ok(());
+        }
+        let most_pa = self.status()?.armed_pa.unwrap_or(config.working_limit_pa());
+        Err(BoardError::Pressure { pressure_pa, least_pa, most_pa })
+    }
+
+    /// A refused pressure names the ambient one, below which the core would vent.
+    fn refused(&self, set_point: SetPoint, error: BoardError) -> BoardError {
+        match (set_point, error, self.config) {
+            (
+                SetPoint::Pressure { pressure_pa },
+                BoardError::Refused(Refusal::SetPoint(SetPointError::Range { maximum, .. })),
+                Some(config),
+            ) => BoardError::Pressure {
+                pressure_pa,
+                least_pa: config.ambient.pressure_pa,
+                most_pa: maximum,
+            },
+            (_, error, _) => error,
+        }
     }
 
     /// The configuration in use, requested again if it may have changed.
@@ -111,22 +134,20 @@ impl Subject for LiveBoard {
         self.live.done(HostCommand::Arm { most_pa }, "arm").map(drop)
     }
 
+    fn check_set_point(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
+        self.check_above_ambient(set_point)?;
+        let config = self.known_config()?;
+        let target = Target::new(&set_point, &config, &AnyChamber::new(&config.chamber));
+        let refused =
+            |error| self.refused(set_point, BoardError::Refused(Refusal::SetPoint(error)));
+        target.map(drop).map_err(refused)
+    }
+
     fn set(&mut self, set_point: SetPoint) -> Result<u32, BoardError> {
-        if let SetPoint::Pressure { pressure_pa } = set_point {
-            let config = self.known_config()?;
-            let least_pa = config.ambient.pressure_pa;
-            if pressure_pa < least_pa {
-                let most_pa = self.status()?.armed_pa.unwrap_or(config.working_limit_pa());
-                return Err(BoardError::Pressure { pressure_pa, least_pa, most_pa });
-            }
-            return self.set_any(set_point).map_err(|error| match error {
-                BoardError::Refused(Refusal::SetPoint(SetPointError::Range {
-                    maximum, ..
-                })) => BoardError::Pressure { pressure_pa, least_pa, most_pa: maximum },
-                other => other,
-            });
-        }
-        self.set_any(set_point)
+        self.check_above_ambient(set_point)?;
+        self.live.driving |= set_point != SetPoint::Vent;
+        let set = self.live.done(HostCommand::Set(set_point), "set point");
+        set.map_err(|error| self.refused(set_point, error))
     }
 
     fn request(set_point: SetPoint) -> HostCommand {

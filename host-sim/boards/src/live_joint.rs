@@ -2,7 +2,9 @@
 
 use super::link::Link;
 use super::subject::{Live, Subject};
-use model_core::joint::{JointConfig, JointMode, JointSetPoint, JointTelemetry};
+use model_core::joint::{
+    JointConfig, JointError, JointField, JointMode, JointSetPoint, JointTelemetry,
+};
 use model_core::safety::supervisor::VENTING;
 use model_core::{Config, Faults};
 use std::time::Instant;
@@ -34,6 +36,24 @@ impl LiveJoint {
             }
         }
         Ok(())
+    }
+
+    /// A refused pressure names the ambient one, below which the core would vent.
+    fn refused(&mut self, error: BoardError) -> BoardError {
+        let BoardError::Refused(Refusal::JointSetPoint(JointError::Range {
+            field: JointField::Pressure,
+            value: pressure_pa,
+            maximum: most_pa,
+            ..
+        })) = error
+        else {
+            return error;
+        };
+        self.muscle_config(Side::A).map_or(error, |config| BoardError::Pressure {
+            pressure_pa,
+            least_pa: config.ambient.pressure_pa,
+            most_pa,
+        })
     }
 
     /// Clears the latched faults whose cause is gone; the telemetry has the remaining ones.
@@ -105,13 +125,22 @@ impl Subject for LiveJoint {
         self.live.done(HostCommand::Arm { most_pa }, "arm").map(drop)
     }
 
+    fn check_set_point(&mut self, set_point: JointSetPoint) -> Result<(), BoardError> {
+        if let JointSetPoint::Pressures { pressure_pa } = set_point {
+            self.check_above_ambient(pressure_pa)?;
+        }
+        let checked = set_point.check(&self.config()?);
+        checked.map_err(|error| self.refused(BoardError::Refused(Refusal::JointSetPoint(error))))
+    }
+
     fn set(&mut self, set_point: JointSetPoint) -> Result<u32, BoardError> {
         if let JointSetPoint::Pressures { pressure_pa } = set_point {
             self.check_above_ambient(pressure_pa)?;
         }
         // A set point whose answer is lost drives the joint too.
         self.live.driving |= set_point != JointSetPoint::Vent;
-        let step = self.live.done(HostCommand::SetJoint(set_point), "set")?;
+        let set = self.live.done(HostCommand::SetJoint(set_point), "set");
+        let step = set.map_err(|error| self.refused(error))?;
         self.live.last_sent = Instant::now();
         Ok(step)
     }

@@ -139,6 +139,12 @@ pub trait Subject: Sized + Send + 'static {
     /// [`BoardError::Refused`]; [`BoardError::Pressure`] outside of what the configuration allows.
     fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError>;
 
+    /// Refuses a set point that the board would refuse, however far it is armed.
+    ///
+    /// # Errors
+    /// As of [`Self::set`].
+    fn check_set_point(&mut self, set_point: Self::SetPoint) -> Result<(), BoardError>;
+
     /// Sends a set point; returns the step from which on it holds.
     ///
     /// # Errors

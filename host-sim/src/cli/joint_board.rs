@@ -113,10 +113,12 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
         maximum,
     })) = error
     {
+        let degrees = (minimum..=maximum).contains(&value.to_radians());
+        let meant = if degrees { format!("; use {value}deg") } else { String::new() };
         let [value, minimum, maximum] =
             [value, minimum, maximum].map(|rad| angle_text(rad.into(), units));
         return Failure::Usage(format!(
-            "an angle of {value}: must be from {minimum} to {maximum}, the stops"
+            "an angle of {value}: must be from {minimum} to {maximum}, the stops{meant}"
         ));
     }
     let BoardError::Refused(Refusal::JointSetPoint(JointError::Faults(muscles, joint))) = error
@@ -175,7 +177,9 @@ fn set(board: &mut LiveJoint, args: &SetArgs, to: &mut Console<'_>) -> Result<()
     let set_point = set_point(args)?;
     interrupt::watch();
     if args.arm {
-        board.arm(None).map_err(|error| refused(error, to.units))?;
+        // A board that was not armed stays so with a set point that is refused.
+        let armed = board.check_set_point(set_point).and_then(|()| board.arm(None));
+        armed.map_err(|error| refused(error, to.units))?;
     }
     let first = board.set(set_point).map_err(|error| refused(error, to.units))?;
     if set_point == JointSetPoint::Vent {

@@ -162,6 +162,8 @@ pub(super) fn run(
     let config = board.config()?;
     interrupt::watch();
     if args.arm {
+        // A board that was not armed stays so with a set point that is refused.
+        board.check_set_point(set_point)?;
         board.arm(None)?;
     }
     let first = board.set(set_point)?;
