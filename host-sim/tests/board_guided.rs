@@ -83,6 +83,11 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     bench.ok(&format!("thermyo board emulated config read {file}"));
     let scenario = fs::read_to_string(&file).unwrap();
     assert!(scenario.contains("gain"), "{scenario}");
+    // A scenario from before it took the calibration away without a word.
+    let same = bench.run(&format!("thermyo board emulated config write {file}")).ok();
+    assert_eq!(same.err, "");
+    let lost = bench.run("thermyo board emulated config write scenarios/contraction.toml").ok();
+    lost.in_one_line().says("contraction.toml: the board loses its calibration: sensor.pressure.");
 }
 
 /// The computer is busy for a while, within the link's timeout.
@@ -147,24 +152,26 @@ fn a_calibration_that_is_interrupted_vents() {
 }
 
 /// Sends Ctrl-C once a command has the board: another program that asks is refused then.
-fn interrupted_with_the_board(bench: &Bench, child: Child) {
+fn interrupted_with_the_board(bench: &Bench, child: Child) -> Said {
     until("it has the board", || {
         let asked = bench.run("thermyo board emulated info");
         asked.code != Some(0) && asked.err.contains("another program")
     });
-    interrupted(child).ends(130);
+    interrupted(child).ends(130)
 }
 
 #[test]
 fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
-    let bench = configured();
+    let bench = Bench::new();
+    let written = bench.ok("thermyo board emulated config write scenarios/nominal.toml");
     let child = bench.start(
         "thermyo tune scenarios/contraction.toml --board port:emulated --out out/tune --quiet",
     );
     interrupted_with_the_board(&bench, child);
     assert!(!bench.path("out/tune").exists(), "half a result is left");
+    // It was left with the scenario's configuration.
     let info = bench.vented();
-    assert!(info.contains("configuration: tune, "), "{info}");
+    assert!(info.contains(&format!("configuration: {}", written.trim_end())), "{info}");
 }
 
 #[test]

@@ -48,7 +48,7 @@ pub fn tune_on(
         .map_err(|error| refused(format!("most_pa: {error}")))?;
     let watch = Watch::new();
     let stopped = || watch.stopped();
-    let mut bench = LiveBench::new(live, "tune", highest_pa, &stopped);
+    let mut bench = LiveBench::new(live, "tune", highest_pa, &stopped).map_err(error::board)?;
     let tuned = tune::tune_on(loaded, file, highest_pa, &mut bench);
     watch.raise()?;
     tuned.map_err(|error| match error {

@@ -2,7 +2,7 @@
 
 use super::loaded::Loaded;
 use super::tree::value;
-use thermyo_scenario::PlantKind;
+use thermyo_scenario::{PlantKind, Scenario, number};
 use toml::{Table, Value};
 
 const COMMON: [&str; 6] = [
@@ -51,6 +51,28 @@ pub fn differences(loaded: &Loaded, there: &str) -> Vec<String> {
         differs(own, other).then(|| format!("{key} = {own}, {other} there"))
     };
     own.iter().filter_map(one).collect()
+}
+
+/// Values that a calibration of a board finds.
+const CALIBRATION: [&str; 6] = [
+    "sensor.pressure.gain",
+    "sensor.pressure.offset_pa",
+    "sensor.length.gain",
+    "sensor.length.offset_m",
+    "sensor.gas.gain",
+    "sensor.gas.offset_k",
+];
+/// A board's values are rounded to f32.
+const ROUNDED: f64 = 1e-6;
+
+/// Differences of a scenario's calibration from that of a board, each as "key = own value, other value there".
+pub fn calibrated_otherwise(own: &Scenario, there: &Scenario) -> Vec<String> {
+    let differs = |path: &&'static str| {
+        let [own, there] = [own, there].map(|scenario| number(scenario, path).unwrap_or_default());
+        let apart = (own - there).abs() > ROUNDED * own.abs().max(there.abs());
+        apart.then(|| format!("{path} = {own:?}, {there:?} there"))
+    };
+    CALIBRATION.iter().filter_map(differs).collect()
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ mod unlikely;
 mod unrest;
 mod warnings;
 
-pub use hardware::{differences, hardware};
+pub use hardware::{calibrated_otherwise, differences, hardware};
 pub use load::{
     SET_POINT_COLUMNS, assemble, load, load_with_warnings, no_file, numbers_in, parse, parse_alone,
     parse_with_warnings, paths_in, profile_in, refuse_files, refuse_vessel, set_points_in,

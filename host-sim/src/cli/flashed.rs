@@ -3,7 +3,7 @@
 use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
 use super::board_task::{ArmArgs, BoardTask, ConfigTask};
 use super::drive::drive_profile;
-use super::muscle::{line, vents, warn_of_another_muscle};
+use super::muscle::{line, vents, warn_of_another_calibration, warn_of_another_muscle};
 use super::{Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, title_of};
 use clap::Args;
 use model_core::Faults;
@@ -177,6 +177,7 @@ fn configure(board: &mut LiveBoard, task: ConfigTask, to: &mut Console<'_>) -> R
             refuse_joint(&file)?;
             let loaded = load(&file, to)?;
             warn_of_another_muscle(board.port(), &file, &loaded, to);
+            warn_of_another_calibration(board, &file, &loaded, to)?;
             let config = core_config(&loaded.believed);
             shown_as("", &board.configure(&config, &title_of(&file))?, to)
         }

@@ -12,6 +12,7 @@ use thermyo_studies::drive::LiveBench;
 use thermyo_studies::joint_tune::{
     self, Bench, BenchError, Course, Simulated, TuneError, Tuned, duration_s,
 };
+use thermyo_studies::tune::Left;
 
 /// A bench that shows the driven time on a progress bar.
 struct Watched<'a> {
@@ -38,8 +39,8 @@ impl Bench for Watched<'_> {
         Ok(())
     }
 
-    fn leave(&mut self, config: &JointConfig) -> Result<(), BoardError> {
-        self.bench.leave(config)
+    fn leave(&mut self, left: Left<'_, JointConfig>) -> Result<(), BoardError> {
+        self.bench.leave(left)
     }
 }
 
@@ -54,7 +55,7 @@ fn tuned(loaded: &JointLoaded, args: &TuneArgs, highest_pa: f64) -> Result<Tuned
     let stopped = &interrupt::is_requested;
     if let Some(port) = args.board.port() {
         let mut board = LiveJoint::open(port)?;
-        return tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, stopped));
+        return tune_on(&mut LiveBench::new(&mut board, "tune", highest_pa, stopped)?);
     }
     if !args.board.is_core() {
         let message = "a joint is tuned with the core in this process, or on a board at a PORT; without hardware \

@@ -4,9 +4,13 @@ use super::Console;
 use model_core::Telemetry;
 use serde_json::{Value, json};
 use std::path::Path;
+use thermyo_boards::live::LiveBoard;
+use thermyo_boards::subject::Subject;
 use thermyo_boards::{port, service};
 use thermyo_files::units::UnitSystem;
-use thermyo_setup::{Loaded, differences};
+use thermyo_protocol::ConfigSource;
+use thermyo_setup::{Loaded, calibrated_otherwise, differences, from_config};
+use thermyo_simulation::board::BoardError;
 
 /// Result of a command that vented, as JSON.
 pub(super) fn vents() -> Value {
@@ -28,6 +32,28 @@ pub(super) fn line(telemetry: &Telemetry, units: UnitSystem) -> String {
         share(command.outlet.share()),
         if *limited { ", limited by the highest pressure" } else { "" },
     )
+}
+
+/// Warns where a configured board has another calibration than the scenario that takes its place.
+pub(super) fn warn_of_another_calibration(
+    board: &mut LiveBoard,
+    file: &Path,
+    loaded: &Loaded,
+    to: &mut Console<'_>,
+) -> Result<(), BoardError> {
+    if board.status()?.config_source == ConfigSource::Defaults {
+        return Ok(());
+    }
+    let Ok(there) = from_config::to_scenario(&board.config()?) else { return Ok(()) };
+    let all = calibrated_otherwise(&loaded.believed, &there.scenario.believed);
+    if !all.is_empty() {
+        let (file, all) = (file.display(), all.join("; "));
+        to.say(format_args!(
+            "warning: {file}: the board loses its calibration: {all}; `thermyo board PORT config read FILE` before \
+             keeps it"
+        ));
+    }
+    Ok(())
 }
 
 /// Warns where the emulated board has another muscle at its pins than the scenario that it gets.

@@ -1,4 +1,4 @@
-use super::muscle::warn_of_another_muscle;
+use super::muscle::{warn_of_another_calibration, warn_of_another_muscle};
 use super::progress::Bar;
 use super::{
     BoardArgs, Console, Failure, OutputArgs, interrupt, load, pretty, quantity, title_of, unbuilt,
@@ -17,7 +17,7 @@ use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 use thermyo_studies::drive::LiveBench;
 use thermyo_studies::tune;
-use thermyo_studies::tune::{Bench, Simulated};
+use thermyo_studies::tune::{Bench, Left, Simulated};
 
 #[derive(Debug, Args)]
 pub(super) struct TuneArgs {
@@ -83,8 +83,8 @@ impl Bench for Watched<'_> {
         Ok(())
     }
 
-    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.bench.leave(config)
+    fn leave(&mut self, left: Left<'_, Config>) -> Result<(), BoardError> {
+        self.bench.leave(left)
     }
 }
 
@@ -93,14 +93,15 @@ fn left_on_board(adopted: bool) -> &'static str {
         "the board vents and has the tuned values, not saved; `thermyo board PORT config write` \
          with the scenario of before goes back\n"
     } else {
-        "the board vents and has its former values; tuned.toml has the tuned ones\n"
+        "the board vents and has its former configuration; tuned.toml has the tuned ones\n"
     }
 }
 
 /// Runs an experiment on the board of the arguments.
 fn on_bench<T>(
     args: &TuneArgs,
-    highest_pa: f64,
+    (loaded, highest_pa): (&Loaded, f64),
+    to: &mut Console<'_>,
     experiment: impl FnOnce(&mut dyn Bench) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let bar = Bar::new(0, args.output.format.quiet);
@@ -114,7 +115,8 @@ fn on_bench<T>(
         return watched(&mut Simulated { board, stopped: &interrupt::is_requested });
     };
     let mut board = LiveBoard::open(port)?;
-    watched(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested))
+    warn_of_another_calibration(&mut board, &args.scenario, loaded, to)?;
+    watched(&mut LiveBench::new(&mut board, "tune", highest_pa, &interrupt::is_requested)?)
 }
 
 pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> {
@@ -128,8 +130,8 @@ pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> 
     interrupt::watch();
     let mut out = args.output.create("tune")?;
     let done = match args.plan {
-        None => loops(args, &loaded, highest_pa, &mut out),
-        Some(TunePlan::Motion) => motion(args, &loaded, highest_pa, &mut out),
+        None => loops(args, (&loaded, highest_pa), &mut out, to),
+        Some(TunePlan::Motion) => motion(args, (&loaded, highest_pa), &mut out, to),
     };
     match done {
         // The emulated board gets the signal too, and may exit first.
@@ -191,11 +193,11 @@ impl Done {
 
 fn loops(
     args: &TuneArgs,
-    loaded: &Loaded,
-    highest_pa: f64,
+    (loaded, highest_pa): (&Loaded, f64),
     out: &mut OutputDir,
+    to: &mut Console<'_>,
 ) -> Result<Done, Failure> {
-    let tuned = on_bench(args, highest_pa, |bench| {
+    let tuned = on_bench(args, (loaded, highest_pa), to, |bench| {
         Ok(tune::tune_on(loaded, &args.scenario, highest_pa, bench)?)
     })?;
     let page = tune::page(&tuned, &title_of(&args.scenario));
@@ -206,11 +208,11 @@ fn loops(
 
 fn motion(
     args: &TuneArgs,
-    loaded: &Loaded,
-    highest_pa: f64,
+    (loaded, highest_pa): (&Loaded, f64),
     out: &mut OutputDir,
+    to: &mut Console<'_>,
 ) -> Result<Done, Failure> {
-    let found = on_bench(args, highest_pa, |bench| {
+    let found = on_bench(args, (loaded, highest_pa), to, |bench| {
         let record = tune::motion_record(loaded, &args.scenario, highest_pa, bench)?;
         out.text(RECORD, &record)?;
         // The experiment cannot be had again as soon: its record stays if the search is not finished.
@@ -223,7 +225,7 @@ fn motion(
             return Err(Failure::Interrupted);
         }
         if found.findings.holds {
-            bench.leave(&core_config(&found.scenario.believed))?;
+            bench.leave(Left::Found(&core_config(&found.scenario.believed)))?;
         }
         Ok(found)
     })?;

@@ -358,7 +358,8 @@ impl Operator<LiveBoard> {
         let ends = || shared.orders.vent_wanted().is_some() || wanted();
         let tuned = self.lend(|operator, board| {
             operator.shared.log(Weight::Plain, "tuning begins");
-            let bench = LiveBench::new(board, name.as_str(), most_pa, &ends);
+            let bench = LiveBench::new(board, name.as_str(), most_pa, &ends)
+                .map_err(|error| TuneError::Run(RunError::Board(error)))?;
             tuning::tune(&known, most_pa, bench, &mut |telemetry, part| {
                 let text = format!(
                     "Run {}: {:.0} of {:.0} s. To vent ends it.",

@@ -10,7 +10,7 @@ use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 use thermyo_studies::drive::LiveBench;
 use thermyo_studies::tune;
-use thermyo_studies::tune::{Bench, TuneError, Tuned};
+use thermyo_studies::tune::{Bench, Left, TuneError, Tuned};
 
 /// Progress of one run of the tuning.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,8 +40,8 @@ impl Bench for Watched<'_, '_> {
         })
     }
 
-    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.bench.leave(config)
+    fn leave(&mut self, left: Left<'_, Config>) -> Result<(), BoardError> {
+        self.bench.leave(left)
     }
 }
 

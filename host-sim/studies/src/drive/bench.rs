@@ -1,33 +1,44 @@
 //! A board with a muscle or a joint of its own, for `thermyo tune`.
 
 use super::{Ended, drive};
-use crate::tune::Bench;
+use crate::tune::{Bench, Left};
 use model_core::{Config, Telemetry};
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::subject::Subject;
+use thermyo_protocol::{ConfigSource, Name};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 
 /// The board, armed for each run up to a pressure, a little above which it vents.
-pub struct LiveBench<'a, B> {
+pub struct LiveBench<'a, B: Subject> {
     pub(crate) board: &'a mut B,
     name: &'a str,
     highest_pa: f64,
     /// Returns whether the user wants to stop.
     pub(crate) wanted: &'a dyn Fn() -> bool,
+    /// The configuration from before, and its name; none where the board had the core's defaults.
+    former: Option<(B::Config, Name)>,
 }
 
 impl<'a, B: Subject> LiveBench<'a, B> {
     /// `name` is the name of the configurations that the board gets.
+    ///
+    /// # Errors
+    /// [`BoardError`], if the board does not give its configuration.
     pub fn new(
         board: &'a mut B,
         name: &'a str,
         highest_pa: f64,
         wanted: &'a dyn Fn() -> bool,
-    ) -> Self {
-        Self { board, name, highest_pa, wanted }
+    ) -> Result<Self, BoardError> {
+        let status = board.status()?;
+        let former = match status.config_source {
+            ConfigSource::Defaults => None,
+            ConfigSource::Host | ConfigSource::Flash => Some((board.config()?, status.config_name)),
+        };
+        Ok(Self { board, name, highest_pa, wanted, former })
     }
 
     /// Configures and arms the board, up to `limit_pa` at most.
@@ -36,10 +47,15 @@ impl<'a, B: Subject> LiveBench<'a, B> {
         self.board.arm(Some((self.highest_pa as f32).min(limit_pa)))
     }
 
-    pub(crate) fn vent_with(&mut self, config: &B::Config) -> Result<(), BoardError> {
+    pub(crate) fn vent_with(&mut self, left: Left<'_, B::Config>) -> Result<(), BoardError> {
+        let (config, name) = match (left, &self.former) {
+            (Left::Former(_), Some((config, name))) => (config, name.as_str()),
+            _ => (left.config(), self.name),
+        };
         self.board.stop()?;
-        if self.board.status()?.config_checksum != B::checksum(config) {
-            self.board.configure(config, self.name)?;
+        let status = self.board.status()?;
+        if status.config_checksum != B::checksum(config) || status.config_name.as_str() != name {
+            self.board.configure(config, name)?;
         }
         Ok(())
     }
@@ -59,7 +75,7 @@ impl Bench for LiveBench<'_, LiveBoard> {
         }
     }
 
-    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.vent_with(config)
+    fn leave(&mut self, left: Left<'_, Config>) -> Result<(), BoardError> {
+        self.vent_with(left)
     }
 }

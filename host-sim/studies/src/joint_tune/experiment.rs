@@ -7,6 +7,7 @@
 //!
 //! Only telemetry is used, so that it works on any board.
 
+use crate::tune::Left;
 use model_core::joint::allocation::{Line, stiffness_n_m_rad};
 use model_core::joint::{JointConfig, JointTelemetry, Mechanism, Motion};
 use model_core::physics::chamber::{AnyChamber, Chamber};
@@ -93,8 +94,8 @@ pub trait Bench {
         each: &mut dyn FnMut(u32, &JointTelemetry),
     ) -> Result<(), BenchError>;
 
-    /// Vents; the board has this configuration afterwards.
-    fn leave(&mut self, config: &JointConfig) -> Result<(), BoardError>;
+    /// Vents, and leaves the board with a configuration.
+    fn leave(&mut self, left: Left<'_, JointConfig>) -> Result<(), BoardError>;
 }
 
 /// A simulated joint, with the core in this process.
@@ -134,7 +135,7 @@ impl Bench for Simulated<'_> {
         Ok(())
     }
 
-    fn leave(&mut self, _: &JointConfig) -> Result<(), BoardError> {
+    fn leave(&mut self, _: Left<'_, JointConfig>) -> Result<(), BoardError> {
         Ok(())
     }
 }

@@ -2,6 +2,7 @@
 
 use super::experiment::{Bench, BenchError, Course};
 use crate::drive::{self, DriveError, Ended, LiveBench, follow};
+use crate::tune::Left;
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_joint::{JointLoaded, SET_POINT_INTERVAL_S};
@@ -72,7 +73,7 @@ impl Bench for LiveBench<'_, LiveJoint> {
         }
     }
 
-    fn leave(&mut self, config: &JointConfig) -> Result<(), BoardError> {
-        self.vent_with(config)
+    fn leave(&mut self, left: Left<'_, JointConfig>) -> Result<(), BoardError> {
+        self.vent_with(left)
     }
 }

@@ -24,7 +24,7 @@ pub use findings::{Findings, Values};
 pub use page::{check_chart, page, record_page, record_plot};
 pub use recorded::{Identified, RecordError, identify};
 
-use crate::tune::{self, OutOfReach, Parameter, SLIDING_M_S};
+use crate::tune::{self, Left, OutOfReach, Parameter, SLIDING_M_S};
 use check::Checked;
 use experiment::{Plan, Record};
 use findings::{Estimate, FRICTION, limits};
@@ -123,11 +123,10 @@ pub fn tune_on(
     let result = tried(loaded, highest_pa, bench);
     // Whatever happened, the joint is not left under pressure, and values that were not found better are not left on
     // the board.
-    let left = match &result {
-        Ok(tuned) if tuned.findings.adopted => tuned.scenario.config(),
-        _ => loaded.config(),
+    let vented = match &result {
+        Ok(tuned) if tuned.findings.adopted => bench.leave(Left::Found(&tuned.scenario.config())),
+        _ => bench.leave(Left::Former(&loaded.config())),
     };
-    let vented = bench.leave(&left);
     let tuned = result?;
     vented.map_err(BenchError::Board)?;
     Ok(tuned)

@@ -93,8 +93,25 @@ pub trait Bench {
     /// Runs a scenario from start to end and calls `each` with the telemetry of every step.
     fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError>;
 
-    /// Vents; the board has this configuration afterwards.
-    fn leave(&mut self, config: &Config) -> Result<(), BoardError>;
+    /// Vents, and leaves the board with a configuration.
+    fn leave(&mut self, left: Left<'_, Config>) -> Result<(), BoardError>;
+}
+
+/// The configuration that an experiment leaves on a board.
+#[derive(Debug, Clone, Copy)]
+pub enum Left<'a, C> {
+    /// The values found.
+    Found(&'a C),
+    /// The one that the board had before, or where it had none, this one of the scenario.
+    Former(&'a C),
+}
+
+impl<'a, C> Left<'a, C> {
+    pub fn config(self) -> &'a C {
+        match self {
+            Self::Found(config) | Self::Former(config) => config,
+        }
+    }
 }
 
 /// A board that gets the samples of a simulated muscle, step by step.
@@ -112,8 +129,8 @@ impl Bench for Simulated<'_> {
         run::run(driven, self.board, None, &mut observer).map(drop)
     }
 
-    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.board.start(config, SetPoint::Vent)
+    fn leave(&mut self, left: Left<'_, Config>) -> Result<(), BoardError> {
+        self.board.start(left.config(), SetPoint::Vent)
     }
 }
 

@@ -23,7 +23,7 @@ mod valve;
 
 pub use check::Figures;
 pub(crate) use experiment::usable_pa;
-pub use experiment::{Bench, HIGHEST_PA, Simulated};
+pub use experiment::{Bench, HIGHEST_PA, Left, Simulated};
 pub use findings::{Findings, Parameter, table};
 pub(crate) use findings::{compared, word};
 pub(crate) use force::SLIDING_M_S;
@@ -250,11 +250,12 @@ pub fn tune_on(
     let result = tried(loaded, plan, (chamber.rest_length(), tunable), bench);
     // Whatever happened, the muscle is not left under pressure, and values that were not found better
     // are not left on the board.
-    let left = match &result {
-        Ok(tuned) if tuned.findings.adopted => core_config(&tuned.scenario.believed),
-        _ => config,
+    let vented = match &result {
+        Ok(tuned) if tuned.findings.adopted => {
+            bench.leave(Left::Found(&core_config(&tuned.scenario.believed)))
+        }
+        _ => bench.leave(Left::Former(&config)),
     };
-    let vented = bench.leave(&left);
     let tuned = result?;
     vented.map_err(RunError::Board)?;
     Ok(tuned)

@@ -4,7 +4,7 @@
 //! Its record is the table that a user would have recorded, so that `thermyo identify` finds the same
 //! values in it.
 
-use super::experiment::{Record, configured, record, usable_pa};
+use super::experiment::{Left, Record, configured, record, usable_pa};
 use super::{Bench, Refusal, TuneError, reached};
 use model_core::Faults;
 use std::fmt::Write;
@@ -41,7 +41,7 @@ pub fn motion_record(
     let most_pa = profile.iter().map(|point| point.1).fold(0.0, f64::max);
     let records = record(loaded, DriveKind::Pressure, profile, bench);
     // Whatever happened, the muscle is not left under pressure.
-    let vented = bench.leave(&config);
+    let vented = bench.leave(Left::Former(&config));
     let records = records?;
     vented.map_err(RunError::Board)?;
     let faults = records.iter().fold(Faults::NONE, |all, record| all.with(record.faults));

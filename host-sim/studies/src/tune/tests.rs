@@ -24,8 +24,8 @@ impl Bench for Shaken {
         })
     }
 
-    fn leave(&mut self, config: &Config) -> Result<(), BoardError> {
-        self.left = Some(*config);
+    fn leave(&mut self, left: Left<'_, Config>) -> Result<(), BoardError> {
+        self.left = Some(*left.config());
         Ok(())
     }
 }
