@@ -197,7 +197,8 @@ impl Plan {
     /// Where the allowed pressures do not move the configured muscle.
     pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
         let (chamber, load_n) = configured(config)?;
-        let highest_pa = usable_pa(config, highest_pa);
+        let usable_pa = usable_pa(config, f64::INFINITY);
+        let highest_pa = highest_pa.min(usable_pa);
         let rest_m = chamber.rest_length_m();
         let [least, greatest] = contractions(config, &chamber).map(f64::from);
         let (sign, stroke) = if greatest > -least { (1.0, greatest) } else { (-1.0, -least) };
@@ -220,6 +221,7 @@ impl Plan {
             .ok_or_else(|| Refusal::NoRange {
                 highest_pa,
                 needed_pa: pressure_pa(from + LEAST_WIDTH),
+                usable_pa,
             })?;
         let pressures_pa = [from, to].map(pressure_pa);
         let mut profile = Profile { points: vec![(0.0, pressures_pa[0])] };

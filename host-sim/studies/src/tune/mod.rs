@@ -91,6 +91,21 @@ pub(crate) fn refuse_without_pulses(config: &Config) -> Result<(), Refusal> {
     if config.valve_kind == ValveKind::Switching { Ok(()) } else { Err(Refusal::NoPulses) }
 }
 
+/// How an experiment gets the pressure that it needs.
+fn more(needed_pa: f64, usable_pa: f64) -> String {
+    // Rounded up to a tenth of a bar.
+    let asked_bar = (needed_pa / 1e4).ceil() / 10.0;
+    if asked_bar * 1e5 <= usable_pa {
+        format!("--max-pressure {asked_bar}bar allows it")
+    } else {
+        format!(
+            "85 % of supply.pressure_pa, and 90 % of the pressure at which the core vents, are no more than \
+             {:.0} kPa",
+            usable_pa / 1e3
+        )
+    }
+}
+
 /// Reason why the experiment or its data cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
@@ -106,10 +121,15 @@ pub enum Refusal {
     NoPulses,
     #[error(
         "the configured muscle needs {:.0} kPa to move by 9 % against its load, and at most {:.0} kPa are \
-         allowed (--max-pressure, 85 % of the supply, 90 % of the sensor's limit)",
-        needed_pa / 1e3, highest_pa / 1e3
+         allowed: {}",
+        needed_pa / 1e3, highest_pa / 1e3, more(*needed_pa, *usable_pa)
     )]
-    NoRange { highest_pa: f64, needed_pa: f64 },
+    NoRange {
+        highest_pa: f64,
+        needed_pa: f64,
+        /// Highest pressure that may be allowed \[Pa\].
+        usable_pa: f64,
+    },
     #[error("faults during the experiment: {0}")]
     Faulty(Faults),
     #[error(

@@ -97,6 +97,24 @@ fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
     }
 }
 
+/// A muscle that needs more than the usual 4 bar was refused without how to give it more.
+#[test]
+fn a_pressure_that_does_not_move_the_muscle_names_one_that_does() {
+    let refused = |text: &str, most_pa: f64| {
+        let file = Path::new("s.toml");
+        let loaded = thermyo_setup::parse(text, file).unwrap();
+        tune(&loaded, file, most_pa, &mut CoreBoard::default()).unwrap_err().to_string()
+    };
+    let short = "[muscle]\npreset = \"dmsp-10\"\nrest_length_m = 0.2\n[load]\nforce_n = 20\n";
+    let more = refused(short, HIGHEST_PA);
+    assert!(
+        more.ends_with("at most 400 kPa are allowed: --max-pressure 5.1bar allows it"),
+        "{more}"
+    );
+    let low = refused(&format!("{short}[supply]\npressure_pa = 5e5\n"), HIGHEST_PA);
+    assert!(low.contains("at most 400 kPa are allowed: 85 % of supply.pressure_pa, and "), "{low}");
+}
+
 /// A length or an actuator that shows nothing is refused before anything moves.
 #[test]
 fn a_motion_that_shows_nothing_is_refused() {
