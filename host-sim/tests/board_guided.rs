@@ -215,6 +215,38 @@ fn a_program_that_asks_keeps_no_set_point_alive() {
     assert!(info.contains("link lost"), "{info}");
 }
 
+/// A joint that has locked was reported as vented.
+#[test]
+fn a_joint_that_may_have_locked_is_not_reported_as_vented() {
+    let bench = configured_joint();
+    let text = fs::read_to_string(repository().join("scenarios/joint_board.toml")).unwrap();
+    let locking = bench.path("locking.toml");
+    fs::write(&locking, text.replace("[joint]", "[joint]\nlock_s = 0.8")).unwrap();
+    bench.ok(&format!("thermyo board emulated config write {}", locking.display()));
+    let mut child =
+        bench.start("thermyo board emulated set angle 5deg --stiffness 10 --arm --hold 60");
+    child.stdout.as_mut().unwrap().read_exact(&mut [0; 20]).unwrap();
+    signal(&child, "-KILL");
+    child.wait().unwrap();
+    until("it is in its history", || {
+        let history = bench.ok("thermyo board emulated history");
+        history.starts_with("locked or vented by link lost at ")
+    });
+}
+
+/// The reader of the figures ends, as in `thermyo monitor PORT | head`.
+#[test]
+fn a_monitor_whose_output_is_closed_keeps_its_record() {
+    let bench = configured();
+    let mut child = bench.start("thermyo monitor emulated --out out/monitor");
+    let mut out = child.stdout.take().unwrap();
+    out.read_exact(&mut [0; 20]).unwrap();
+    drop(out);
+    let said = end(child).ok();
+    assert!(said.err.is_empty(), "{}", said.err);
+    assert!(bench.path("out/monitor/trace.csv").exists());
+}
+
 /// Starts a command and waits until this file has more than so many bytes.
 fn recording(bench: &Bench, line: &str, file: &str, bytes: u64) -> Child {
     let (child, file) = (bench.start(line), bench.path(file));

@@ -153,7 +153,11 @@ pub(super) fn config_file(
     to.done(&json, &words)
 }
 
-pub(super) fn history(events: &[Event], to: &mut Console<'_>) -> Result<(), Failure> {
+/// Prints what happened to a board; `ended` is how a fault ends what it drives.
+pub(super) fn history(
+    (events, ended): (&[Event], &str),
+    to: &mut Console<'_>,
+) -> Result<(), Failure> {
     let json = serde_json::to_value(events).expect("plain data");
     if events.is_empty() {
         let words = "no events: it has neither vented by itself nor restarted\n";
@@ -164,7 +168,7 @@ pub(super) fn history(events: &[Event], to: &mut Console<'_>) -> Result<(), Fail
         words += &match event {
             Event::Started(last_reset) => format!("started by {}\n", started_by(*last_reset)),
             Event::Vented(first) => format!(
-                "vented by {} at {}, step {}\n",
+                "{ended} by {} at {}, step {}\n",
                 first.faults,
                 to.units.text(first.pressure_pa.into(), "Pa", 2),
                 first.step

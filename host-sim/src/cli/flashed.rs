@@ -78,7 +78,7 @@ pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Fai
             to.done(&json!({ "faults": left.to_string() }), &words)
         }
         BoardTask::Config(task) => configure(&mut board, task, to),
-        BoardTask::History => history(&board.history()?, to),
+        BoardTask::History => history((&board.history()?, "vented"), to),
         BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, to),
         BoardTask::Drive(args) => drive_profile(&mut board, &args, to),
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),

@@ -58,7 +58,11 @@ pub(super) fn run(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(
         BoardTask::Clear => clear(&mut board, to),
         BoardTask::Drive(args) => drive(&mut board, &args, to),
         BoardTask::Calibrate(args) => calibrate::run_joint(&mut board, &args, to),
-        BoardTask::History => history(&board.history()?, to),
+        BoardTask::History => {
+            let locks = board.config()?.mechanism.lock_s > 0.0;
+            let ended = if locks { "locked or vented" } else { "vented" };
+            history((&board.history()?, ended), to)
+        }
         BoardTask::Config(ConfigTask::Read { file }) => read(&mut board, &file, to),
         BoardTask::Config(ConfigTask::Write { file }) => write(&mut board, &file, to),
         BoardTask::Config(ConfigTask::Save) => save(&mut board, to),

@@ -112,7 +112,13 @@ fn watch<S: Monitored>(
                 out.text("scenario.toml", &scenario)?;
             }
         }
-        view.show(&mut io::stdout(), session).map_err(MonitorError::Terminal)?;
+        match view.show(&mut io::stdout(), session) {
+            // The program that read the figures has ended.
+            Err(error) if shown == Shown::Lines && error.kind() == io::ErrorKind::BrokenPipe => {
+                return Ok(Ended::Left);
+            }
+            shown => shown.map_err(MonitorError::Terminal)?,
+        }
         if shown != Shown::Terminal {
             if session.status() == Status::Unplugged {
                 return Err(MonitorError::Gone);
