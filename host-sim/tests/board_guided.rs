@@ -181,7 +181,8 @@ fn stops_are_measured_only_when_armed_and_an_interrupt_vents() {
     bench.run(measure).ends(2).says("not armed");
     assert!(!bench.path("out/stops").exists());
     let child = bench.start(&format!("{measure} --arm --max-pressure 250000"));
-    interrupted_with_the_board(&bench, child);
+    let stopped = interrupted_with_the_board(&bench, child);
+    assert_eq!(stopped.err.matches("stopped").count(), 1, "{}", stopped.err);
     bench.vented();
 }
 

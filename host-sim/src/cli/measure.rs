@@ -168,8 +168,12 @@ fn measure(
     write(&mut files, &findings, &record, loaded, title)?;
     to.results(files, (&findings.json(), &findings.text(to.units)))?;
     if interrupted {
-        to.say(format_args!("stopped; the record is in {}", folder.display()));
-        return Err(Failure::Interrupted);
+        let measured_s = record.rows.rows.last().map_or(0.0, |row| row.time_s);
+        let duration_s = plan.driven.plant.run.duration_s;
+        return Err(Failure::StoppedAt(format!(
+            "{measured_s:.2} s of {duration_s:.0} s; the record is in {}",
+            folder.display()
+        )));
     }
     findings.failed().map_or(Ok(()), |why| Err(Failure::Check(why)))
 }
