@@ -179,6 +179,14 @@ fn unusable_readings_give_one_clear_message() {
         ("250,6e5,250,3", "map.csv:2: column rest_length_m = 250.0: must be a number from 0.005"),
         ("0.25,6e5,0.25,3,2", "map.csv:2: column direction = 2.0: must be 1, -1 or 0"),
         ("0.25,6e5,0.25,3,,9", "map.csv: unknown column colour; known here: rest_length_m"),
+        (
+            "0.25,6e5,250,3",
+            "map.csv:2: column length_m = 250.0: must be a number from 0.125 to 0.275 m: is this mm?",
+        ),
+        (
+            "250,6e5,250,3",
+            "map.csv:2: column rest_length_m = 250.0: must be a number from 0.005 to 10 m: is this mm?",
+        ),
     ] {
         let columns = match rows.lines().next().unwrap().split(',').count() {
             3 => "rest_length_m,gauge_pressure_pa,length_m".to_owned(),
@@ -190,6 +198,13 @@ fn unusable_readings_give_one_clear_message() {
         let error = Readings::of(&table).unwrap_err().to_string();
         assert!(error.starts_with(message), "{error}");
     }
+    let absolute = header.replace("gauge_pressure_pa", "pressure_pa");
+    let table = Table::parse(&format!("{absolute}\n0.25,7e5,0.25,3\n"), "map.csv".as_ref());
+    let error = Readings::of(&table.unwrap()).unwrap_err().to_string();
+    assert!(
+        error.starts_with("map.csv: column pressure_pa: is absolute, and a static map has gauge"),
+        "{error}"
+    );
     let four = readings(&muscle(MUSCLES[0]), &grid(&[0.0])[2..6], 0.0, 0.0, 1);
     let refused = |loaded: &Loaded, readings: &Readings| {
         let all = readings.clone();
@@ -257,6 +272,22 @@ fn a_comparison_with_nothing_or_another_muscle_is_refused() {
     against("other.csv").refused("other.csv:2: column rest_length_m = 0.15: must be 0.08");
     let out = against("one.csv").ok().out;
     assert!(out.contains(" of the largest, 1 reading\n"), "{out}");
+}
+
+/// Absolute pressures were fitted without a word.
+#[test]
+fn a_gauge_pressure_beyond_the_supply_is_remarked_on() {
+    let remarked = |added_pa: f64| {
+        let places: Vec<_> =
+            grid(&[0.0]).into_iter().map(|(at, pa, way)| (at, pa + added_pa, way)).collect();
+        let readings = readings(&muscle(MUSCLES[0]), &places, 0.0, 0.0, 1);
+        let (config, data) = ("c.toml".as_ref(), "map.csv".as_ref());
+        let found = static_map::identify(&shipped(), readings, None, config, data).unwrap();
+        let beyond = |remark: &&String| remark.contains("is above the 598675 Pa that supply");
+        found.findings.remarks.iter().find(beyond).cloned()
+    };
+    assert_eq!(remarked(0.0), None);
+    assert!(remarked(101_325.0).unwrap().starts_with("line 7: a gauge pressure of 701325 Pa"));
 }
 
 #[test]
@@ -335,7 +366,7 @@ fn messages_are_those_of_a_map() {
     of_map(&text.replace(",0,0\n", ",-30,0\n"))
         .refused("column force_n = -30.0: must be a number from -2 %");
     of_map(&text.replace("gauge_pressure_pa", "pressure_pa"))
-        .refused("map.csv: column gauge_pressure_pa is missing");
+        .refused("map.csv: column pressure_pa: is absolute, and a static map has gauge");
     of_map(&text.lines().take(2).map(|l| l.to_owned() + "\n").collect::<String>())
         .refused("1 reading with a force above 1 %");
 }

@@ -52,6 +52,12 @@ fn check_absolute(
     }
 }
 
+/// The unit that a length was measured in, where it is in range in that one.
+pub fn unit_of_length(length: f64, [low, high]: [f64; 2]) -> Option<&'static str> {
+    let units = [(1e-3, "mm"), (1e-2, "cm")];
+    units.iter().find(|(metres, _)| (low..=high).contains(&(metres * length))).map(|unit| unit.1)
+}
+
 /// The unit in which the highest pressure of a muscle is a number as small as this.
 pub fn unit_of_highest(pressure: f64) -> &'static str {
     match pressure {

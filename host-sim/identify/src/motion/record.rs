@@ -3,7 +3,9 @@
 use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
-use thermyo_record::measured::{check_distances, check_pressures, check_rising, since_s};
+use thermyo_record::measured::{
+    check_distances, check_pressures, check_rising, since_s, unit_of_length,
+};
 use thermyo_scenario::{PlantKind, Scenario};
 
 /// Required columns, and the optional one.
@@ -185,16 +187,11 @@ pub fn check_lengths(table: &Table, rest_m: f64) -> Result<(), InputError> {
     let Some((row, length)) = rows.find(|(_, length)| !(low..=high).contains(length)) else {
         return Ok(());
     };
-    let unit = if (low..=high).contains(&(0.001 * length)) {
-        ": is this mm?"
-    } else if (low..=high).contains(&(0.01 * length)) {
-        ": is this cm?"
-    } else if (low..=high).contains(&-length) {
-        ": is its sign reversed?"
-    } else if length.abs() < low {
-        ": is this a contraction, or a stroke?"
-    } else {
-        ""
+    let unit = match unit_of_length(length, [low, high]) {
+        Some(unit) => format!(": is this {unit}?"),
+        None if (low..=high).contains(&-length) => ": is its sign reversed?".to_owned(),
+        None if length.abs() < low => ": is this a contraction, or a stroke?".to_owned(),
+        None => String::new(),
     };
     let allowed =
         format!("a length from {low} to {high} m, by muscle.rest_length_m = {rest_m:?}{unit}");

@@ -30,6 +30,8 @@ const LITTLE_TOLD: f64 = 0.7;
 const BACKWARDS: f64 = 3.0;
 /// Correlation from which on two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
+/// Gauge pressures up to this share of what the supply gives are not remarked on: 6 bar of a supply of 7 bar \[-\].
+const GAUGE_MARGIN: f64 = 1.02;
 /// Grid of gauge pressures and lengths on which the law's deviation is computed.
 const GRID: usize = 12;
 
@@ -251,6 +253,7 @@ pub fn identify(
     };
     findings.holds = findings.failed().is_none();
     findings.remarks = remarks(&findings, &readings, place.len(), &covariance);
+    findings.remarks.extend(beyond_supply(&readings, &loaded.plant));
 
     let mut scenario = loaded.clone();
     for configured in [&mut scenario.plant, &mut scenario.believed] {
@@ -311,6 +314,18 @@ fn law_sd_n(
         .collect();
     let mean = deviations.iter().sum::<f64>() / deviations.len().max(1) as f64;
     [mean, deviations.iter().copied().fold(0.0, f64::max)]
+}
+
+/// Names the first gauge pressure that the scenario's supply cannot give: it may be absolute.
+fn beyond_supply(readings: &Readings, scenario: &Scenario) -> Option<String> {
+    let Scenario { supply, ambient, .. } = scenario;
+    let most_pa = supply.pressure_pa - ambient.pressure_pa;
+    let beyond = |reading: &&Reading| reading.gauge_pressure_pa > GAUGE_MARGIN * most_pa;
+    let Reading { line, gauge_pressure_pa, .. } = readings.loaded.iter().find(beyond)?;
+    Some(format!(
+        "line {line}: a gauge pressure of {gauge_pressure_pa} Pa is above the {most_pa} Pa that supply.pressure_pa \
+         gives: if the pressures are absolute, subtract the ambient one."
+    ))
 }
 
 fn remarks(

@@ -2,7 +2,7 @@
 
 use thermyo_files::input::{InputError, Instead, Problem, quoted};
 use thermyo_files::table::Table;
-use thermyo_record::measured::unit_of_highest;
+use thermyo_record::measured::{unit_of_highest, unit_of_length};
 
 pub const COLUMNS: [&str; 4] = ["rest_length_m", "gauge_pressure_pa", "length_m", "force_n"];
 /// Optional column: the direction from which each reading was approached.
@@ -13,6 +13,8 @@ pub const LOADED: f64 = 0.01;
 const BELOW_ZERO: f64 = 0.02;
 /// A map with no gauge pressure above this one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 1.0e4;
+/// Column of absolute pressures, as a record over time has.
+const ABSOLUTE: &str = "pressure_pa";
 /// Fewest loaded readings for an identification.
 pub const FEWEST: usize = 5;
 /// Relative difference up to which rest lengths count as equal.
@@ -66,6 +68,7 @@ impl Readings {
     }
 
     fn beside(table: &Table, fitted: Option<&Self>) -> Result<Self, InputError> {
+        refuse_absolute_column(table)?;
         let [rest, gauge, length, force] = COLUMNS.map(|name| table.column(name));
         let (rest, gauge, length, force) = (rest?, gauge?, length?, force?);
         refuse_unknown(table)?;
@@ -78,7 +81,12 @@ impl Readings {
             let Some(force_n) = *force_n else { continue };
             let cell = |cells: &[Option<f64>], name: &str, [low, high]: [f64; 2], unit: &str| {
                 let value = cells[row].filter(|value| (low..=high).contains(value));
-                let allowed = || format!("a number from {low} to {high}{unit}");
+                let allowed = || {
+                    let length = cells[row].filter(|_| unit == " m");
+                    let meant = length.and_then(|length| unit_of_length(length, [low, high]));
+                    let meant = meant.map_or_else(String::new, |unit| format!(": is this {unit}?"));
+                    format!("a number from {low} to {high}{unit}{meant}")
+                };
                 value.ok_or_else(|| table.cell_error(row, name, &allowed()))
             };
             let own_m = cell(rest, COLUMNS[0], [0.005, 10.0], " m")?;
@@ -109,15 +117,7 @@ impl Readings {
             }
         }
         let largest_n = largest_n(&readings).max(fitted.map_or(0.0, Self::largest_n));
-        let possible_n = -BELOW_ZERO * largest_n..=1.0e6;
-        let impossible = |cell: &Option<f64>| cell.is_some_and(|n| !possible_n.contains(&n));
-        if let Some(row) = force.iter().position(impossible) {
-            return Err(table.cell_error(
-                row,
-                COLUMNS[3],
-                "a number from -2 % of the largest to 1e6 N",
-            ));
-        }
+        possible_forces(table, force, largest_n)?;
         in_pascals(table, gauge, force)?;
         let (loaded, slack) =
             readings.into_iter().partition(|reading| reading.force_n > LOADED * largest_n);
@@ -147,6 +147,19 @@ impl Readings {
     }
 }
 
+/// Refuses absolute pressures in the place of gauge pressures.
+fn refuse_absolute_column(table: &Table) -> Result<(), InputError> {
+    let has = |name: &str| table.columns().iter().any(|column| column.name == name);
+    if has(COLUMNS[1]) || !has(ABSOLUTE) {
+        return Ok(());
+    }
+    let why = format!(
+        "is absolute, and a static map has gauge pressures: subtract the ambient one, and name it {}",
+        COLUMNS[1]
+    );
+    Err(table.header_error(Problem::UnusableColumn { column: ABSOLUTE.to_owned(), why }))
+}
+
 /// Refuses a column that a static map does not have.
 fn refuse_unknown(table: &Table) -> Result<(), InputError> {
     let known = || COLUMNS.iter().chain([&DIRECTION]);
@@ -159,6 +172,14 @@ fn refuse_unknown(table: &Table) -> Result<(), InputError> {
 
 fn largest_n(readings: &[Reading]) -> f64 {
     readings.iter().map(|reading| reading.force_n).fold(0.0, f64::max)
+}
+
+/// Refuses forces far below zero.
+fn possible_forces(table: &Table, force: &[Option<f64>], largest_n: f64) -> Result<(), InputError> {
+    let possible_n = -BELOW_ZERO * largest_n..=1.0e6;
+    let impossible = |cell: &Option<f64>| cell.is_some_and(|n| !possible_n.contains(&n));
+    let Some(row) = force.iter().position(impossible) else { return Ok(()) };
+    Err(table.cell_error(row, COLUMNS[3], "a number from -2 % of the largest to 1e6 N"))
 }
 
 /// Refuses gauge pressures that are all too small to be in Pa.
