@@ -151,6 +151,11 @@ fn identify_uses_whole_rows_and_refuses_impossible_values() {
         "data.csv:52: the last line has no end: it may be cut; read up to there: 50 rows";
     assert!(code != Some(2) && err.lines().next().unwrap().ends_with(expected), "{err}");
 
+    // The cut line was named beside the missing column.
+    identify("pressure_pa,sensor_gas_k\n5e5,300\n4e5,29")
+        .refused("data.csv: column time_s is missing")
+        .in_one_line();
+
     // A pressure of 4.5 bar, given in bar.
     let expected = "data.csv:52: column pressure_pa = 4.5: must be a number from 1000 to 1e8 Pa";
     identify(&format!("time_s,pressure_pa\n{rows}50,4.5\n51,4.4\n")).refused(expected);

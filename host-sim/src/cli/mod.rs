@@ -485,7 +485,10 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     };
     let table = table::read_either(data, Readings::are_in)
         .map_err(|error| of_unknown_column(error, &known_columns()))?;
-    say_damage(&table, to);
+    // Without times it is refused for that, however far it goes.
+    if table.column(measured::TIME).is_ok() || Readings::are_in(&table) {
+        say_damage(&table, to);
+    }
     let against = args.against.as_deref().map(table::read_table).transpose()?;
     interrupt::watch();
     // Created before the search, which takes minutes: an unwritable folder fails at once.
