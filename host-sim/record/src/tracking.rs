@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use thermyo_compute::math;
 use thermyo_files::number::significant;
 use thermyo_files::units::{Unit, UnitSystem};
-use thermyo_scenario::{DriveKind, Scenario, Shape};
+use thermyo_scenario::{DriveKind, Scenario, Shape, ValveKind};
 
 /// An error within this fraction of a jump counts as settled, as in `thermyo tune` \[-\].
 const SETTLED: f64 = 0.05;
@@ -71,8 +71,8 @@ pub struct Control {
     pub settled_s: Option<f64>,
     /// Jumps after which the value did not settle before the next one.
     pub unsettled: u64,
-    /// Pulses of both valves per second \[1/s\].
-    pub pulses_per_s: f64,
+    /// Pulses of both valves per second \[1/s\]; none of valves that open in proportion.
+    pub pulses_per_s: Option<f64>,
     /// Fraction of the time in which the inlet is fully open \[-\].
     pub inlet_open: f64,
     /// Fraction of the time in which the outlet is fully open \[-\].
@@ -101,7 +101,9 @@ impl Control {
         if self.unsettled > 0 {
             line += &format!(", not settled after {} jumps", self.unsettled);
         }
-        format!("{line}\nvalves: {:.1} pulses/s; {}\n", self.pulses_per_s, self.diagnosis)
+        let pulses =
+            self.pulses_per_s.map_or_else(String::new, |rate| format!("{rate:.1} pulses/s; "));
+        format!("{line}\nvalves: {pulses}{}\n", self.diagnosis)
     }
 }
 
@@ -113,6 +115,8 @@ pub struct Reference {
     jumps: bool,
     /// Error that the controller leaves alone at rest, in the set point's unit.
     dead_zone: f64,
+    /// Valves by pulses, not in proportion.
+    switches: bool,
     pwm_hz: f64,
     step_s: f64,
     duration_s: f64,
@@ -131,6 +135,7 @@ impl Reference {
             dead_zone: f64::from(dead_zone),
             sine_s: (drive.shape == Shape::Sine).then_some(drive.period_s),
             jumps: matches!(drive.shape, Shape::Step | Shape::Staircase) || drive.is_constant(),
+            switches: scenario.valve.kind == ValveKind::Switching,
             pwm_hz: scenario.valve.pwm_hz,
             step_s: scenario.run.step_s,
             duration_s: scenario.run.duration_s,
@@ -320,7 +325,10 @@ impl Tracking {
             phase_deg: sine.then(|| wrapped(phase).to_degrees()),
             settled_s: self.settled_s.filter(|_| self.unsettled == 0),
             unsettled: self.unsettled,
-            pulses_per_s: self.pulses / (steps * self.reference.step_s),
+            pulses_per_s: self
+                .reference
+                .switches
+                .then(|| self.pulses / (steps * self.reference.step_s)),
             inlet_open: self.open[0] as f64 / steps,
             outlet_open: self.open[1] as f64 / steps,
             limited: self.limited as f64 / steps,

@@ -114,3 +114,15 @@ fn steps_settle_and_their_pulses_are_counted() {
     let pulses_per_s = steps["pulses_per_s"].as_f64().unwrap();
     assert!((0.5..60.0).contains(&pulses_per_s), "{steps}");
 }
+
+/// Changes of their command were printed as pulses.
+#[test]
+fn valves_that_open_in_proportion_have_no_pulses() {
+    let text =
+        "[run]\nduration_s = 1\n[valve]\nkind = \"proportional\"\n[drive]\nkind = \"pressure\"\n";
+    let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
+    let control = run::on_core(&loaded, |_| ()).unwrap().control.unwrap();
+    assert_eq!(control.pulses_per_s, None);
+    let printed = control.text(UnitSystem::Practical);
+    assert!(printed.contains("\nvalves: ") && !printed.contains("pulses"), "{printed}");
+}
