@@ -53,7 +53,9 @@ fn a_joint_is_steered_and_recorded_from_the_page() {
     page.until("refused", |page| page.happened("has no configuration"));
     let text = fs::read_to_string(repository().join(SCENARIO)).unwrap();
     page.order(json!({ "configure": { "name": "muscle.toml", "text": "[muscle]\n" } }));
-    page.until("no joint", |page| page.happened("muscle.toml: cannot be read: it has no [joint]"));
+    page.until("no joint", |page| {
+        page.happened("muscle.toml: has no [joint], and the board drives one")
+    });
     page.order(json!({ "configure": { "name": "joint_board.toml", "text": text } }));
     page.configured_joint();
     assert_orders_for_one_muscle_are_refused(&mut page);

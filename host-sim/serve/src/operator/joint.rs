@@ -99,8 +99,8 @@ impl Served for LiveJoint {
             return Ok((joint.config(), target.muscle_name()));
         };
         if !thermyo_scenario::joint::is_joint(&text.text) {
-            let why = "it has no [joint], and the board drives one".to_owned();
-            let problem = Problem::Unreadable(why);
+            let why = "has no [joint], and the board drives one".to_owned();
+            let problem = Problem::Unusable(why);
             return Err(InputError::file(Path::new(&text.name), problem).into());
         }
         let loaded = thermyo_joint::parse_alone(&text.text, Path::new(&text.name))?;

@@ -34,9 +34,9 @@ pub fn plan(file: &Path, config: &JointConfig) -> Result<JointLoaded, InputError
         driven.profile = Some([angle, stiffness]);
     } else {
         let Some(loaded) = thermyo_joint::load(file)? else {
-            let why = "it has no [joint], and the board drives one: give a joint's scenario, or a CSV with time_s, \
+            let why = "has no [joint], and the board drives one: give a joint's scenario, or a CSV with time_s, \
                        angle_rad and stiffness_n_m_rad";
-            return Err(InputError::file(file, Problem::Unreadable(why.to_owned())));
+            return Err(InputError::file(file, Problem::Unusable(why.to_owned())));
         };
         if let Some((_, problem)) = loaded.beyond(&driven.believed) {
             return Err(InputError::file(file, problem));

@@ -131,7 +131,7 @@ fn kind_of(table: &Table, kind: Option<DriveKind>) -> Result<DriveKind, InputErr
         table.header_error(if has("value") {
             Problem::UnusableColumn { column: "value".to_owned(), why }
         } else {
-            Problem::Unreadable(format!("it needs a column of set points: one of {names}"))
+            Problem::Unusable(format!("needs a column of set points: one of {names}"))
         })
     })
 }
