@@ -250,6 +250,9 @@ fn broken_toml_gives_one_line() {
         assert!(message.starts_with(&start), "{message}");
         assert_eq!(message.lines().count(), 1, "{message}");
     }
+    let comma = parse("[muscle]\nrest_length_m = 0,3  # metres").unwrap_err();
+    let expected = "scenario.toml:2: not valid TOML: 0,3: numbers need a decimal point";
+    assert_eq!(comma, expected);
 }
 
 #[test]

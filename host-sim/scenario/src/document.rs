@@ -6,6 +6,15 @@ use thermyo_files::input::{InputError, Instead, Lines, Problem, nearest, quoted}
 use toml::de::{DeInteger, DeTable, DeValue};
 use toml::{Spanned, Value};
 
+/// A number with a decimal comma, as the value of a line.
+fn decimal_comma(line: &str) -> Option<&str> {
+    let (_, value) = line.split_once('=')?;
+    let value = value.split('#').next()?.trim();
+    let (whole, decimals) = value.split_once(',')?;
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    (digits(whole.trim_start_matches(['-', '+'])) && digits(decimals)).then_some(value)
+}
+
 /// The tables of a text.
 pub(super) fn toml_of<'a>(
     text: &'a str,
@@ -13,7 +22,14 @@ pub(super) fn toml_of<'a>(
     origin: &Path,
 ) -> Result<Spanned<DeTable<'a>>, InputError> {
     DeTable::parse(text).map_err(|error| {
-        let problem = Problem::Syntax(error.message().replace('\n', ", "));
+        let line = error.span().and_then(|span| {
+            let from = text.get(..span.start)?.rfind('\n').map_or(0, |end| end + 1);
+            text.get(from..)?.lines().next()
+        });
+        let problem = Problem::Syntax(match line.and_then(decimal_comma) {
+            Some(number) => format!("{number}: numbers need a decimal point"),
+            None => error.message().replace('\n', ", "),
+        });
         match error.span() {
             Some(span) => InputError::line(origin, lines.line_at(span.start), problem),
             None => InputError::file(origin, problem),
