@@ -114,6 +114,10 @@ fn a_missing_or_wrong_answer_is_named_and_nothing_is_written() {
         (&FLAGS[..1], "--muscle is missing: none, dmsp-10, dmsp-20; there is no terminal"),
         (&FLAGS[..9], "--supply is missing"),
         (&["init", "--muscle", "dmsp-30"][..], "--muscle must be one of none, dmsp-10, dmsp-20"),
+        (
+            &[&FLAGS[..10], &["7"]].concat(),
+            "--supply must be absolute, and above the 101325 Pa of the air; 7 bar is 7bar",
+        ),
         (&["init", "--muscle", "none"][..], "--rest-length is missing: a number from 0.005"),
     ] {
         thermyo(&folder, arguments).refused(message);

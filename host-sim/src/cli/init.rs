@@ -143,7 +143,16 @@ impl Answers<'_> {
 
 fn allowed(key: &str, number: f64) -> Result<f64, String> {
     let limits = schema::limits(key);
-    limits.contains(number).then_some(number).ok_or_else(|| format!("must be {limits}"))
+    if !limits.contains(number) {
+        return Err(format!("must be {limits}"));
+    }
+    let ambient_pa = Scenario::default().ambient.pressure_pa;
+    if key == SUPPLY.key && number <= ambient_pa {
+        let bar = Some(number).filter(|bar| (1.0..100.0).contains(bar));
+        let meant = bar.map_or_else(String::new, |bar| format!("; {bar} bar is {bar}bar"));
+        return Err(format!("must be absolute, and above the {ambient_pa} Pa of the air{meant}"));
+    }
+    Ok(number)
 }
 
 /// A number that was typed, which may have a unit as a flag's has.
