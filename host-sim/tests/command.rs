@@ -727,6 +727,9 @@ fn a_unit_that_exists_is_left_before_anything_is_built() {
     let output = thermyo(&["fmu", &file, "--out", &unit]);
     output.refused("muscle.fmu: exists already, and is left");
     assert_eq!(folder.read("muscle.fmu"), "mine");
+    let below = format!("{unit}/other.fmu");
+    thermyo(&["fmu", &file, "-o", &below]).refused("muscle.fmu: is a file; a folder is needed");
+    assert_eq!(folder.read("muscle.fmu"), "mine");
 }
 
 #[test]
