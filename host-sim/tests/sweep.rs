@@ -384,6 +384,10 @@ fn bad_arguments_are_named_and_nothing_is_written() {
     let out_text = out.display().to_string();
     for (varied, message) in [
         ("heat.iner_w_m2_k=1:2:3", "unknown key heat.iner_w_m2_k; did you mean heat.inner_w_m2_k?"),
+        (
+            "supply.presure_pa=4bar:8bar:3",
+            "unknown key supply.presure_pa; did you mean supply.pressure_pa?",
+        ),
         ("plant.kind=1:2:2", "plant.kind takes no number: it is one of \"muscle\", \"vessel\""),
         ("sensor.gas=1:2:2", "sensor.gas takes no number: it is a table of keys"),
         ("sensor.gas.position=0:2:3", "sensor.gas.position = 2: must be a number from 0 to 1"),

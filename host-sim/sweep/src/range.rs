@@ -141,7 +141,10 @@ impl FromStr for Range {
                 Err(RangeError::TooManyDigits(name, text.to_owned()))
             }
             Ok(number) => Ok(number),
-            Err(unread) => Err(RangeError::NoNumber(name, text.to_owned(), unread.to_string())),
+            // The unit of an unknown key is unknown: the scenario refuses the key, and names the one that is meant.
+            Err(unread) => leading_number(text)
+                .filter(|_| allowed(key).is_none())
+                .ok_or_else(|| RangeError::NoNumber(name, text.to_owned(), unread.to_string())),
         };
         let (from, to) = (limit("FROM", from)?, limit("TO", to)?);
         let interval = count.is_none();
@@ -218,6 +221,12 @@ pub(super) fn allowed(full_path: &str) -> Option<Allowed> {
     let path = of_muscle.strip_prefix("believed.").unwrap_or(of_muscle);
     let key = schema::key(path).map(|(_, key)| key).or_else(|| joint::key(full_path));
     key.map(|key| key.allowed)
+}
+
+/// The number that a text begins with.
+fn leading_number(text: &str) -> Option<f64> {
+    let end = text.find(|char: char| !"+-.0123456789".contains(char)).unwrap_or(text.len());
+    text[..end].parse().ok()
 }
 
 /// f64 holds every digit of the number as written; a seed may have more.
