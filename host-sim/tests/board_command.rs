@@ -79,6 +79,13 @@ fn assert_the_limits_are_stated(bench: &Bench) {
     let row = bench.refused(&format!("{drive} --kind contraction"));
     assert!(row.contains("late.csv:4: column value = 0.6: must be a number from 0 to 0."), "{row}");
     assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
+    // It was driven for no time, with exit code 0.
+    fs::write(bench.path("once.csv"), "time_s,pressure_pa\n0,120000\n").unwrap();
+    let once = bench.path("once.csv").display().to_string();
+    let once = bench.refused(&format!("thermyo board emulated drive {once} --arm --out out/drive"));
+    let expected =
+        "once.csv: column time_s: ends at 0 s: must end after 0 s, where the drive begins";
+    assert!(once.contains(expected), "{once}");
     let high = bench.refused("thermyo board emulated arm --max-pressure 15bar");
     assert!(high.contains("a pressure of 1500 kPa: must be from 101.33 kPa (ambient, "), "{high}");
     assert!(bench.ok("thermyo board emulated arm --max-pressure 2bar").contains("200.0 kPa"));
@@ -315,6 +322,7 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert!(angle.contains("the board drives one muscle"), "{angle}");
     let joint = bench.refused(&format!("thermyo board emulated config write {scenario}"));
     assert!(joint.contains("has a [joint]") && joint.contains("emulated plug"), "{joint}");
+    assert_eq!(bench.refused(&format!("thermyo board emulated drive {scenario} --arm")), joint);
     assert!(bench.refused(set).contains("thermyo flash --joint"));
 }
 
@@ -366,6 +374,8 @@ fn assert_a_joint_is_driven(bench: &Bench) {
         far.contains("course.csv:3: column angle_rad = 0.95: must be a number from -0.8"),
         "{far}"
     );
+    write("");
+    assert!(bench.refused(&drive).contains("column time_s: ends at 0 s: must end after 0 s"));
     write("0.2,0,14\n0.6,0.2,14\n0.8,0.2,12\n");
     assert!(bench.refused(&drive).contains("not armed"));
     assert!(bench.refused(&format!("{drive} --kind duty")).contains("are for one muscle"));

@@ -80,7 +80,12 @@ pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Fai
         BoardTask::Config(task) => configure(&mut board, task, to),
         BoardTask::History => history((&board.history()?, "vented"), to),
         BoardTask::Calibrate(args) => calibrate::run(&mut board, &args, to),
-        BoardTask::Drive(args) => drive_profile(&mut board, &args, to),
+        BoardTask::Drive(args) => {
+            if args.profile.extension().is_some_and(|extension| extension == "toml") {
+                refuse_joint(&args.profile)?;
+            }
+            drive_profile(&mut board, &args, to)
+        }
         BoardTask::Plug { .. } | BoardTask::Unplug => Ok(()),
     }
 }

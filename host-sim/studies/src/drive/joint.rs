@@ -1,8 +1,8 @@
 //! A run of a joint on a board that samples its own muscles and angle.
 
-use super::Course;
 use super::record::{Counted, Record};
 use super::summary::driven;
+use super::{Course, end_s};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use serde::Serialize;
 use std::io;
@@ -29,8 +29,9 @@ pub fn plan(file: &Path, config: &JointConfig) -> Result<JointLoaded, InputError
     let mut driven = to_scenario(config)?;
     let duration_s;
     if file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
-        let [angle, stiffness] = angle_and_stiffness(&read_table(file)?, &driven.believed)?;
-        duration_s = angle.points().last().map_or(0.0, |point| point.0);
+        let table = read_table(file)?;
+        let [angle, stiffness] = angle_and_stiffness(&table, &driven.believed)?;
+        duration_s = end_s(&table, &angle, driven.muscles[0].plant.run.step_s)?;
         driven.profile = Some([angle, stiffness]);
     } else {
         let Some(loaded) = thermyo_joint::load(file)? else {

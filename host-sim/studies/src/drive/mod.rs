@@ -28,6 +28,7 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::{Table, read_table};
 use thermyo_protocol::Status;
 use thermyo_scenario::DriveKind;
+use thermyo_scenario::profile::Profile;
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::from_config::ConfigScenario;
 use thermyo_setup::{Loaded, SET_POINT_COLUMNS, set_points, set_points_in};
@@ -90,7 +91,7 @@ pub fn plan(
         let table = read_table(file)?;
         driven.plant.drive.kind = kind_of(&table, kind)?;
         let profile = set_points_in(&table, &driven.plant)?;
-        driven.plant.run.duration_s = profile.points().last().map_or(0.0, |point| point.0);
+        driven.plant.run.duration_s = end_s(&table, &profile, driven.plant.run.step_s)?;
         driven.drive_profile = Some(profile);
     } else {
         let loaded = thermyo_setup::load(file)?;
@@ -119,6 +120,16 @@ pub fn plan(
     driven.believed.run = driven.plant.run.clone();
     driven.believed.drive = driven.plant.drive.clone();
     Ok(driven)
+}
+
+/// The time at which a table of set points ends, after the start.
+fn end_s(table: &Table, profile: &Profile, step_s: f64) -> Result<f64, InputError> {
+    let end_s = profile.points().last().map_or(0.0, |point| point.0);
+    if end_s > 0.5 * step_s {
+        return Ok(end_s);
+    }
+    let why = format!("ends at {end_s} s: must end after 0 s, where the drive begins");
+    Err(table.header_error(Problem::UnusableColumn { column: "time_s".to_owned(), why }))
 }
 
 /// The drive of a table: by the name of its column, or `kind` for a column `value`.
