@@ -24,10 +24,9 @@ const LEAK_UNCERTAINTY_S: f32 = 0.1;
 /// errs by what friction holds, 18 mm at 800 N/m, a sixteenth of the volume, and (k-1) T/16 is 7 K. An assumption, of one
 /// turn a second.
 const LENGTHLESS_DRIFT_K: f32 = 7.0;
-/// Deviation that a movement adds to the mass in which more than a zone's gas crosses the port \[-\]: the temperature at
-/// the port then errs by a tenth (`zones.rs`), and a tenth of the gas leaves before zones and readings have followed. An
-/// assumption.
-const LARGE_FLOW_SD: f32 = 0.01;
+/// Deviation that a movement which replaces a zone's gas adds to the mass \[-\]: the temperature at the port then errs by
+/// a tenth (`zones.rs`), and a tenth of the gas leaves before zones and readings have followed. An assumption.
+const REPLACED_SD: f32 = 0.01;
 /// Innovations beyond so many of their deviations correct nothing.
 const UNLIKELY: f32 = 5.0;
 /// Range of the factors on heat transfer and stirring.
@@ -70,8 +69,8 @@ pub(super) struct Movements {
     conductance_j_k: PerZone,
     gas_k: PerZone,
     faces: Faces,
-    /// Movements in which more than a zone's gas crossed the port.
-    large_flows: u8,
+    /// Movements that replaced a zone's gas.
+    replacements: u8,
     response: Response,
 }
 
@@ -90,7 +89,7 @@ impl Default for Movements {
             conductance_j_k: [0.0; ZONES],
             gas_k: [0.0; ZONES],
             faces: Faces::default(),
-            large_flows: 0,
+            replacements: 0,
             response: Response::NONE,
         }
     }
@@ -225,8 +224,6 @@ impl Movements {
         self.flowing_steps += flow.flowing_steps;
         self.inflow_kg += flow.inflow_kg;
         self.outflow_kg += flow.outflow_kg;
-        let zone_kg = total(&zones.mass_kg) * (1.0 / ZONES as f32);
-        self.large_flows += u8::from(flow.inflow_kg + flow.outflow_kg > zone_kg);
     }
 
     fn add(&mut self, moved: &Moved, conductance_j_k: &PerZone) {
@@ -236,6 +233,7 @@ impl Movements {
         self.stirred_j = plus(&self.stirred_j, &moved.stirred_j);
         self.conductance_j_k = plus(&self.conductance_j_k, &scaled(conductance_j_k, steps));
         self.gas_k = plus(&self.gas_k, &scaled(&moved.gas_k, steps));
+        self.replacements += u8::from(moved.faces.replace_a_zone());
         let add = |sum: &mut [f32; 3], more: &[f32; 3]| {
             sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
         };
@@ -601,8 +599,8 @@ impl Estimator {
         if c.leaks {
             common += LEAK_UNCERTAINTY_S * square(self.pending.leaked) / duration_s;
         }
-        let large_flows = core::mem::take(&mut self.pending.moved.large_flows);
-        common += square(LARGE_FLOW_SD) * f32::from(large_flows);
+        let replacements = core::mem::take(&mut self.pending.moved.replacements);
+        common += square(REPLACED_SD) * f32::from(replacements);
         self.covariance.add_common(common);
         // First-order Gauss-Markov: an error that is not seen again returns to the configured value.
         let returned = 2.0 * c.forget;

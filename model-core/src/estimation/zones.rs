@@ -146,7 +146,7 @@ pub struct Zones {
 
 impl Faces {
     /// Whether so much crosses a face that it replaces a zone's gas.
-    fn replace_a_zone(&self) -> bool {
+    pub fn replace_a_zone(&self) -> bool {
         largest(self.net().map(absolute)) > REPLACED
     }
 
