@@ -24,7 +24,7 @@ const BUSY: Range<f64> = 0.18..0.215;
 const JOINT_FLASH: RangeInclusive<u64> = 177 * 1024..=190 * 1024;
 const JOINT_RAM: RangeInclusive<u64> = 46 * 1024..=50 * 1024;
 /// Memory that the joint's image leaves at least for the stack: 27.8 KiB, of which `emulated_joint_image` uses
-/// 27.2 at the start, before a task runs, and 5 less later.
+/// 27.2.
 const JOINT_STACK: u64 = 27 * 1024 + 768;
 /// RAM of the linker script.
 const ALL_RAM: u64 = 264 * 1024;
