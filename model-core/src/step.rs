@@ -120,17 +120,24 @@ impl Core {
         }
     }
 
-    /// Becomes [`of`](Self::of), in its place.
-    #[inline(never)] // Its copy is on the stack once, not for each muscle.
-    pub(crate) fn become_of(&mut self, config: &Config) {
-        *self = Self::of(config, true);
-    }
-
-    /// The same, with its [estimator delayed](Self::delay_estimator).
-    pub(crate) fn of_second(config: &Config, configured: bool) -> Self {
-        let mut core = Self::of(config, configured);
-        core.delay_estimator();
-        core
+    /// Becomes [`of`](Self::of), in its place and part by part: a board's stack has no room for a whole one.
+    #[cold]
+    pub(crate) fn become_of(&mut self, config: &Config, configured: bool) {
+        self.estimator = Estimator::new(config);
+        self.chamber = AnyChamber::new(&config.chamber);
+        self.controller = Controller::new(config);
+        self.monitor = PlausibilityMonitor::new(config);
+        self.supervisor = Supervisor::new(config, configured);
+        self.sensing = config.sensing();
+        self.config = *config;
+        self.found = Faults::NONE;
+        self.pressure_pa = 0.0;
+        self.command = Command::VENT;
+        self.turned = false;
+        (self.inlet_steps, self.outlet_steps) = (0, 0);
+        self.passing_steps = config.passing_steps();
+        self.step = 0;
+        self.armed_pa = configured.then(|| config.working_limit_pa());
     }
 
     /// Its estimator works in other steps from now on: see [`Estimator::delay`].
@@ -161,27 +168,25 @@ impl Core {
     /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
     /// supervisor stays: what is latched or was found in the last step is latched, what it has counted
     /// counts, and the startup check begins again. So does the arming, as far as the new configuration allows.
-    pub fn restart_as(&mut self, other: Self) {
-        let armed_pa = self.armed_pa;
-        *self = Self {
-            supervisor: self.supervisor.after_restart(&other.supervisor),
-            sensing: self.sensing.after_restart(&other.sensing),
-            pressure_pa: self.pressure_pa,
-            inlet_steps: self.inlet_steps,
-            found: self.found,
-            ..other
-        };
+    pub fn restart_as(&mut self, other: &Self) {
+        // Part by part: a board's stack has no room for another core.
+        self.estimator = other.estimator;
+        self.chamber = other.chamber;
+        self.controller = other.controller;
+        self.monitor = other.monitor;
+        self.supervisor = self.supervisor.after_restart(&other.supervisor);
+        self.sensing = self.sensing.after_restart(&other.sensing);
+        self.config = other.config;
+        self.command = other.command;
+        self.turned = other.turned;
+        self.outlet_steps = other.outlet_steps;
+        self.passing_steps = other.passing_steps;
+        self.step = other.step;
         let most_pa = self.config.working_limit_pa();
-        self.set_armed(armed_pa.map(|armed_pa| limit(armed_pa, 0.0, most_pa)));
-        if armed_pa.is_none() {
+        self.set_armed(self.armed_pa.map(|armed_pa| limit(armed_pa, 0.0, most_pa)));
+        if self.armed_pa.is_none() {
             self.controller.set(Target::VENT);
         }
-    }
-
-    /// [`restart_as`](Self::restart_as) a copy.
-    #[inline(never)] // As above.
-    pub(crate) fn restart_as_copy(&mut self, other: &Self) {
-        self.restart_as(other.clone());
     }
 
     /// Takes set points from now on, as far as they ask for no more than this absolute pressure \[Pa\]; a
@@ -614,7 +619,7 @@ mod tests {
                 let mut core = core_with(HALF);
                 for step in 0..1000 {
                     if step % every == 0 {
-                        core.restart_as(core_with(HALF));
+                        core.restart_as(&core_with(HALF));
                     }
                     let telemetry = core.step(&sample);
                     assert_eq!(telemetry.command, Command::VENT, "step {step}, {fault:?}");
@@ -629,7 +634,7 @@ mod tests {
         let mut core = core_with(HALF);
         for step in 0..1000 {
             if step % 9 == 0 {
-                core.restart_as(core_with(HALF));
+                core.restart_as(&core_with(HALF));
             }
             assert_eq!(core.step(&HEALTHY).command, Command::VENT, "step {step}");
         }
@@ -640,17 +645,17 @@ mod tests {
         let mut core = core_with(HALF);
         checked(&mut core, &HEALTHY);
         core.step(&Sample { emergency_stop: true, ..HEALTHY });
-        core.restart_as(core_with(HALF));
+        core.restart_as(&core_with(HALF));
         for _ in 0..200 {
             let telemetry = core.step(&HEALTHY);
             assert_eq!(telemetry.command, Command::VENT);
             assert_eq!(telemetry.faults, Faults::EMERGENCY_STOP);
         }
         core.clear_faults();
-        core.restart_as(core_with(HALF));
+        core.restart_as(&core_with(HALF));
         assert_eq!(checked(&mut core, &HEALTHY).command, Command::VENT, "not armed");
         core.arm(None).unwrap();
-        core.restart_as(core_with(HALF));
+        core.restart_as(&core_with(HALF));
         assert_ne!(checked(&mut core, &HEALTHY).command, Command::VENT);
     }
 
@@ -757,7 +762,7 @@ mod tests {
     fn a_fault_in_the_startup_check_disarms() {
         let config = Config::default();
         let mut core = checked_core(&config, HALF, &HEALTHY);
-        core.restart_as(core_with(HALF));
+        core.restart_as(&core_with(HALF));
         for _ in 0..5 {
             let telemetry = core.step(&STOPPED);
             assert_eq!((telemetry.mode, telemetry.command), (Mode::StartupCheck, Command::VENT));
@@ -871,7 +876,7 @@ mod tests {
         for _ in 0..10 {
             core.step(&HEALTHY);
         }
-        core.restart_as(Core::new(&config).unwrap());
+        core.restart_as(&Core::new(&config).unwrap());
         let frozen = (10..500)
             .find(|_| core.step(&HEALTHY).faults.intersects(Faults::PRESSURE_SENSOR))
             .unwrap();
@@ -987,10 +992,10 @@ mod tests {
         let telemetry = checked(&mut core, &HEALTHY);
         assert_eq!((telemetry.command, telemetry.faults), (Command::VENT, Faults::NOT_CONFIGURED));
         assert_eq!(core.set(HALF), Err(SetPointError::Faults(Faults::NOT_CONFIGURED)));
-        core.restart_as(core_with(HALF));
+        core.restart_as(&core_with(HALF));
         assert_eq!(checked(&mut core, &HEALTHY).command, Command::VENT, "nor armed");
         core.arm(None).unwrap();
-        core.restart_as(core_with(HALF));
+        core.restart_as(&core_with(HALF));
         assert_ne!(checked(&mut core, &HEALTHY).command, Command::VENT);
     }
 
@@ -1035,7 +1040,7 @@ mod tests {
         // A restart between the step that finds it and the next one, which latches it.
         let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
         assert!((0..found).all(|step| !gained(core.step(&climbing(step)))));
-        core.restart_as(Core::new(&Config::default()).unwrap());
+        core.restart_as(&Core::new(&Config::default()).unwrap());
         assert!(gained(core.step(&INFLATED)));
     }
 

@@ -9,13 +9,14 @@ use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
 use model_core::joint::encoder::Encoder;
 pub use model_core::joint::{
-    Joint as Core, JointConfig as Config, JointSample as Sample, JointSetPoint as SetPoint,
+    JointConfig as Config, JointSample as Sample, JointSetPoint as SetPoint,
     JointTelemetry as Telemetry,
 };
-use model_core::joint::{JointError, JointMode};
+use model_core::joint::{Joint, JointError, JointMode};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{AdcCode, Command, Faults};
 use serde::{Serialize, Serializer};
+use static_cell::StaticCell;
 pub use thermyo_protocol::joint_checksum as checksum;
 use thermyo_protocol::{ConfigSource, Image, JointRest, Name, Refusal, Side};
 pub use thermyo_protocol::{HostCommand, Request};
@@ -66,6 +67,9 @@ impl Serialize for ActiveRest {
     }
 }
 
+/// The muscles are statics: the stack has no room for a whole joint.
+pub type Core = Joint<&'static mut model_core::Core>;
+
 /// A core that the tasks share: too large to be moved on the stack.
 pub type Held = &'static mut Core;
 
@@ -73,8 +77,19 @@ pub fn is_configured(core: &Core) -> bool {
     core.is_configured()
 }
 
+/// One of the board's two joints: the one that controls, and the one that is configured next.
 pub fn unconfigured() -> Core {
-    Core::unconfigured()
+    static PLACES: [StaticCell<model_core::Core>; 2 * MUSCLES] =
+        [const { StaticCell::new() }; 2 * MUSCLES];
+    Core::unconfigured([(); MUSCLES].map(|()| {
+        let Some(place) = PLACES.iter().find_map(StaticCell::try_uninit) else {
+            panic!("a board has two joints");
+        };
+        let Ok(muscle) = model_core::Core::unconfigured() else {
+            panic!("the default configuration holds");
+        };
+        place.write(muscle)
+    }))
 }
 
 pub fn commands(telemetry: &Telemetry) -> Commands {

@@ -102,7 +102,7 @@ pub fn modulation(config: &Config) -> Modulation {
 }
 
 pub fn restart_as(core: &mut Core, other: &Core) {
-    core.restart_as(other.clone());
+    core.restart_as(other);
 }
 
 /// Restarts with a set point, which is checked as if the other core had been armed as this one is.
@@ -114,7 +114,7 @@ pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), R
     } else if set_point != SetPoint::Vent {
         return Err(SetPointError::NotArmed.into());
     }
-    core.restart_as(other);
+    core.restart_as(&other);
     Ok(())
 }
 

@@ -45,6 +45,7 @@ use crate::safety::supervisor::FirstFailure;
 use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemetry};
 use crate::step::{Core, Judged};
 use crate::step_counts::timeout_steps;
+use core::borrow::{Borrow, BorrowMut};
 
 /// Everything that one step of a joint takes in. Arrays are of muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -181,10 +182,11 @@ impl JointTelemetry {
     }
 }
 
-/// Two muscles, one angle, one controller, one decision to vent.
+/// Two muscles, one angle, one controller, one decision to vent. `M` is a muscle's core, or a reference to one that
+/// is kept elsewhere: a board has no room to build a whole joint on its stack.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Joint {
-    muscles: [Core; 2],
+pub struct Joint<M = Core> {
+    muscles: [M; 2],
     config: JointConfig,
     line: AngleLine,
     controller: JointController,
@@ -206,6 +208,16 @@ pub struct Joint {
     first: Option<FirstFailure>,
 }
 
+/// Muscles a and b.
+fn both<M: Borrow<Core>>([a, b]: &[M; 2]) -> [&Core; 2] {
+    [a.borrow(), b.borrow()]
+}
+
+/// Muscles a and b.
+fn both_mut<M: BorrowMut<Core>>([a, b]: &mut [M; 2]) -> [&mut Core; 2] {
+    [a.borrow_mut(), b.borrow_mut()]
+}
+
 impl Joint {
     /// A joint that vents until it has tested its sensors and is given a set point. It is armed, as a
     /// [`Core`] is.
@@ -224,15 +236,19 @@ impl Joint {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &JointConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        Ok(Self::of(config, true))
+        let muscles = config.muscles.each_ref().map(|muscle| Core::of(muscle, true));
+        Ok(Self::of(muscles, config))
     }
+}
 
-    /// With a configuration that holds; whether somebody has configured it so.
+impl<M: BorrowMut<Core>> Joint<M> {
+    /// With a configuration that holds, and muscles that have it.
     #[cold]
-    fn of(config: &JointConfig, configured: bool) -> Self {
-        let [a, b] = &config.muscles;
+    fn of(mut muscles: [M; 2], config: &JointConfig) -> Self {
+        let [_, b] = both_mut(&mut muscles);
+        b.delay_estimator();
         Self {
-            muscles: [Core::of(a, configured), Core::of_second(b, configured)],
+            muscles,
             line: AngleLine::new(config),
             controller: JointController::new(config),
             guard: Guard::new(config),
@@ -256,28 +272,35 @@ impl Joint {
     #[cold]
     pub fn become_new(&mut self, config: &JointConfig) -> Result<(), ConfigError> {
         config.check()?;
-        let [a, b] = &config.muscles;
-        let [muscle_a, muscle_b] = &mut self.muscles;
-        muscle_a.become_of(a);
-        muscle_b.become_of(b);
-        muscle_b.delay_estimator();
+        let [a, b] = both_mut(&mut self.muscles);
+        let [config_a, config_b] = &config.muscles;
+        a.become_of(config_a, true);
+        b.become_of(config_b, true);
+        b.delay_estimator();
         self.line = AngleLine::new(config);
         self.controller = JointController::new(config);
         self.guard = Guard::new(config);
         self.set_point = JointSetPoint::Vent;
+        self.set_steps = 0;
         self.commands = [Command::VENT; 2];
         self.started = false;
+        self.lock = None;
+        self.limits_pa = [0.0; 2];
         (self.present, self.latched) = (JointFaults::NONE, JointFaults::NONE);
         self.first = None;
         self.config = *config;
         Ok(())
     }
 
-    /// The joint of a board without a configuration: it has the default one, and vents until it is
-    /// [restarted](Self::restart_as) as one that is configured, and armed.
+    /// The joint of a board without a configuration: it and its muscles have the default one, and it vents until it
+    /// is [restarted](Self::restart_as) as one that is configured, and armed.
     #[cold]
-    pub fn unconfigured() -> Self {
-        Self::of(&JointConfig::default(), false)
+    pub fn unconfigured(mut muscles: [M; 2]) -> Self {
+        let config = JointConfig::default();
+        for (muscle, config) in both_mut(&mut muscles).into_iter().zip(&config.muscles) {
+            muscle.become_of(config, false);
+        }
+        Self::of(muscles, &config)
     }
 
     /// Whether somebody has configured it.
@@ -289,8 +312,9 @@ impl Joint {
     /// is latched, as [`Core::restart_as`] has it.
     pub fn restart_as(&mut self, other: &Self) {
         let armed = self.is_armed();
-        for (muscle, other) in self.muscles.iter_mut().zip(&other.muscles) {
-            muscle.restart_as_copy(other);
+        let others = both(&other.muscles);
+        for (muscle, other) in both_mut(&mut self.muscles).into_iter().zip(others) {
+            muscle.restart_as(other);
         }
         self.config = other.config;
         self.line = other.line;
@@ -306,13 +330,13 @@ impl Joint {
     /// Keeps the limits of a set point: a fault disarms the muscles, and their supervisors then only have the
     /// configuration's.
     fn note_limits(&mut self) {
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         self.limits_pa = [a.supervisor().limit_pa(), b.supervisor().limit_pa()];
     }
 
     /// Takes over what was latched before the board restarted. It does not say of which muscle: both have it.
     pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
-        self.muscles.iter_mut().for_each(|muscle| muscle.recall(first, latched));
+        both_mut(&mut self.muscles).into_iter().for_each(|muscle| muscle.recall(first, latched));
         self.latched = self.latched.with(JointFaults::from_failure(latched));
         self.first = Some(first);
     }
@@ -325,7 +349,7 @@ impl Joint {
 
     /// Faults of muscles and joint that stay until they are cleared.
     pub fn latched(&self) -> Faults {
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         let muscles = a.supervisor().latched().with(b.supervisor().latched());
         muscles.with(self.latched.of_failure())
     }
@@ -337,7 +361,7 @@ impl Joint {
     /// [`JointError::Range`] for a pressure below what a muscle has now or above its configuration's, and
     /// [`JointError::Faults`] while faults vent; it is as armed as before.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), JointError> {
-        let [a, b] = &mut self.muscles;
+        let [a, b] = both_mut(&mut self.muscles);
         match a.may_arm(most_pa).and_then(|_| b.may_arm(most_pa)) {
             Ok(_) if self.latched == JointFaults::NONE => {
                 // Neither fails now.
@@ -355,7 +379,7 @@ impl Joint {
     /// Vents, and takes no set point until it is [armed](Self::arm).
     pub fn disarm(&mut self) {
         self.vent();
-        self.muscles.iter_mut().for_each(Core::disarm);
+        both_mut(&mut self.muscles).into_iter().for_each(Core::disarm);
     }
 
     /// Whether set points are taken.
@@ -365,7 +389,7 @@ impl Joint {
 
     /// Highest absolute pressure that either muscle may be given \[Pa\]; `None`: it is not armed.
     pub fn armed_pa(&self) -> Option<f32> {
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         a.armed_pa().zip(b.armed_pa()).map(|(a, b)| if a < b { a } else { b })
     }
 
@@ -373,13 +397,13 @@ impl Joint {
     pub fn vent(&mut self) {
         self.set_point = JointSetPoint::Vent;
         self.started = false;
-        self.muscles.iter_mut().for_each(Core::vent);
+        both_mut(&mut self.muscles).into_iter().for_each(Core::vent);
     }
 
     /// Forgets latched faults whose cause is gone, and vents until it is armed and has a set point.
     pub fn clear_faults(&mut self) {
         self.latched = self.present;
-        self.muscles.iter_mut().for_each(Core::clear_faults);
+        both_mut(&mut self.muscles).into_iter().for_each(Core::clear_faults);
         self.disarm();
     }
 
@@ -394,7 +418,7 @@ impl Joint {
     }
 
     fn venting(&self) -> [Faults; 2] {
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         [a.supervisor().venting(), b.supervisor().venting()]
     }
 
@@ -417,14 +441,14 @@ impl Joint {
             return Err(JointError::NotArmed);
         }
         if let JointSetPoint::Pressures { pressure_pa } = set_point {
-            for (value, muscle) in pressure_pa.into_iter().zip(&self.muscles) {
+            for (value, muscle) in pressure_pa.into_iter().zip(both(&self.muscles)) {
                 if let Some(maximum) = muscle.armed_below(value) {
                     let field = JointField::Pressure;
                     return Err(JointError::Range { field, value, minimum: 0.0, maximum });
                 }
             }
         }
-        for muscle in &mut self.muscles {
+        for muscle in both_mut(&mut self.muscles) {
             // Driven, but by the joint: with both valves shut its own controller does nothing.
             let driven = muscle.set(SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
             driven.map_err(|error| match error {
@@ -454,7 +478,7 @@ impl Joint {
         let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
         let [wide_a_m, wide_b_m] = self.controller.ways_m(wide_rad);
         let [sample_a, sample_b] = &samples;
-        let [a, b] = &mut self.muscles;
+        let [a, b] = both_mut(&mut self.muscles);
         let judged = [
             a.begin(sample_a, Some((length_a_m, wide_a_m))),
             b.begin(sample_b, Some((length_b_m, wide_b_m))),
@@ -474,7 +498,7 @@ impl Joint {
         if fails && (self.is_armed() || self.set_point != JointSetPoint::Vent) {
             if self.may_lock(pressure_pa) {
                 self.set_point = JointSetPoint::Lock;
-                self.muscles.iter_mut().for_each(Core::disarm);
+                both_mut(&mut self.muscles).into_iter().for_each(Core::disarm);
             } else {
                 // Vents both in this step, whichever of the two, or the joint, has the fault.
                 self.disarm();
@@ -500,7 +524,7 @@ impl Joint {
         const HARMLESS: Faults = Faults::LINK_LOST.with(Faults::GAS_LOST);
         let harmless = [JointFaults::NONE, JointFaults::ANGLE_SENSOR].contains(&self.latched)
             && self.venting().iter().all(|faults| faults.without(HARMLESS) == Faults::NONE);
-        let trusted = self.muscles.iter().all(|muscle| muscle.supervisor().pressure_trusted());
+        let trusted = both(&self.muscles).iter().all(|muscle| muscle.supervisor().pressure_trusted());
         let below = pressure_pa.iter().zip(self.limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
         let wanted = self.config.mechanism.lock_s > 0.0 && self.set_point != JointSetPoint::Vent;
         // Valves that vent until a set point's first period go on venting.
@@ -521,7 +545,7 @@ impl Joint {
     fn watch_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
         let [config_a, _] = &self.config.muscles;
         let step_s = config_a.step_s;
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         let [judged_a, judged_b] = judged;
         let watch = self.lock.get_or_insert_with(|| {
             let feedback = [a.measured(judged_a), b.measured(judged_b)];
@@ -537,7 +561,7 @@ impl Joint {
 
     #[cold]
     fn failure(&self, [of_a, of_b]: [f32; 2], judged: &[Judged; 2]) -> FirstFailure {
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         let [judged_a, judged_b] = judged;
         let faults = judged_a.faults().with(judged_b.faults()).with(self.latched.of_failure());
         // Of the pair, the one that has the fault.
@@ -569,7 +593,7 @@ impl Joint {
 
     /// The openings of this step. But for venting they change at the start of a PWM period only.
     fn drive(&mut self, angle_rad: f32, judged: &[Judged; 2]) {
-        let [a, b] = &self.muscles;
+        let [a, b] = both(&self.muscles);
         let [config_a, config_b] = &self.config.muscles;
         let [judged_a, judged_b] = judged;
         let measured = [(config_a, a, a.measured(judged_a)), (config_b, b, b.measured(judged_b))]
@@ -624,7 +648,7 @@ impl Joint {
         let [sample_a, sample_b] = samples;
         let [judged_a, judged_b] = judged;
         let [command_a, command_b] = self.commands;
-        let [a, b] = &mut self.muscles;
+        let [a, b] = both_mut(&mut self.muscles);
         let muscles = [a.end(sample_a, judged_a, command_a), b.end(sample_b, judged_b, command_b)];
         JointTelemetry {
             mode: self.mode(&muscles),
@@ -693,6 +717,21 @@ mod tests {
         }
         assert_eq!(joint.step(&alive(0)).mode, JointMode::Duty);
         joint
+    }
+
+    #[test]
+    fn a_joint_that_becomes_another_has_nothing_of_before() {
+        let mut config = JointConfig::default();
+        config.mechanism.lock_s = 0.2;
+        config.mechanism.gravity_n_m = 1.0;
+        let other = Joint::new(&config).unwrap();
+        let mut joint = that_locks_for(0.2);
+        joint.set(FILLING).unwrap();
+        (0..150).for_each(|step| _ = joint.step(&alive(step)));
+        (0..20).for_each(|step| _ = joint.step(&open(alive(step))));
+        assert_eq!(joint.set_point(), JointSetPoint::Lock);
+        joint.become_new(&config).unwrap();
+        assert_eq!(joint, other);
     }
 
     /// Steps until both vent with that sample. Until then neither does.
@@ -838,7 +877,7 @@ mod tests {
         let mut joint = filling();
         vents_after(&mut joint, open);
         assert!(joint.first_failure().unwrap().faults.intersects(Faults::JOINT_ANGLE));
-        let mut board = Joint::unconfigured();
+        let mut board = Joint::unconfigured([(); 2].map(|()| Core::unconfigured().unwrap()));
         board.recall(joint.first_failure().unwrap(), joint.latched());
         board.restart_as(&Joint::new(&JointConfig::default()).unwrap());
         assert_eq!(
@@ -905,7 +944,7 @@ mod tests {
     /// The converter's input is at a rail where an encoder gives the angle.
     #[test]
     fn a_joint_that_is_not_configured_judges_no_angle() {
-        let mut joint = Joint::unconfigured();
+        let mut joint = Joint::unconfigured([(); 2].map(|()| Core::unconfigured().unwrap()));
         (0..100).for_each(|step| _ = joint.step(&open(alive(step))));
         joint.restart_as(&Joint::new(&JointConfig::default()).unwrap());
         assert_eq!(joint.latched(), Faults::NONE);
