@@ -124,10 +124,15 @@ impl BlackBox {
         self.latched.set(latched.0);
     }
 
-    /// Records why the firmware is about to restart.
-    pub fn close(&self, end: End, detail: u32) {
-        self.end.set(end as u32);
-        self.detail.set(detail);
+    /// Records why the firmware is about to restart. A cause that is recorded stays, and gives `false`: a log that
+    /// panics is what follows, not what happened.
+    pub fn close(&self, end: End, detail: u32) -> bool {
+        let first = self.end.get() == 0;
+        if first {
+            self.end.set(end as u32);
+            self.detail.set(detail);
+        }
+        first
     }
 }
 

@@ -57,7 +57,7 @@ defmt::timestamp!("{=u64:us}", Instant::now().as_micros());
 
 static SHARED: Shared = Shared::new();
 static CONTROL: InterruptExecutor = InterruptExecutor::new();
-#[unsafe(link_section = ".uninit.black_box")]
+#[unsafe(link_section = ".black_box")]
 static BLACK_BOX: BlackBox = BlackBox::new();
 
 #[cortex_m_rt::entry]
@@ -226,25 +226,21 @@ async fn supervise(outputs: [Output; 2], last_reset: LastReset) -> ! {
     supervisor::run(Chosen::feed, outputs, last_reset, &SHARED).await
 }
 
-/// Vents, records the cause in the black box, and restarts.
-fn give_up(end: End, detail: u32) -> ! {
-    cortex_m::interrupt::disable();
-    Chosen::vent();
-    BLACK_BOX.close(end, detail);
-    Chosen::restart()
-}
-
 #[panic_handler]
 fn panic(info: &PanicInfo) -> ! {
-    // Before the log, which may be what panics.
     cortex_m::interrupt::disable();
     Chosen::vent();
     let (file, line) = info.location().map_or(("?", 0), |place| (place.file(), place.line()));
-    defmt::error!("panic at {=str}:{=u32}", file, line);
-    give_up(End::Panic, line)
+    if BLACK_BOX.close(End::Panic, line) {
+        defmt::error!("panic at {=str}:{=u32}", file, line);
+    }
+    Chosen::restart()
 }
 
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    give_up(End::HardFault, frame.pc())
+    cortex_m::interrupt::disable();
+    Chosen::vent();
+    BLACK_BOX.close(End::HardFault, frame.pc());
+    Chosen::restart()
 }

@@ -180,6 +180,12 @@ export class Board {
     this.chip.core.exceptionEntry(HARD_FAULT);
   }
 
+  /** The next word that is pushed is below the stack. */
+  overflowStack() {
+    this.chip.core.waiting = false;
+    this.chip.core.SP = RAM;
+  }
+
   /** Replaces the N-th instruction that is executed at a place from now on by an endless loop. */
   armHang(place, instructions) {
     this.hang = { is: PLACES[place], instructions };
@@ -287,7 +293,7 @@ export class Board {
       return TIME_IS_UP;
     }
     while (clock.nanosCounter < end) {
-      if (core.waiting) {
+      if (core.waiting || this.chip.lockedUp) {
         const next = clock.nextAlarm === null ? end : Math.min(clock.nextAlarm.nanos, end);
         clock.tick(next - clock.nanosCounter);
       } else {

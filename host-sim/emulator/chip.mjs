@@ -10,6 +10,9 @@ const FLASH_MIRRORS_END = 0x14000000;
 const BOOT2_BYTES = 256;
 const BOOT2 = 0x20041f00; // where the boot ROM runs it
 const RAM = 0x20000000;
+const NO_MEMORY = 0x1c000000; // from here to RAM (datasheet 2.2)
+const VECTORS = 0x10000100; // the first is the initial stack pointer
+const UNUSED = 0xa5a5a5a5;
 
 const quiet = { debug() {}, info() {}, warn() {}, error() {} };
 
@@ -22,6 +25,7 @@ export class Chip extends RP2040 {
     this.cache = new FlashCache(this.peripherals[0x18000]);
     this.xip = true; // flash can be read
     this.violations = 0; // reads when it could not
+    this.lockedUp = false; // only a reset ends that
   }
 
   readFlash(address) {
@@ -37,9 +41,30 @@ export class Chip extends RP2040 {
       this.sram.set(sram);
     }
     this.sram.set(this.flash.subarray(0, BOOT2_BYTES), BOOT2 - RAM);
+    this.stackBytes = Math.max(0, super.readUint32(VECTORS) - RAM);
+    new Uint32Array(this.sram.buffer, 0, this.stackBytes >> 2).fill(UNUSED);
     this.core.SP = BOOT2;
     this.core.LR = 0; // to the program, rather than back to a caller
     this.core.PC = BOOT2;
+  }
+
+  /** Bytes at the bottom of the stack that have not been written since the start. */
+  stackUnused() {
+    const words = new Uint32Array(this.sram.buffer, 0, this.stackBytes >> 2);
+    const used = words.findIndex((word) => word !== UNUSED);
+    return 4 * (used < 0 ? words.length : used);
+  }
+
+  /**
+   * Pushes come here too. A write below RAM is a fault; the stack that has overflowed cannot take its frame either,
+   * and the processor locks up (ARMv6-M, B1.5.14). Other writes of the firmware are never that near.
+   */
+  writeUint32(address, value) {
+    if (address >= NO_MEMORY && address < RAM) {
+      this.lockedUp = true;
+      return;
+    }
+    super.writeUint32(address, value);
   }
 
   readUint8(address) {

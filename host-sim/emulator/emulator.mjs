@@ -7,11 +7,12 @@
 //           in board.mjs); u8 place and u32 number of the instruction there that hangs (0: control, 1: thread,
 //           2: other interrupts; number 0: none); u32 number of the flash operation in which power fails
 //           (0: none, 0xffffffff: at once) and u16 fraction of its time that has passed, in 1/65535;
-//           u16 counts of bytes for the UART and for USB; u8 1: the program at the USB port does not read; these bytes
+//           u16 counts of bytes for the UART and for USB; u8 1: the program at the USB port does not read, 2: the stack
+//           overflows at the beginning; these bytes
 // response: u32 nanoseconds that the coils of inlet and outlet, of muscle a and of b, were powered; u32 cycles in which the
 //           core did not sleep; u32 restarts by the watchdog so far; u32 reads of flash; u32 of them that
 //           missed its cache; u32 times that power returned so far; u32 operations of the flash
-//           so far; u32 violations of its rules so far; u16 duties that these
+//           so far; u32 violations of its rules so far; u32 bytes of the stack that no step since the last start has used; u16 duties that these
 //           coils are set to, in 1/65535; u8 state (1: fault output, 2: LED, 4: a hang is still to
 //           come, 8: in the boot loader, 16: a joint's brake is released); u16 count and bytes each from the UART, from USB, of the USB
 //           identity for each time it was plugged in (one line each), and of the log (defmt over RTT)
@@ -24,7 +25,7 @@ import { Board } from './board.mjs';
 import { load } from './image.mjs';
 import { Kept } from './kept.mjs';
 
-const HEAD_BYTES = 53;
+const HEAD_BYTES = 57;
 
 const flash = new Uint8Array(16 * 1024 * 1024).fill(0xff);
 const kept = new Kept(process.argv[3]);
@@ -57,7 +58,10 @@ while (fill(head)) {
   if (instructions > 0) {
     board.armHang(head[19], instructions);
   }
-  board.setCable(!!(inputs & 8), !!(inputs & 16), head[34] === 1);
+  board.setCable(!!(inputs & 8), !!(inputs & 16), !!(head[34] & 1));
+  if (head[34] & 2) {
+    board.overflowStack();
+  }
   const operation = head.readUInt32LE(24);
   if (operation > 0) {
     board.store.armCut(operation, head.readUInt16LE(28) / 65535);
@@ -102,8 +106,9 @@ function respond() {
   response.writeUInt32LE(board.powerCuts, 32);
   response.writeUInt32LE(board.store.operations, 36);
   response.writeUInt32LE(board.flashViolations + board.store.violations, 40);
-  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 44 + 2 * i));
-  response[52] = board.pins | (board.hang === null ? 0 : 4) | (board.bootLoader ? 8 : 0);
+  response.writeUInt32LE(board.chip.stackUnused(), 44);
+  board.duties.forEach((duty, i) => response.writeUInt16LE(Math.round(duty * 65535), 48 + 2 * i));
+  response[56] = board.pins | (board.hang === null ? 0 : 4) | (board.bootLoader ? 8 : 0);
   let at = HEAD_BYTES;
   for (const part of parts) {
     response.writeUInt16LE(part.length, at);

@@ -23,18 +23,14 @@ const BUSY: Range<f64> = 0.18..0.215;
 /// The same of the image of a joint: 189.5 and 49.0 KiB, of which an encoder takes 1.3 and 0.2.
 const JOINT_FLASH: RangeInclusive<u64> = 177 * 1024..=190 * 1024;
 const JOINT_RAM: RangeInclusive<u64> = 46 * 1024..=50 * 1024;
-/// Memory that the joint's image leaves at least for the stack: 27.4 KiB, of which `emulated_joint_image` uses
-/// 27.2.
-const JOINT_STACK: u64 = 27 * 1024;
-/// RAM of the linker script.
-const ALL_RAM: u64 = 264 * 1024;
+/// RAM of the RP2040 without the stack (`memory.x`).
+const ALL_RAM: u64 = (264 - 24) * 1024;
 
 #[test]
 fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
     fits(Variant::Standard, FLASH, RAM);
     let taken = fits(Variant::Joint, JOINT_FLASH, JOINT_RAM);
-    println!("{} bytes for the stack of a joint's image", ALL_RAM - taken);
-    assert!(taken + JOINT_STACK <= ALL_RAM, "{taken} bytes are taken");
+    println!("{} bytes are left by a joint's image", ALL_RAM - taken);
 }
 
 /// Checks an image; returns what it takes of the RAM.
@@ -48,7 +44,7 @@ fn fits(variant: Variant, in_flash: RangeInclusive<u64>, in_ram: RangeInclusive<
     let start = size(&[".boot2", ".vector_table", ".text", ".before_copy", ".rodata"]);
     let copied = size(&[".ram_text", ".ram_rodata"]);
     let flash = start + copied + size(&[".data"]);
-    let ram = size(&[".data", ".bss", ".uninit"]);
+    let ram = size(&[".black_box", ".data", ".bss", ".uninit"]);
     println!(
         "{variant:?}: {flash} bytes of flash, {copied} of them code and constants that are copied into RAM; \
          {ram} bytes of static memory beside them"

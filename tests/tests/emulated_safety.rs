@@ -250,6 +250,18 @@ fn a_fault_of_the_processor_vents_at_once_and_is_remembered() {
     assert_eq!(rig.exchange().restarts, 1);
 }
 
+/// The stack lies at the bottom of RAM: it overwrites nothing, and the watchdog vents.
+#[test]
+fn an_overflowing_stack_vents_and_is_remembered() {
+    let mut rig = filling();
+    rig.board.inject(Injection::StackOverflow);
+    let ms = time_to_vent(&mut rig, AS_IT_IS);
+    assert!((10..=60).contains(&ms), "{ms} ms");
+    let last_reset = rig.board.last_reset().unwrap();
+    assert!(matches!(last_reset, LastReset::Watchdog { .. }), "{last_reset:?}");
+    assert_eq!(rig.exchange().restarts, 1);
+}
+
 /// Fraction of a second in which the LED is on, how often it goes on, and the fault output.
 fn shown(rig: &mut Rig, change: Change) -> (f64, usize, bool) {
     let second: Vec<Exchange> = (0..1000).map(|_| rig.exchange_with(change)).collect();

@@ -8,11 +8,11 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
 use model_core::joint::encoder::Encoder;
+use model_core::joint::{Joint, JointError, JointMode};
 pub use model_core::joint::{
     JointConfig as Config, JointSample as Sample, JointSetPoint as SetPoint,
     JointTelemetry as Telemetry,
 };
-use model_core::joint::{Joint, JointError, JointMode};
 use model_core::safety::supervisor::FirstFailure;
 use model_core::{AdcCode, Command, Faults};
 use serde::{Serialize, Serializer};
@@ -81,7 +81,7 @@ pub fn is_configured(core: &Core) -> bool {
 pub fn unconfigured() -> Core {
     static PLACES: [StaticCell<model_core::Core>; 2 * MUSCLES] =
         [const { StaticCell::new() }; 2 * MUSCLES];
-    Core::unconfigured([(); MUSCLES].map(|()| {
+    Core::unconfigured_in([(); MUSCLES].map(|()| {
         let Some(place) = PLACES.iter().find_map(StaticCell::try_uninit) else {
             panic!("a board has two joints");
         };

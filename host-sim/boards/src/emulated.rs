@@ -49,6 +49,8 @@ pub enum Injection {
     },
     /// A fault of the processor, now.
     Fault,
+    /// The stack overflows, now.
+    StackOverflow,
     /// Sets or clears a fault of a digital sensor.
     Part(PartFault),
     /// Power fails once during an operation of the flash, and returns at once.
@@ -141,6 +143,8 @@ pub struct Exchange {
     /// Reads of flash while it was written, which return nothing on silicon, and operations with a
     /// wrong argument. Must be 0.
     pub flash_violations: u32,
+    /// Bytes of the stack that nothing has used since the last start.
+    pub stack_unused: u32,
     pub fault_output: bool,
     pub led: bool,
     /// An injected hang has not happened yet.
@@ -225,6 +229,7 @@ pub struct EmulatedBoard {
     part_fault: PartFault,
     hang: Option<(Place, u32)>,
     fault: bool,
+    stack_overflow: bool,
     power_cut: Option<(u32, f32)>,
     restarts: u32,
     /// A restart was requested since the last start.
@@ -289,6 +294,7 @@ impl EmulatedBoard {
             part_fault: PartFault::None,
             hang: None,
             fault: false,
+            stack_overflow: false,
             power_cut: None,
             restarts: 0,
             restarted: false,
@@ -436,6 +442,7 @@ impl EmulatedBoard {
             Injection::Part(fault) => self.part_fault = fault,
             Injection::Hang { place, instruction } => self.hang = Some((place, instruction)),
             Injection::Fault => self.fault = true,
+            Injection::StackOverflow => self.stack_overflow = true,
             Injection::PowerCut { operation, done } => self.power_cut = Some((operation, done)),
         }
     }
@@ -516,7 +523,8 @@ impl EmulatedBoard {
         for bytes in [&uart, &usb] {
             request.extend_from_slice(&(bytes.len() as u16).to_le_bytes());
         }
-        request.push(self.deaf.into());
+        let overflows = core::mem::take(&mut self.stack_overflow);
+        request.push(u8::from(self.deaf) | u8::from(overflows) << 1);
         request.extend(uart);
         request.extend(usb);
         if self.requests.write_all(&request).and_then(|()| self.requests.flush()).is_err() {
@@ -549,6 +557,7 @@ impl EmulatedBoard {
         let busy_cycles = word()?;
         let [restarts, flash_reads, flash_misses] = [word()?, word()?, word()?];
         let [power_cuts, flash_operations, flash_violations] = [word()?, word()?, word()?];
+        let stack_unused = word()?;
         let mut half_word = || {
             let mut bytes = [0; 2];
             self.responses.read_exact(&mut bytes).map(|()| f64::from(u16::from_le_bytes(bytes)))
@@ -581,6 +590,7 @@ impl EmulatedBoard {
             power_cuts,
             flash_operations,
             flash_violations,
+            stack_unused,
             fault_output: state & 1 != 0,
             led: state & 2 != 0,
             hang_to_come: state & 4 != 0,

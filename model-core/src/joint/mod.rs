@@ -239,6 +239,13 @@ impl Joint {
         let muscles = config.muscles.each_ref().map(|muscle| Core::of(muscle, true));
         Ok(Self::of(muscles, config))
     }
+
+    /// The joint of a board without a configuration: it and its muscles have the default one, and it vents until it
+    /// is [restarted](Self::restart_as) as one that is configured, and armed.
+    pub fn unconfigured() -> Self {
+        let config = JointConfig::default();
+        Self::of(config.muscles.each_ref().map(|muscle| Core::of(muscle, false)), &config)
+    }
 }
 
 impl<M: BorrowMut<Core>> Joint<M> {
@@ -292,10 +299,9 @@ impl<M: BorrowMut<Core>> Joint<M> {
         Ok(())
     }
 
-    /// The joint of a board without a configuration: it and its muscles have the default one, and it vents until it
-    /// is [restarted](Self::restart_as) as one that is configured, and armed.
+    /// As [`unconfigured`](Joint::unconfigured), in the place of muscles that are kept elsewhere.
     #[cold]
-    pub fn unconfigured(mut muscles: [M; 2]) -> Self {
+    pub fn unconfigured_in(mut muscles: [M; 2]) -> Self {
         let config = JointConfig::default();
         for (muscle, config) in both_mut(&mut muscles).into_iter().zip(&config.muscles) {
             muscle.become_of(config, false);
@@ -524,7 +530,8 @@ impl<M: BorrowMut<Core>> Joint<M> {
         const HARMLESS: Faults = Faults::LINK_LOST.with(Faults::GAS_LOST);
         let harmless = [JointFaults::NONE, JointFaults::ANGLE_SENSOR].contains(&self.latched)
             && self.venting().iter().all(|faults| faults.without(HARMLESS) == Faults::NONE);
-        let trusted = both(&self.muscles).iter().all(|muscle| muscle.supervisor().pressure_trusted());
+        let trusted =
+            both(&self.muscles).iter().all(|muscle| muscle.supervisor().pressure_trusted());
         let below = pressure_pa.iter().zip(self.limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
         let wanted = self.config.mechanism.lock_s > 0.0 && self.set_point != JointSetPoint::Vent;
         // Valves that vent until a set point's first period go on venting.
@@ -877,7 +884,7 @@ mod tests {
         let mut joint = filling();
         vents_after(&mut joint, open);
         assert!(joint.first_failure().unwrap().faults.intersects(Faults::JOINT_ANGLE));
-        let mut board = Joint::unconfigured([(); 2].map(|()| Core::unconfigured().unwrap()));
+        let mut board = Joint::unconfigured();
         board.recall(joint.first_failure().unwrap(), joint.latched());
         board.restart_as(&Joint::new(&JointConfig::default()).unwrap());
         assert_eq!(
@@ -944,7 +951,7 @@ mod tests {
     /// The converter's input is at a rail where an encoder gives the angle.
     #[test]
     fn a_joint_that_is_not_configured_judges_no_angle() {
-        let mut joint = Joint::unconfigured([(); 2].map(|()| Core::unconfigured().unwrap()));
+        let mut joint = Joint::unconfigured();
         (0..100).for_each(|step| _ = joint.step(&open(alive(step))));
         joint.restart_as(&Joint::new(&JointConfig::default()).unwrap());
         assert_eq!(joint.latched(), Faults::NONE);
