@@ -87,11 +87,8 @@ fn main() -> ! {
     #[cfg(not(feature = "usb"))]
     let [serial] = &SHARED.lines;
     let core = core(remembered);
-    #[cfg(feature = "joint")]
-    {
-        static NEXT: StaticCell<Core> = StaticCell::new();
-        SHARED.stage(NEXT.init_with(kind::unconfigured));
-    }
+    static NEXT: StaticCell<Core> = StaticCell::new();
+    SHARED.stage(NEXT.init_with(kind::unconfigured));
     let control = Chosen::start_control(&CONTROL);
     static THREAD: StaticCell<Executor> = StaticCell::new();
     THREAD.init_with(Executor::new).run(|thread| {

@@ -1,11 +1,8 @@
 //! State shared by the tasks.
 
-use crate::kind;
 #[cfg(feature = "hil")]
 use crate::kind::Sample;
-use crate::kind::{
-    ActiveConfig, ActiveRest, Config, Core, Held, JointTelemetry, SetPoint, checksum,
-};
+use crate::kind::{ActiveConfig, ActiveRest, Config, Core, JointTelemetry, SetPoint, checksum};
 use crate::source::{STEP, into_step};
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -67,14 +64,6 @@ pub enum StoreRequest {
 
 pub type Message = link::MessageWith<ActiveConfig, ActiveRest, JointTelemetry>;
 pub type Answer = link::AnswerWith<ActiveConfig, ActiveRest>;
-
-/// An optional core. Unlike `None`, the empty state is all zeros, which take no flash.
-#[repr(u8)]
-#[allow(clippy::large_enum_variant)] // One static.
-pub enum Slot {
-    Empty,
-    Full(Held),
-}
 
 pub const LINES: usize = if cfg!(feature = "usb") { 2 } else { 1 };
 
@@ -203,7 +192,7 @@ pub struct Shared {
     /// There is never contention: the tasks of the thread hold it between two waits, and control
     /// reads it after one of them has sent an order, before that task goes on. It is no critical
     /// section, because copying a core with interrupts off would delay a step.
-    next_core: mutex::Mutex<CriticalSectionRawMutex, Slot>,
+    next_core: mutex::Mutex<CriticalSectionRawMutex, Option<&'static mut Core>>,
     /// Kept over restarts.
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
@@ -229,7 +218,7 @@ impl Shared {
             vented: AtomicBool::new(false),
             dropped_requests: AtomicU32::new(0),
             arbiter: Mutex::new(Cell::new(Arbiter::new())),
-            next_core: mutex::Mutex::new(Slot::Empty),
+            next_core: mutex::Mutex::new(None),
             first_failure: Mutex::new(Cell::new(None)),
             tally: Mutex::new(Cell::new(Tally::NONE)),
             status: Mutex::new(Cell::new(Status::AT_START)),
@@ -276,23 +265,23 @@ impl Shared {
     /// Stages a core with a configuration for [`Order::Configure`] and every later [`Order::Start`],
     /// so that a start need not compute the constants again.
     pub fn prepare(&self, config: &Config) -> Result<(), Refusal> {
-        let mut slot = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
-        kind::prepare(&mut slot, config)
+        let mut next = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
+        let core = next.as_mut().ok_or(Refusal::NotConfigured)?;
+        Ok(core.become_new(config)?)
     }
 
     /// The active configuration; `None` before the first one since the start of the board.
     pub fn config(&self) -> Option<Config> {
         match &*self.next_core.try_lock().ok()? {
-            Slot::Full(core) if kind::is_configured(core) => Some(*core.config()),
+            Some(core) if core.is_configured() => Some(*core.config()),
             _ => None,
         }
     }
 
     /// Gives the staged core its memory, before the first.
-    #[cfg(feature = "joint")]
-    pub fn stage(&self, core: Held) {
-        if let Ok(mut slot) = self.next_core.try_lock() {
-            *slot = Slot::Full(core);
+    pub fn stage(&self, core: &'static mut Core) {
+        if let Ok(mut next) = self.next_core.try_lock() {
+            *next = Some(core);
         }
     }
 
@@ -301,9 +290,9 @@ impl Shared {
         &self,
         with: impl FnOnce(&Core) -> Result<T, Refusal>,
     ) -> Result<T, Refusal> {
-        let slot = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
-        match &*slot {
-            Slot::Full(core) if kind::is_configured(core) => with(core),
+        let next = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
+        match &*next {
+            Some(core) if core.is_configured() => with(core),
             _ => Err(Refusal::NotConfigured),
         }
     }

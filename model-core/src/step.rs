@@ -120,6 +120,22 @@ impl Core {
         }
     }
 
+    /// Becomes [`new`](Self::new) with another configuration, in its place.
+    ///
+    /// # Errors
+    /// [`ConfigError`] as [`Config::check`]; it is as before then.
+    #[cold]
+    pub fn become_new(&mut self, config: &Config) -> Result<(), ConfigError> {
+        config.check()?;
+        self.become_of(config, true);
+        Ok(())
+    }
+
+    /// Whether somebody has configured it.
+    pub fn is_configured(&self) -> bool {
+        !self.supervisor.venting().intersects(Faults::NOT_CONFIGURED)
+    }
+
     /// Becomes [`of`](Self::of), in its place and part by part: a board's stack has no room for a whole one.
     #[cold]
     pub(crate) fn become_of(&mut self, config: &Config, configured: bool) {

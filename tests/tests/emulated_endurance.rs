@@ -8,7 +8,7 @@ use model_core::control::Mode;
 use model_core::{Command, Faults, Sample, SetPoint};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::thread;
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered};
 use thermyo_boards::emulated::{Exchange, Injection, Place};
@@ -49,6 +49,9 @@ impl Random {
         self.below(1000) as f32 / 1000.0
     }
 }
+
+/// Of 24 KiB \[bytes\]. Floods of all requests reach each place that takes most of it.
+const STACK_UNUSED: RangeInclusive<u32> = 4 * 1024..=14 * 1024;
 
 /// A muscle whose valves follow pulses of any length, at a board with this PWM period.
 fn rig(period_steps: u32) -> Rig {
@@ -354,8 +357,8 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     rig.board.discard();
     rig.board.write(&[0]);
     rig.board.take_telemetry();
-    // It may ask a few things at once again.
-    rig.pass(80);
+    // It may ask a few things at once again, after the saves that were accepted: up to 0.3 s.
+    rig.pass(400);
     let faults = rig.board.take_telemetry().last().map(|telemetry| telemetry.faults);
     assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
 }
@@ -391,6 +394,9 @@ fn assert_floods_change_nothing(period: u32, milliseconds: u32, each: bool) {
         assert!(timing.jitter_worst_us <= JITTER_US, "{kind:?}: {timing:?}");
         assert!(timing.dropped_requests > dropped_requests + 20, "{kind:?}: {timing:?}");
         dropped_requests = timing.dropped_requests;
+        let unused = rig.exchange().stack_unused;
+        println!("{unused} bytes of the stack are not used");
+        assert!(STACK_UNUSED.contains(&unused), "{kind:?}: {unused} bytes");
     }
 }
 

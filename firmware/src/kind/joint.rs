@@ -3,7 +3,7 @@
 use crate::board::Modulation;
 use crate::link::{Identity, Outcome, check_muscle, configure, done, other_image};
 use crate::parts::{Parts, Seen};
-use crate::shared::{Answer, Line, Message, Order, Shared, Slot};
+use crate::shared::{Answer, Line, Message, Order, Shared};
 use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
@@ -69,13 +69,6 @@ impl Serialize for ActiveRest {
 
 /// The muscles are statics: the stack has no room for a whole joint.
 pub type Core = Joint<&'static mut model_core::Core>;
-
-/// A core that the tasks share: too large to be moved on the stack.
-pub type Held = &'static mut Core;
-
-pub fn is_configured(core: &Core) -> bool {
-    core.is_configured()
-}
 
 /// One of the board's two joints: the one that controls, and the one that is configured next.
 pub fn unconfigured() -> Core {
@@ -178,14 +171,6 @@ pub fn take_parts(
         sample.angle = seen.encoder.code(parts.on_i2c.fresh(&mut seen.on_i2c, paused));
     } else {
         seen.encoder = Encoder::default();
-    }
-}
-
-/// Gives the core in the slot a configuration, in its place.
-pub fn prepare(slot: &mut Slot, config: &Config) -> Result<(), Refusal> {
-    match slot {
-        Slot::Full(core) => Ok(core.become_new(config)?),
-        Slot::Empty => Err(Refusal::NotConfigured),
     }
 }
 

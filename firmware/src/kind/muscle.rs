@@ -4,7 +4,7 @@ use crate::board::Modulation;
 use crate::link::{Identity, Outcome, check_muscle, configure, other_image};
 #[cfg_attr(feature = "hil", allow(unused_imports))]
 use crate::parts::{Parts, Seen};
-use crate::shared::{Answer, Line, Message, Order, Shared, Slot};
+use crate::shared::{Answer, Line, Message, Order, Shared};
 use embassy_time::Duration;
 use model_core::control::SetPointError;
 use model_core::safety::supervisor::FirstFailure;
@@ -45,12 +45,6 @@ impl Serialize for ActiveConfig {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.0.config().unwrap_or_default().serialize(serializer)
     }
-}
-
-pub type Held = Core;
-
-pub fn is_configured(_: &Core) -> bool {
-    true
 }
 
 pub fn unconfigured() -> Core {
@@ -148,11 +142,6 @@ pub fn take_parts(
             sample.gas = part.code(seen, paused);
         }
     }
-}
-
-pub fn prepare(slot: &mut Slot, config: &Config) -> Result<(), Refusal> {
-    *slot = Slot::Full(Core::new(config)?);
-    Ok(())
 }
 
 /// Whether the board can run the configuration, its values left aside.

@@ -2,6 +2,7 @@
 
 use crate::load::{JointLoaded, joint};
 use model_core::joint::allocation::{Line, allocate, stiffness_n_m_rad, torque_n_m};
+use model_core::joint::swing::FARTHEST_RAD;
 use model_core::physics::chamber::AnyChamber;
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
@@ -59,7 +60,12 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
     found.extend(slow_step(loaded));
     found.extend(late_course(loaded));
     found.extend(rough_radii(loaded));
-    found.extend(beyond_the_muscles(loaded));
+    // A stiffness that is not reached is none to swing on.
+    let beyond = beyond_the_muscles(loaded);
+    if beyond.is_empty() {
+        found.extend(swings(loaded));
+    }
+    found.extend(beyond);
     all.extend(found.into_iter().map(|(key, value, why)| InputError {
         file: document.muscles[0].origin.clone(),
         line: document.given(&key).and_then(|(line, ..)| line),
@@ -157,6 +163,34 @@ fn late_course(loaded: &JointLoaded) -> Option<Warning> {
     let file = loaded.drive.profile_csv.as_ref()?;
     let why = thermyo_setup::late(angle, loaded.muscles[0].plant.run.duration_s)?;
     Some(("drive.profile_csv".to_owned(), format!("{:?}", file.display().to_string()), why))
+}
+
+/// An arm that swings on its gas faster than a torque answers: only friction damps it.
+fn swings(loaded: &JointLoaded) -> Option<Warning> {
+    let believed = &loaded.muscles[0].believed;
+    // Longer periods have a warning of their own.
+    if believed.valve.pwm_hz < SLOW_PWM_HZ {
+        return None;
+    }
+    let [config, _] = loaded.config().muscles;
+    let late_s = loaded.controller.lead_s + f64::from(config.valve_kind.late_s(&config.valve));
+    let delay_s = late_s + believed.pwm_period_s();
+    let stiffest = asked(loaded).iter().map(|asked| asked.stiffness_n_m_rad).fold(0.0, f64::max);
+    let inertia = loaded.believed.inertia_kg_m2;
+    let swing_rad_s = (stiffest / inertia).sqrt();
+    let farthest = f64::from(FARTHEST_RAD);
+    (swing_rad_s * delay_s > farthest).then(|| {
+        let radian_s = delay_s / farthest;
+        let least = stiffest * radian_s * radian_s;
+        let why = format!(
+            "at {stiffest:.1} N m/rad the arm swings at {:.0} Hz on its gas, and a torque that answers it comes {:.0} ms \
+             late: friction alone damps it. {least:.2e} kg m2 or more, less stiffness, faster valves (valve.pwm_hz) or \
+             shorter hoses would do",
+            swing_rad_s / TAU,
+            1e3 * delay_s
+        );
+        ("joint.inertia_kg_m2".to_owned(), format!("{inertia:?}"), why)
+    })
 }
 
 /// A set point at one time.
@@ -379,6 +413,12 @@ mod tests {
                 "[joint]\n[joint.b.believed.controller]\nlength_gain = 2\n",
                 "joint.toml:3: believed.controller.length_gain = 2: not used: ",
                 "it uses minimum_pulse_s alone",
+            ),
+            (
+                "[joint]\ninertia_kg_m2 = 0.001\n",
+                "joint.toml:2: joint.inertia_kg_m2 = 0.001: at 14.0 N m/rad the arm swings at 19 Hz on its gas, and a \
+                 torque that answers it comes 15 ms late: ",
+                "shorter hoses would do",
             ),
             (
                 "[joint]\n[valve]\npwm_hz = 5\n",

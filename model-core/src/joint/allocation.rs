@@ -42,6 +42,8 @@ pub struct Line {
     pub stiffness_m: f32,
     /// ... and without pressure, c \[N/m\].
     pub stiffness_n_m: f32,
+    /// Share of both that is the gas's own, k A^2/V, per absolute pressure \[m\].
+    pub gas_m: f32,
 }
 
 impl Line {
@@ -63,12 +65,14 @@ impl Line {
             held_n: hysteresis_n - springs.force_n,
             stiffness_m: gas_m + springs.stiffness_m,
             stiffness_n_m: gas_m * config.ambient.pressure_pa + springs.stiffness_n_m,
+            gas_m,
         };
         if !lever.is_plain() {
             let Lever { share, turn_per_m } = *lever;
             let square = share * share;
             line.stiffness_m = square * line.stiffness_m + turn_per_m * area_m2;
             line.stiffness_n_m = square * line.stiffness_n_m - turn_per_m * line.held_n;
+            line.gas_m *= square;
             line.area_m2 *= share;
             line.held_n *= share;
         }
@@ -83,6 +87,11 @@ impl Line {
     /// Stiffness of the muscle behind shut valves \[N/m\].
     pub fn spring_n_m(&self, gauge_pa: f32) -> f32 {
         self.stiffness_m * gauge_pa + self.stiffness_n_m
+    }
+
+    /// Stiffness at the same pressure, gauge and absolute \[N/m\].
+    pub fn isobaric_n_m(&self, gauge_pa: f32, pressure_pa: f32) -> f32 {
+        self.spring_n_m(gauge_pa) - self.gas_m * pressure_pa
     }
 
     /// Least gauge pressure at which the tendon is taut \[Pa\].

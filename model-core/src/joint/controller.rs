@@ -1,14 +1,16 @@
 //! From the set point of a joint to the openings of its four valves, once per PWM period.
 //!
 //! ```text
-//! torque = J q_r'' + viscous q_r' + gravity(q_r) + friction(q_r) + kp (e + t e') + kd J e' + ki int(e) - share d
+//! torque = J q_r'' + viscous q_r' + gravity(q_r) + friction(q_r) + kp e + kd J e' + ki int(e) - share d
 //! (torque, K) -> P_a, P_b         closed form, with slip and creep along the reference
 //! dm     = (V dP/k + P dV)/(R T)  each muscle: eq. (6), adiabatic, towards pressure and volume of the reference
 //! ```
 //!
 //! q_r is the reference at the time at which the gas of the period has arrived: valve, hose and a pulse that waits for
-//! the next period make it late. The error e is measured now and predicted until then, and over the period after it, by
-//! its own rate: its torque acts that much later, which would take damping away from a stiff loop.
+//! the next period make it late. The error e is measured now and predicted until then, and over the period after it, as
+//! a [`swing`](super::swing) on the gas that there is: its torque acts that much later, and would drive the swing of a
+//! small arm. Both terms together are no more than the open valves give in half a radian of it: what they cannot follow
+//! comes late too.
 //!
 //! As for a single muscle the loops close on gas mass: at held masses the pair is a spring of the wanted stiffness
 //! about the reference, without any delay. At rest all four valves are shut, by one decision for both muscles.
@@ -24,6 +26,7 @@ use super::observer::{Friction, Observer};
 use super::pulley::Lever;
 use super::reference::{Motion, Reference};
 use super::set_point::JointSetPoint;
+use super::swing::Swing;
 use crate::config::Config;
 use crate::control::chamber_port::{ChamberPort, Feedback};
 use crate::control::course::{Course, Pace};
@@ -45,6 +48,13 @@ const FITS: f32 = 0.5;
 const FILLED: f32 = 0.98;
 /// Dry friction of a bearing builds up over this way: assumed \[rad\].
 const BEARING_RAD: f32 = 0.005;
+/// Part of a swing in which the open valves have to give the torque that answers it: assumed \[rad\].
+const FOLLOWS_RAD: f32 = 0.5;
+/// Fastest that the integral closes an error, by the spring of gas and gain: faster, it drives a swing (assumption)
+/// \[1/s\].
+const LEARNS_PER_S: f32 = 6.5;
+/// Way about the reference over which slip and creep are a spring, before the braid slides: assumed \[rad\].
+const SPRINGS_RAD: f32 = 0.1;
 
 /// One muscle as the joint's controller has it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -62,6 +72,8 @@ struct Side {
     reference_m3: f32,
     /// The last period had a pulse.
     pulsed: bool,
+    /// Pressure that the open valve gives in a period, the way of the last one \[Pa\].
+    open_pa: f32,
 }
 
 impl Side {
@@ -79,6 +91,7 @@ impl Side {
             reference_pa: 0.0,
             reference_m3: 0.0,
             pulsed: false,
+            open_pa: 0.0,
         }
     }
 
@@ -111,13 +124,15 @@ impl Side {
         };
         let first_kg = asked_kg(next_pa, next_m3);
         let size_kg = absolute(first_kg);
-        let waits_kg = port.mass_kg(waits_pa, 0.0);
+        let per_pa_kg = port.mass_kg(1.0, 0.0);
+        let waits_kg = waits_pa * per_pa_kg;
         let open = OpenFlow::new(config, first_kg, feedback.muscle());
         let open_kg = port.period_s * open.kg_s;
+        self.open_pa = open_kg / per_pa_kg;
         // Two periods' gas fits into one.
         let fits = size_kg < FITS * open_kg;
         let waits = self.pulsed && fits && size_kg < waits_kg;
-        if waits || size_kg < port.mass_kg(quiet_pa, 0.0) {
+        if waits || size_kg < quiet_pa * per_pa_kg {
             self.pulsed = false;
             return self.drive.closed();
         }
@@ -168,6 +183,11 @@ pub struct JointController {
     /// The muscles at their lengths in the last step of a period, and how they act there.
     lines: [Line; 2],
     levers: [Lever; 2],
+    /// Angle at which they were measured \[rad\], and torque per way from there at the same pressures \[N m/rad\].
+    measured_rad: f32,
+    isobaric_n_m_rad: f32,
+    /// Spring of slip and creep while nothing slides \[N m/rad\].
+    hysteresis_n_m_rad: f32,
     /// Torque of the muscles, by these and the pressures of the step \[N m\].
     torque_n_m: f32,
     gravity: Gravity,
@@ -209,6 +229,9 @@ impl JointController {
             sides: [Side::new(&muscles[0]), Side::new(&muscles[1])],
             lines: [Line::default(); 2],
             levers: [Lever::PLAIN; 2],
+            measured_rad: 0.0,
+            isobaric_n_m_rad: 0.0,
+            hysteresis_n_m_rad: 0.0,
             torque_n_m: 0.0,
             gravity: Gravity::UNKNOWN,
             weighed: false,
@@ -266,8 +289,10 @@ impl JointController {
     }
 
     /// Takes the gauge pressures of a step: those of the torque.
-    pub fn press(&mut self, gauge_pa: [f32; 2]) {
-        self.torque_n_m = torque_n_m(self.radius_m, &self.lines, gauge_pa);
+    pub fn press(&mut self, gauge_pa: [f32; 2], angle_rad: f32) {
+        let way_rad = angle_rad - self.measured_rad;
+        self.torque_n_m =
+            torque_n_m(self.radius_m, &self.lines, gauge_pa) - self.isobaric_n_m_rad * way_rad;
     }
 
     /// Torque of the muscles \[N m\].
@@ -283,7 +308,10 @@ impl JointController {
     /// One step of the observer; returns the torque of muscles and gravity \[N m\].
     pub fn observe(&mut self, mechanism: &Mechanism, angle_rad: f32) -> f32 {
         let torque_n_m = self.torque_n_m + self.gravity.torque_n_m(mechanism, angle_rad);
-        self.observer.step(angle_rad, torque_n_m, &self.friction);
+        // The lines have slip and creep of the reference: about it an arm that swings has them as a spring.
+        let way_rad = limit(angle_rad - self.led_rad, -SPRINGS_RAD, SPRINGS_RAD);
+        let net_n_m = torque_n_m - self.hysteresis_n_m_rad * way_rad;
+        self.observer.step(angle_rad, net_n_m, &self.friction);
         torque_n_m
     }
 
@@ -342,18 +370,17 @@ impl JointController {
     /// dry friction is before it slides; no more than a joint that rests may go \[rad\].
     fn way_to_come_rad(&self, muscles: &[Measured<'_>; 2]) -> f32 {
         let mut torque_n_m = 0.0;
-        let mut spring_n_m_rad = self.friction.presliding_n_m_rad
+        let spring_n_m_rad = self.friction.presliding_n_m_rad
+            + self.hysteresis_n_m_rad
             + self.stiffness_n_m_rad(muscles.map(|muscle| muscle.gauge_pa()));
         let pair = self.sides.iter().zip(&self.lines).zip(&self.levers);
         for ((((side, line), lever), muscle), sign) in pair.zip(muscles).zip([1.0, -1.0]) {
-            let r = lever.scaled(self.radius_m);
             let Held { fast_n, slow_n, .. } = side.held;
             let Feedback { pressure_pa, estimate, .. } = muscle.feedback;
             let warms_pa = pressure_pa * (estimate.wall_k / estimate.gas_k - 1.0);
             // The line's area has its lever already.
             let gains_n = lever.scaled(fast_n + slow_n) + line.area_m2 * warms_pa;
             torque_n_m += sign * self.radius_m * gains_n;
-            spring_n_m_rad += r * r * side.law.stiffness_n_m();
         }
         let most_rad = HYSTERESIS * self.tuning.dead_zone_rad;
         limit(torque_n_m / spring_n_m_rad, -most_rad, most_rad)
@@ -367,21 +394,32 @@ impl JointController {
         let mut friction = Friction {
             coulomb_n_m: bearing_n_m,
             presliding_n_m_rad: bearing_n_m * (1.0 / BEARING_RAD),
+            viscous_n_m_s: mechanism.viscous_n_m_s,
         };
+        let (mut isobaric_n_m, mut hysteresis_n_m_rad) = (0.0, 0.0);
         let pair = self.lines.iter_mut().zip(&self.sides).zip(muscles);
         for (((line, side), muscle), lever) in pair.zip(&self.levers) {
             let Measured { config, chamber, feedback, .. } = muscle;
             *line = Line::new(config, *chamber, feedback.length_m, side.held.force_n(), lever);
+            let gauge_pa = muscle.gauge_pa();
+            isobaric_n_m += line.isobaric_n_m(gauge_pa, feedback.pressure_pa);
             let r = lever.scaled(self.radius_m);
-            let friction_n = config.friction.force_n(feedback.estimate.wall_k)
-                * config.friction.at_pressure(muscle.gauge_pa());
+            let square_m2 = r * r;
+            hysteresis_n_m_rad += square_m2 * side.law.stiffness_n_m();
+            let of_muscle = &config.friction;
+            let softening = of_muscle.softening(feedback.estimate.wall_k);
+            let friction_n = of_muscle.force_n * softening * of_muscle.at_pressure(gauge_pa);
             friction.coulomb_n_m += r * friction_n;
+            friction.viscous_n_m_s += square_m2 * of_muscle.viscous_n_s_m * softening;
             if friction_n > 0.0 {
-                friction.presliding_n_m_rad += r * r * config.friction.presliding_stiffness_n_m;
+                friction.presliding_n_m_rad += square_m2 * of_muscle.presliding_stiffness_n_m;
             }
         }
         self.friction = friction;
-        self.press(muscles.map(|muscle| muscle.gauge_pa()));
+        self.hysteresis_n_m_rad = hysteresis_n_m_rad;
+        self.isobaric_n_m_rad = self.radius_m * self.radius_m * isobaric_n_m;
+        self.measured_rad = angle_rad;
+        self.press(muscles.map(|muscle| muscle.gauge_pa()), angle_rad);
     }
 
     /// The openings of a period, at its start; [`measure`](Self::measure) has been called in the step before, or
@@ -495,8 +533,9 @@ impl JointController {
         muscles: &[Measured<'_>; 2],
         most_pa: [f32; 2],
     ) -> [Command; 2] {
-        let JointTuning { gain_n_m_rad, damping_per_s, observer_share, lead_s, .. } = self.tuning;
+        let JointTuning { observer_share, lead_s, .. } = self.tuning;
         let gauge_pa = muscles.map(|muscle| muscle.gauge_pa());
+        let stiffness_n_m_rad = self.stiffness_n_m_rad(gauge_pa);
         let mut error_rad = self.reference.motion.angle_rad - angle_rad;
         let held = self.holding;
         self.arrive(wanted);
@@ -508,9 +547,9 @@ impl JointController {
         if self.arrived {
             // With the set point in the middle of the way that is still to come.
             error_rad -= 0.5 * self.to_come_rad;
-            self.learn(error_rad);
+            self.learn(error_rad, stiffness_n_m_rad);
         }
-        let lag_rad_s = self.reference.motion.speed_rad_s - self.observer.speed_rad_s;
+        let error = [error_rad, self.reference.motion.speed_rad_s - self.observer.speed_rad_s];
         // A valve that is fully open is late, and the other muscle's would turn the arm meanwhile.
         let stiffens = !self.saturated();
         let Self { reference, tuning, period_s, .. } = self;
@@ -524,16 +563,16 @@ impl JointController {
         let levers = mechanism.levers(next.angle_rad);
         self.creep(way_rad, &levers);
         let inertia_kg_m2 = mechanism.inertia_kg_m2;
-        let predicted_rad = error_rad + (late_s + self.period_s) * lag_rad_s;
-        let led_n_m = inertia_kg_m2 * (next.acceleration_rad_s2 + damping_per_s * lag_rad_s)
-            + mechanism.viscous_n_m_s * next.speed_rad_s
+        let led_n_m = inertia_kg_m2 * next.acceleration_rad_s2
+            + self.friction.viscous_n_m_s * next.speed_rad_s
             - self.gravity.torque_n_m(mechanism, next.angle_rad)
             + self.friction_n_m
             - observer_share * self.observer.disturbance_n_m;
         if held && self.arrived && self.sticks(inertia_kg_m2) {
             self.leave_rest(led_n_m, muscles);
         }
-        let torque_n_m = led_n_m + gain_n_m_rad * predicted_rad + self.integral_n_m;
+        let answer_n_m = self.answer_n_m(inertia_kg_m2, stiffness_n_m_rad, error, late_s);
+        let torque_n_m = led_n_m + answer_n_m + self.integral_n_m;
         let mut lines = self.lines;
         let pair = lines.iter_mut().zip(&self.sides).zip(muscles);
         for (((line, side), muscle), (length_m, lever)) in
@@ -544,8 +583,30 @@ impl JointController {
             *line = Line::new(muscle.config, muscle.chamber, length_m, held_n, lever);
         }
         let asked = [torque_n_m, next.stiffness_n_m_rad];
-        let given = allocate(self.radius_m, &lines, asked, most_pa);
-        self.give(&lines, given, muscles)
+        self.give(&lines, allocate(self.radius_m, &lines, asked, most_pa), muscles)
+    }
+
+    /// Torque that answers an error \[rad\] and its rate \[rad/s\] when it acts, up to what the open valves follow \[N m\].
+    fn answer_n_m(
+        &self,
+        inertia_kg_m2: f32,
+        stiffness_n_m_rad: f32,
+        error: [f32; 2],
+        late_s: f32,
+    ) -> f32 {
+        let spring_rad2_s2 = stiffness_n_m_rad / inertia_kg_m2;
+        let swing = Swing::after(error, spring_rad2_s2, late_s + self.period_s);
+        let JointTuning { gain_n_m_rad, damping_per_s, .. } = self.tuning;
+        let mut open_n = 0.0;
+        for (side, line) in self.sides.iter().zip(&self.lines) {
+            open_n += side.open_pa * line.area_m2;
+        }
+        let [a, _] = &self.sides;
+        let open_n_m_s = self.radius_m * open_n * a.drive.pwm_hz();
+        let most_n_m = FOLLOWS_RAD * swing.radian_s * open_n_m_s;
+        let asked_n_m =
+            gain_n_m_rad * swing.error_rad + inertia_kg_m2 * damping_per_s * swing.rate_rad_s;
+        limit(asked_n_m, -most_n_m, most_n_m)
     }
 
     /// Whether the reference has arrived. What friction held at one rest is no torque of a motion: the integral begins
@@ -631,9 +692,12 @@ impl JointController {
     }
 
     /// One period of the integral.
-    fn learn(&mut self, error_rad: f32) {
+    fn learn(&mut self, error_rad: f32, stiffness_n_m_rad: f32) {
         if !self.saturated() {
-            let gained_n_m = self.tuning.integral_n_m_rad_s * self.period_s * error_rad;
+            let JointTuning { integral_n_m_rad_s, gain_n_m_rad, .. } = self.tuning;
+            let fastest_n_m_rad_s = LEARNS_PER_S * (gain_n_m_rad + stiffness_n_m_rad);
+            let rate_n_m_rad_s = limit(integral_n_m_rad_s, 0.0, fastest_n_m_rad_s);
+            let gained_n_m = rate_n_m_rad_s * self.period_s * error_rad;
             self.integrate(self.integral_n_m + gained_n_m);
         }
     }

@@ -28,6 +28,7 @@ pub mod observer;
 pub mod pulley;
 pub mod reference;
 mod set_point;
+pub mod swing;
 
 pub use self::config::{JointConfig, JointTuning, Mechanism};
 pub use self::encoder::AnglePart;
@@ -495,7 +496,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
         b.openings(sample_b, judged_b);
         let pressure_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
         let gauge_pa = self.gauge_pa(pressure_pa);
-        self.controller.press(gauge_pa);
+        self.controller.press(gauge_pa, angle_rad);
         self.watch(angle_rad, &judged);
         if !latched_before && self.latched() != Faults::NONE {
             self.first = Some(self.failure(pressure_pa, &judged));

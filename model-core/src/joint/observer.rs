@@ -14,13 +14,15 @@ use crate::math::limit;
 /// A step of the play changes the speed by no more than this share of what it was \[-\].
 const STIFFEST: f32 = 0.05;
 
-/// Dry friction of the whole joint, with presliding.
+/// Friction of the whole joint, with presliding.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Friction {
     /// Coulomb torque \[N m\].
     pub coulomb_n_m: f32,
     /// Torque per way after a turn \[N m/rad\].
     pub presliding_n_m_rad: f32,
+    /// Viscous torque beside it, per speed \[N m s/rad\].
+    pub viscous_n_m_s: f32,
 }
 
 impl Friction {
@@ -36,7 +38,6 @@ impl Friction {
 pub struct Observer {
     step_s: f32,
     per_inertia: f32,
-    viscous_n_m_s: f32,
     /// Stiffest play that a step resolves \[N m/rad\].
     stiffest_n_m_rad: f32,
     /// Of angle \[1/s\], speed \[1/s2\] and disturbance \[N m/(rad s)\].
@@ -58,7 +59,6 @@ impl Observer {
         Self {
             step_s,
             per_inertia: 1.0 / inertia_kg_m2,
-            viscous_n_m_s: mechanism.viscous_n_m_s,
             stiffest_n_m_rad: STIFFEST * inertia_kg_m2 / (step_s * step_s),
             // (s + p)^2 (s + slow).
             gains: [2.0 * p + slow, p * (p + 2.0 * slow), inertia_kg_m2 * p * p * slow],
@@ -83,8 +83,8 @@ impl Observer {
         let play = Friction { presliding_n_m_rad, ..*friction };
         let way_rad = self.step_s * (self.speed_rad_s + of_angle * error_rad);
         self.friction_n_m = play.after(self.friction_n_m, way_rad);
-        let net_n_m = torque_n_m - self.viscous_n_m_s * self.speed_rad_s - self.friction_n_m
-            + self.disturbance_n_m;
+        let viscous_n_m = friction.viscous_n_m_s * self.speed_rad_s;
+        let net_n_m = torque_n_m - viscous_n_m - self.friction_n_m + self.disturbance_n_m;
         self.angle_rad += way_rad;
         self.speed_rad_s += self.step_s * (self.per_inertia * net_n_m + of_speed * error_rad);
         self.disturbance_n_m += self.step_s * of_disturbance * error_rad;
@@ -100,7 +100,7 @@ mod tests {
     fn it_finds_the_speed_and_what_nothing_explains() {
         let mechanism = Mechanism::default();
         let mut observer = Observer::new(&mechanism, &JointTuning::default(), 1.0e-3);
-        let friction = Friction { coulomb_n_m: 0.4, presliding_n_m_rad: 60.0 };
+        let friction = Friction { coulomb_n_m: 0.4, presliding_n_m_rad: 60.0, viscous_n_m_s: 0.05 };
         let (mut angle, mut speed, mut held) = (0.1_f64, 0.0_f64, 0.0_f32);
         observer.restart(angle as f32);
         let mut worst = 0.0_f64;
