@@ -254,13 +254,24 @@ fn a_result_is_never_overwritten() {
 }
 
 #[test]
+fn a_scenario_of_the_user_is_not_moved_with_an_earlier_result() {
+    let folder = Folder::new();
+    let scenario = folder.scenario(RUN);
+    let run = thermyo(&["run", &scenario, "--out", &folder.name("")]);
+    run.refused("scenario.toml: belongs to no earlier result").in_one_line();
+    assert_eq!(folder.read("scenario.toml"), RUN);
+    assert_eq!(folder.path("").read_dir().unwrap().count(), 1);
+}
+
+#[test]
 fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
     let folder = Folder::new();
     folder.file("trace.csv", "time_s\n1\n");
+    folder.file("config.json", "[]\n");
     let output = thermyo(&["monitor", "/dev/no-such-port", "--out", &folder.name("")]);
     output.refused("/dev/no-such-port");
     assert_eq!(folder.read("trace.csv"), "time_s\n1\n");
-    assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 1, "something else is left");
+    assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 2, "something else is left");
 }
 
 /// A limit on the size of files simulates a full disk.

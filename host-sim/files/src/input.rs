@@ -50,6 +50,11 @@ pub enum Problem {
     /// The file exists and would be overwritten.
     #[error("exists already, and is left as it is; give another name")]
     Exists,
+    /// It has the name of a result, in a folder without one.
+    #[error(
+        "belongs to no earlier result, and this one would move it: give another folder, --out DIR"
+    )]
+    NoResult,
     /// Another process has it.
     #[error("another thermyo is at work in it: wait for it, or choose another folder")]
     AtWork,

@@ -7,7 +7,7 @@
 //! DIR/earlier-N/       earlier content of DIR
 //! ```
 
-use crate::input::InputError;
+use crate::input::{InputError, Problem};
 use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
@@ -30,6 +30,9 @@ const RESULTS: [&str; 14] = [
     "map.svg",
 ];
 
+/// Every result has one of these from its publication on.
+const SIGNS: [&str; 3] = ["summary.json", "report.html", "config.json"];
+
 /// The folder for the results of one command. Until [`OutputDir::publish`] they lie in a folder
 /// within it, which is removed if this is dropped first.
 #[derive(Debug)]
@@ -48,8 +51,23 @@ impl OutputDir {
     /// Opens the folder, creating it where it does not exist.
     ///
     /// # Errors
-    /// When it cannot be created or written, so that a long run does not fail at its end.
+    /// As [`Self::open`], and when a file of the user has the name of a result, which would move
+    /// it.
     pub fn create(path: &Path) -> Result<Self, InputError> {
+        let there = |name: &str| path.join(name).exists();
+        match RESULTS.into_iter().find(|name| there(name)) {
+            Some(name) if !SIGNS.into_iter().any(there) => {
+                Err(InputError::file(&path.join(name), Problem::NoResult))
+            }
+            _ => Self::open(path),
+        }
+    }
+
+    /// As [`Self::create`], for files whose names no result has.
+    ///
+    /// # Errors
+    /// When it cannot be created or written, so that a long run does not fail at its end.
+    pub fn open(path: &Path) -> Result<Self, InputError> {
         let created: Vec<PathBuf> = path
             .ancestors()
             .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
@@ -248,9 +266,9 @@ mod tests {
     fn an_earlier_result_moves_as_a_whole_and_what_is_not_ours_stays() {
         let place = tempfile::tempdir().unwrap();
         let folder = place.path().join("a/b");
-        assert_eq!(result(&folder, &["trace.csv", "scenario.toml"], "first"), None);
+        assert_eq!(result(&folder, &["summary.json", "scenario.toml", "trace.csv"], "first"), None);
         fs::write(folder.join("notes.txt"), "mine").unwrap();
-        let earlier = result(&folder, &["trace.csv", "plot.svg"], "second");
+        let earlier = result(&folder, &["report.html", "trace.csv", "plot.svg"], "second");
         assert_eq!(earlier, Some(folder.join("earlier-1")));
         let earlier = result(&folder, &["sweep.csv", "plot.svg"], "third");
         assert_eq!(earlier, Some(folder.join("earlier-2")));
@@ -258,8 +276,11 @@ mod tests {
             names(&folder),
             ["earlier-1", "earlier-2", "notes.txt", "plot.svg", "sweep.csv"]
         );
-        assert_eq!(names(&folder.join("earlier-1")), ["scenario.toml", "trace.csv"]);
-        assert_eq!(names(&folder.join("earlier-2")), ["plot.svg", "trace.csv"]);
+        assert_eq!(
+            names(&folder.join("earlier-1")),
+            ["scenario.toml", "summary.json", "trace.csv"]
+        );
+        assert_eq!(names(&folder.join("earlier-2")), ["plot.svg", "report.html", "trace.csv"]);
         for (file, text) in [
             ("earlier-1/trace.csv", "first"),
             ("earlier-2/trace.csv", "second"),
@@ -268,6 +289,15 @@ mod tests {
         ] {
             assert_eq!(fs::read_to_string(folder.join(file)).unwrap(), text, "{file}");
         }
+    }
+
+    #[test]
+    fn files_of_the_user_with_names_of_results_are_not_moved() {
+        let place = tempfile::tempdir().unwrap();
+        fs::write(place.path().join("scenario.toml"), "mine").unwrap();
+        let refused = OutputDir::create(place.path()).unwrap_err().to_string();
+        assert!(refused.contains("scenario.toml: belongs to no earlier result"), "{refused}");
+        assert_eq!(names(place.path()), ["scenario.toml"]);
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub(super) fn run(args: &FmuArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
-    drop(OutputDir::create(folder.unwrap_or_else(|| Path::new(".")))?);
+    drop(OutputDir::open(folder.unwrap_or_else(|| Path::new(".")))?);
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };
     let library = library::library().map_err(|error| Failure::Usage(error.to_string()))?;
     let name = title_of(&args.scenario);

@@ -16,7 +16,7 @@ pub(super) struct PlaygroundArgs {
 
 pub(super) fn run(args: &PlaygroundArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let folder = args.out.display();
-    let bytes = playground::write(OutputDir::create(&args.out)?)?;
+    let bytes = playground::write(OutputDir::open(&args.out)?)?;
     let page = args.out.join("index.html");
     to.as_asked(args.format).done(
         &serde_json::json!({ "page": page.display().to_string(), "bytes": bytes }),

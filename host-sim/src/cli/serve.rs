@@ -40,7 +40,7 @@ pub(super) fn run(args: &ServeArgs, to: &mut Console<'_>) -> Result<(), Failure>
     })?;
     let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/serve"));
     // Reports an unwritable folder at once, not when a recording is started.
-    drop(OutputDir::create(&folder)?);
+    drop(OutputDir::open(&folder)?);
     let target = Target::new(&args.board);
     let operate = Operate { target: &target, folder: &folder, logs };
     // A firmware that is built, and a board that starts, take their time.
