@@ -351,7 +351,14 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
     // The file may grow while it is read.
     let read = File::open(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
     read.map_err(unreadable)?;
-    if bytes.len() as u64 > most { Err(because(Problem::TooLarge { most })) } else { Ok(bytes) }
+    if bytes.len() as u64 > most {
+        return Err(because(Problem::TooLarge { most }));
+    }
+    // Lines that end with CR alone, as spreadsheets save "CSV (Macintosh)".
+    if !bytes.contains(&b'\n') {
+        bytes.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
+    }
+    Ok(bytes)
 }
 
 /// The file beside `path`, or the shipped scenario, that its name may be a misspelling of.
@@ -517,6 +524,16 @@ mod tests {
         let lines = Lines::of(text);
         for offset in 0..=text.len() {
             assert_eq!(lines.line_at(offset), line_of(&text.as_bytes()[..offset]), "byte {offset}");
+        }
+    }
+
+    #[test]
+    fn a_lone_carriage_return_ends_a_line_where_no_line_feed_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.csv");
+        for (text, read) in [("a\r1\r", "a\n1\n"), ("a\r\n1\r2", "a\r\n1\r2")] {
+            fs::write(&path, text).unwrap();
+            assert_eq!(read_text(&path).unwrap(), read);
         }
     }
 
