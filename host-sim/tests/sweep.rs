@@ -377,6 +377,31 @@ fn keys_without_effect_are_named() {
 }
 
 #[test]
+fn a_range_in_another_unit_is_warned_of() {
+    let folder = Folder::new();
+    let scenario = folder.scenario("[run]\nduration_s = 0.1\n[plant]\nmodel = \"lumped\"\n");
+    let joint = "[run]\nduration_s = 0.1\n[joint]\n[sensor.gas]\nkind = \"max31865\"\n";
+    let joint = folder.file("joint.toml", joint);
+    let sweep = |scenario: &str, vary: &[&str]| {
+        let out = folder.name("out");
+        let vary = vary.iter().flat_map(|range| ["--vary", range]);
+        let all: Vec<&str> = ["sweep", scenario, "--out", &out].into_iter().chain(vary).collect();
+        thermyo(&all).ok().err
+    };
+    let pascal = "supply.pressure_pa=4:8:3";
+    let warning =
+        "warning: --vary supply.pressure_pa=4:8:3: supply.pressure_pa = 4.0: not above ambient";
+    assert!(sweep(&scenario, &[pascal]).contains(warning));
+    assert!(!sweep(&scenario, &["supply.pressure_pa=4bar:8bar:2"]).contains("warning"));
+    // At one of the models the key has an effect.
+    let position = "sensor.gas.position=0:1:2";
+    assert!(sweep(&scenario, &[position]).contains("sensor.gas.position = 0: not used"));
+    assert!(!sweep(&scenario, &[position, "plant.model=lumped,full"]).contains("warning"));
+    let said = sweep(&joint, &[pascal]);
+    assert!(said.contains(warning), "{said}");
+}
+
+#[test]
 fn bad_arguments_are_named_and_nothing_is_written() {
     let folder = Folder::new();
     let scenario = folder.scenario("");

@@ -70,6 +70,9 @@ pub(super) fn run(args: SweepArgs, to: &mut Console<'_>) -> Result<(), Failure> 
     let latin = args.lhs.map(|points| Latin { points, seed: args.seed });
     let sweep =
         Sweep::new(scenario, args.vary.clone(), latin, args.shard).map_err(Failure::Sweep)?;
+    for warning in sweep.warnings() {
+        to.say(format_args!("warning: {warning}"));
+    }
     let study = &sweep.study;
     let (journal, kept) = Journal::open(&folder, study)?;
     if let Some(text) = kept.text(study) {

@@ -106,6 +106,29 @@ impl Sweep {
         Ok(sweep)
     }
 
+    /// Warnings of the ends of each range, which hold with the first and the last values of the
+    /// other ranges: at most one for each range.
+    pub fn warnings(&self) -> Vec<SweepError> {
+        let ranges = &self.study.plan.ranges;
+        let ends = |range: &Range| [range.values.first(), range.values.last()].map(|v| *v.unwrap());
+        let warned = |own: &Range, value: f64| {
+            let [first, last] = [0, 1].map(|end| {
+                let mut scenario = self.scenario.clone();
+                for range in ranges {
+                    let value = if range.key == own.key { value } else { ends(range)[end] };
+                    range.set(&mut scenario, value).ok();
+                }
+                scenario.warnings_of(&own.key)
+            });
+            (!last.is_empty()).then_some(first).into_iter().flatten().next()
+        };
+        let of_range = |range: &Range| {
+            let problem = ends(range).into_iter().find_map(|value| warned(range, value))?;
+            Some(SweepError::Value(range.to_string(), problem))
+        };
+        ranges.iter().filter_map(of_range).collect()
+    }
+
     /// Checks that the values are consistent at every point of the shard. Only of the shard: for a
     /// million points each of a thousand machines would check all.
     fn check(&self) -> Result<(), SweepError> {

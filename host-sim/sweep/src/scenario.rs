@@ -57,6 +57,22 @@ impl Swept {
             Self::Joint(document) => Assembled::Joint(Box::new(thermyo_joint::joint(document)?)),
         })
     }
+
+    /// The warnings of a key, where the scenario is valid.
+    pub(super) fn warnings_of(&self, full_path: &str) -> Vec<Problem> {
+        let all = match (self, self.assemble()) {
+            (Self::Muscle(document), Ok(Assembled::Muscle(loaded))) => {
+                thermyo_setup::warnings(document, &loaded)
+            }
+            (Self::Joint(document), Ok(Assembled::Joint(loaded))) => {
+                thermyo_joint::warnings(document, &loaded)
+            }
+            _ => Vec::new(),
+        };
+        let of_key =
+            |problem: &Problem| matches!(problem, Problem::NoSense { key, .. } if key == full_path);
+        all.into_iter().map(|warning| *warning.problem).filter(of_key).collect()
+    }
 }
 
 impl Assembled {
