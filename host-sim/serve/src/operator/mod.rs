@@ -23,7 +23,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 use thermyo_files::input::InputError;
 use thermyo_logs::Logs;
-use thermyo_protocol::{ConfigSource, Status, Timing};
+use thermyo_protocol::{ConfigSource, Refusal, Status, Timing};
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::stops;
 use thermyo_studies::tune::OutOfReach;
@@ -230,12 +230,16 @@ impl<S: Served> Operator<S> {
         match self.opening.take() {
             Some(opening) if opening.is_finished() => {
                 self.tried = Instant::now();
-                if let Ok(Ok((board, known))) = opening.join() {
-                    self.board = Some(board);
-                    self.heard = Instant::now();
-                    self.now_known(known);
-                    self.link_is(Link::Connected);
-                    self.shared.log(Weight::Plain, "the link is back");
+                match opening.join() {
+                    Ok(Ok((board, known))) => {
+                        self.board = Some(board);
+                        self.heard = Instant::now();
+                        self.now_known(known);
+                        self.link_is(Link::Connected);
+                        self.shared.log(Weight::Plain, "the link is back");
+                    }
+                    Ok(Err(BoardError::Refused(refusal))) => self.refused(refusal),
+                    _ => (),
                 }
             }
             None if self.tried.elapsed() > RETRY => {
@@ -252,6 +256,17 @@ impl<S: Served> Operator<S> {
                 self.opening = opening;
                 thread::sleep(LOOK);
             }
+        }
+    }
+
+    /// Reports once that another board, or the other image, is at the port that was lost.
+    fn refused(&mut self, refusal: Refusal) {
+        let text = format!(
+            "the link stays lost: {refusal}. Started again, `thermyo serve` shows the board that is there"
+        );
+        if self.shared.events().first().is_none_or(|last| last.text != text) {
+            self.shared.log(Weight::Fault, text);
+            self.shown = None;
         }
     }
 

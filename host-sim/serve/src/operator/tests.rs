@@ -185,4 +185,29 @@ mod at_a_terminal {
         shared.end();
         until("it ends", || operating.is_finished());
     }
+
+    #[test]
+    fn the_other_image_at_a_lost_port_is_reported_once() {
+        static TRIED: AtomicU32 = AtomicU32::new(0);
+        let gone = Arc::new(AtomicBool::new(false));
+        let out = tempfile::tempdir().unwrap();
+        let mut operator = operated(out.path(), {
+            let gone = Arc::clone(&gone);
+            move |_| !gone.load(Ordering::Relaxed)
+        });
+        operator.reopen = |_| {
+            TRIED.fetch_add(1, Ordering::Relaxed);
+            Err(BoardError::Refused(Refusal::OtherImage { joint: true }))
+        };
+        let shared = operator.shared();
+        gone.store(true, Ordering::Relaxed);
+        let operating = thread::spawn(move || operator.run(&|| false));
+        until("the port is opened three times", || TRIED.load(Ordering::Relaxed) == 3);
+        let image = Refusal::OtherImage { joint: true }.to_string();
+        let events = shared.events();
+        let reported = events.iter().filter(|event| event.text.contains(&image)).count();
+        assert_eq!(reported, 1, "{events:?}");
+        shared.end();
+        until("it ends", || operating.is_finished());
+    }
 }
