@@ -274,7 +274,30 @@ fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
     assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 2, "something else is left");
 }
 
-/// A limit on the size of files simulates a full disk.
+/// A limit on the size of files, in KiB, simulates a full disk.
+#[cfg(unix)]
+fn on_a_full_disk(most_kib: u32, arguments: &[&str]) -> Said {
+    let output = Command::new("bash")
+        .arg("-c")
+        .arg(format!("trap '' XFSZ; ulimit -f {most_kib}; exec \"$0\" \"$@\""))
+        .arg(env!("CARGO_BIN_EXE_thermyo"))
+        .args(arguments)
+        .output();
+    Said::of("on a full disk", output.unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_leaves_no_half_of_a_single_file() {
+    let folder = Folder::new();
+    let file = folder.name("mine.toml");
+    let rig =
+        "--muscle dmsp-10 --valve mhe2-class --pressure-sensor hsc-150psi-a --load 5 --supply 7bar";
+    let arguments: Vec<&str> = ["init", "--out", &file].into_iter().chain(rig.split(' ')).collect();
+    on_a_full_disk(0, &arguments).refused("mine.toml: cannot be written").in_one_line();
+    assert!(!folder.has("mine.toml"), "it would be refused as one that exists already");
+}
+
 #[cfg(unix)]
 #[test]
 fn a_full_disk_leaves_the_earlier_result() {
@@ -282,14 +305,7 @@ fn a_full_disk_leaves_the_earlier_result() {
     thermyo(&["run", &scenario, "--out", &name(&out)]).ok();
     let first = fs::read_to_string(out.join("summary.json")).unwrap();
     fs::write(&scenario, RUN.replace("0.5", "20.0")).unwrap();
-    let output = Command::new("bash")
-        .arg("-c")
-        .arg("trap '' XFSZ; ulimit -f 300; exec \"$0\" run \"$1\" --out \"$2\"")
-        .arg(env!("CARGO_BIN_EXE_thermyo"))
-        .args([&scenario, &name(&out)])
-        .output()
-        .unwrap();
-    let full = Said::of("run on a full disk", output);
+    let full = on_a_full_disk(300, &["run", &scenario, "--out", &name(&out)]);
     full.refused("out/trace.csv: cannot be written").in_one_line();
     assert_eq!(fs::read_to_string(out.join("summary.json")).unwrap(), first);
     assert_eq!(fs::read_dir(&out).unwrap().count(), 4, "something half is left");

@@ -406,15 +406,19 @@ pub fn is_new(path: &Path) -> Result<(), InputError> {
     if path.exists() { Err(InputError::file(path, Problem::Exists)) } else { Ok(()) }
 }
 
-/// Writes a file that does not exist yet, and creates its folder.
+/// Writes a file that does not exist yet, and creates its folder. A file that cannot be written whole
+/// is removed.
 pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     is_new(path)?;
-    let mut options = std::fs::OpenOptions::new();
+    let mut options = fs::OpenOptions::new();
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let written = folder
-        .map_or(Ok(()), std::fs::create_dir_all)
+        .map_or(Ok(()), fs::create_dir_all)
         .and_then(|()| options.write(true).create_new(true).open(path))
-        .and_then(|mut file| file.write_all(content.as_ref()));
+        .and_then(|mut file| {
+            let written = file.write_all(content.as_ref());
+            written.or_else(|error| fs::remove_file(path).and(Err(error)))
+        });
     written.map_err(|error| InputError::output(path, &error))
 }
 
