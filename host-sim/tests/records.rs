@@ -274,6 +274,20 @@ fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
     assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 2, "something else is left");
 }
 
+/// Its trace has another name, and would be taken for that of the run beside it.
+#[test]
+fn the_trace_of_a_joint_moves_with_its_result() {
+    let (folder, scenario, out) = place(RUN);
+    let joint = include_str!("../../scenarios/joint.toml");
+    let joint = joint.replace("duration_s = 6.0", "duration_s = 0.1");
+    let joint = folder.file("joint.toml", &joint);
+    for scenario in [&joint, &scenario] {
+        thermyo(&["run", scenario, "--out", &name(&out)]).ok();
+    }
+    assert!(!out.join("joint_trace.csv").exists());
+    assert!(out.join("earlier-1/joint_trace.csv").exists());
+}
+
 /// A limit on the size of files, in KiB, simulates a full disk.
 #[cfg(unix)]
 fn on_a_full_disk(most_kib: u32, arguments: &[&str]) -> Said {

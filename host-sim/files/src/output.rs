@@ -13,11 +13,12 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// Files that any command writes: those of one result stay together.
-const RESULTS: [&str; 14] = [
+const RESULTS: [&str; 17] = [
     "summary.json",
     "report.html",
     "trace.csv",
     "trace.mcap",
+    "joint_trace.csv",
     "scenario.toml",
     "config.json",
     "profile.csv",
@@ -28,6 +29,8 @@ const RESULTS: [&str; 14] = [
     "identified.toml",
     "fit.svg",
     "map.svg",
+    "stops.svg",
+    "motion.svg",
 ];
 
 /// Every result has one of these from its publication on.
