@@ -124,8 +124,12 @@ def main():
     arguments.add_argument("--scheduler", help="address of a cluster [default: this machine]")
     arguments.add_argument("--batch", type=int, default=5, help="points of a task")
     given = arguments.parse_args()
-    study = (given.scenario.read_text(), tuple(given.vary), given.lhs, given.seed)
     try:
+        if os.path.exists(given.out):
+            raise FileExistsError(f"{given.out}: exists already, and is left as it is; give another name")
+        # Its messages name the file, which the workers do not have.
+        thermyo.Sweep(given.scenario, given.vary, given.lhs, given.seed)
+        study = (given.scenario.read_text(), tuple(given.vary), given.lhs, given.seed)
         sweep_of(study)
     except (thermyo.ScenarioError, OSError) as error:
         print(f"dask_sweep.py: {error}", file=sys.stderr)

@@ -6,12 +6,19 @@ Called by test.sh. Arguments: its folder, then the sweep's.
 import os
 import pathlib
 import signal
+import subprocess
 import sys
 import time
 
 import dask
 import distributed
 import dask_sweep
+
+
+def refused(scenario, out, message):
+    command = [sys.executable, dask_sweep.__file__, scenario, "--vary", "run.seed=1:2:2", "--out", out]
+    said = subprocess.run(command, capture_output=True, text=True)
+    assert (said.returncode, said.stderr) == (2, f"dask_sweep.py: {message}\n"), said
 
 
 def main():
@@ -22,6 +29,9 @@ def main():
         ((folder / name).read_text(), vary, int(options["--lhs"]), int(options["--seed"]))
         for name in ("short.toml", "nothing.toml")
     )
+    scenario, absent = folder / "short.toml", folder / "absent.toml"
+    refused(absent, folder / "absent.csv", f"{absent}: no such file")
+    refused(scenario, scenario, f"{scenario}: exists already, and is left as it is; give another name")
     dask.config.set({"distributed.scheduler.allowed-failures": 2})
     cores = os.cpu_count()
     with distributed.LocalCluster(n_workers=cores, threads_per_worker=1, dashboard_address=None) as cluster:
