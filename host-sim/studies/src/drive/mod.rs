@@ -122,13 +122,16 @@ pub fn plan(
     Ok(driven)
 }
 
+/// Longest drive \[s\]: that of `run.duration_s`.
+const LONGEST_S: f64 = 1e6;
+
 /// The time at which a table of set points ends, after the start.
 fn end_s(table: &Table, profile: &Profile, step_s: f64) -> Result<f64, InputError> {
     let end_s = profile.points().last().map_or(0.0, |point| point.0);
-    if end_s > 0.5 * step_s {
+    if end_s > 0.5 * step_s && end_s <= LONGEST_S {
         return Ok(end_s);
     }
-    let why = format!("ends at {end_s} s: must end after 0 s, where the drive begins");
+    let why = format!("ends at {end_s:?} s: must end after 0 s, where the drive begins, and by 1e6 s");
     Err(table.header_error(Problem::UnusableColumn { column: "time_s".to_owned(), why }))
 }
 
