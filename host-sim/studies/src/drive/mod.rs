@@ -131,7 +131,8 @@ fn end_s(table: &Table, profile: &Profile, step_s: f64) -> Result<f64, InputErro
     if end_s > 0.5 * step_s && end_s <= LONGEST_S {
         return Ok(end_s);
     }
-    let why = format!("ends at {end_s:?} s: must end after 0 s, where the drive begins, and by 1e6 s");
+    let why =
+        format!("ends at {end_s:?} s: must end after 0 s, where the drive begins, and by 1e6 s");
     Err(table.header_error(Problem::UnusableColumn { column: "time_s".to_owned(), why }))
 }
 
