@@ -90,7 +90,7 @@ impl Bench {
         let last = self.exchange(|_| ());
         println!("{last:?} {:?}", String::from_utf8_lossy(&self.board.take_log()));
         println!("{:?}", self.board.last_reset());
-        panic!("no answer to {}", &format!("{command:?}")[..20]);
+        panic!("no answer to {:.20}", format!("{command:?}"));
     }
 
     #[track_caller]
@@ -263,6 +263,41 @@ fn a_lost_angle_locks_until_the_time_is_over() {
         assert_eq!(is_venting(&exchange), [ms > 200; 2], "{ms} ms");
     }
     assert_eq!(shut_ms, 200);
+}
+
+/// Both lines at once ask for all that takes the most of the stack, ten times as often as is carried out.
+#[test]
+fn a_flood_reaches_neither_the_stack_nor_the_steps() {
+    let mut bench = Bench::armed();
+    bench.board.connect_usb_while(&mut |board| board.exchange(&bench.rig.sample())).unwrap();
+    let [a, b] = bench.loaded.config().muscles;
+    let config = bench.loaded.config();
+    let requests = [
+        HostCommand::ConfigureMuscle(Side::A, a),
+        HostCommand::ConfigureMuscle(Side::B, b),
+        HostCommand::ConfigureJoint(rest(&config)),
+        HostCommand::Arm { most_pa: None },
+        angle(0.1),
+        HostCommand::Save,
+        HostCommand::Timing,
+    ];
+    for ms in 0..400 {
+        for request in requests.iter().cycle().skip(ms).take(3) {
+            bench.board.use_port(if ms % 2 == 0 { Port::Uart } else { Port::Usb });
+            bench.board.request(request.clone());
+        }
+        assert_eq!(bench.exchange(|_| ()).restarts, 0, "{ms} ms");
+    }
+    for port in [Port::Usb, Port::Uart] {
+        bench.board.use_port(port);
+        bench.board.discard();
+        bench.board.write(&[0]);
+    }
+    bench.run(500);
+    let Answer::Timing(timing) = bench.ask(HostCommand::Timing) else { unreachable!() };
+    println!("{timing:?}, {} bytes of the stack are not used", bench.exchange(|_| ()).stack_unused);
+    assert_eq!(timing.missed_steps, 0);
+    assert!(timing.dropped_requests > 100, "{timing:?}");
 }
 
 /// An AS5600 on I2C in the place of the potentiometer: every step has a reading. Both muscles vent where the magnet is
