@@ -284,7 +284,7 @@ fn a_flood_reaches_neither_the_stack_nor_the_steps() {
     for ms in 0..400 {
         for request in requests.iter().cycle().skip(ms).take(3) {
             bench.board.use_port(if ms % 2 == 0 { Port::Uart } else { Port::Usb });
-            bench.board.request(request.clone());
+            bench.board.request(*request);
         }
         assert_eq!(bench.exchange(|_| ()).restarts, 0, "{ms} ms");
     }

@@ -48,7 +48,7 @@ fn configured(loaded: &JointLoaded) -> [f64; COUNT] {
     let dry_n_m = joint.friction_n_m + muscles_n_m(loaded);
     [
         joint.inertia_kg_m2,
-        joint.viscous_n_m_s,
+        joint.viscous_n_m_s + muscles_n_m_s(loaded),
         dry_n_m,
         joint.gravity_n_m * joint.gravity_angle_rad.cos(),
         -joint.gravity_n_m * joint.gravity_angle_rad.sin(),
@@ -62,6 +62,12 @@ fn configured(loaded: &JointLoaded) -> [f64; COUNT] {
 fn muscles_n_m(loaded: &JointLoaded) -> f64 {
     let force_n = |i: usize| loaded.muscles[i].believed.friction.force_n;
     loaded.believed.radius_m * (force_n(0) + force_n(1))
+}
+
+/// Viscous friction of both muscles as configured \[N m s/rad\].
+fn muscles_n_m_s(loaded: &JointLoaded) -> f64 {
+    let viscous_n_s_m = |i: usize| loaded.muscles[i].believed.friction.viscous_n_s_m;
+    loaded.believed.radius_m.powi(2) * (viscous_n_s_m(0) + viscous_n_s_m(1))
 }
 
 /// Largest stated error of each value.
@@ -174,8 +180,7 @@ impl Estimate {
             "fast motion",
         )];
         all.extend(self.of_gravity(loaded));
-        let with = "fast motion against slow, with the muscles' own";
-        all.push(self.single(Term::Viscous, "joint.viscous_n_m_s", joint.viscous_n_m_s, with));
+        all.push(self.of_viscous(loaded));
         all.extend(self.of_friction(loaded));
         let middle = "pressures at equal torque, soft and stiff";
         for (term, path, before) in [
@@ -234,6 +239,18 @@ impl Estimate {
     }
 
     /// The bearing has what the muscles as configured do not; the muscles have less where there is less.
+    fn of_viscous(&self, loaded: &JointLoaded) -> Parameter {
+        let path = "joint.viscous_n_m_s";
+        let before = loaded.believed.viscous_n_m_s;
+        let Some(Measure { value, error }) = self.measure(Term::Viscous) else {
+            return self.single(Term::Viscous, path, before, "");
+        };
+        let muscles = muscles_n_m_s(loaded);
+        let from =
+            format!("viscous friction of {value:.3} N m s/rad, {muscles:.3} of it the muscles'");
+        parameter(path, before, (value - muscles).max(0.0), Some(error), from)
+    }
+
     fn of_friction(&self, loaded: &JointLoaded) -> Vec<Parameter> {
         let path = "joint.friction_n_m";
         let before = loaded.believed.friction_n_m;

@@ -135,13 +135,16 @@ fn a_record_with_a_row_each(every: usize) {
         text += &format!("{},{angle_rad},{a_pa},{b_pa}\n", 7.0 + time_s);
     }
     let found = identify(&loaded, &Table::parse(&text, Path::new("joint.csv")).unwrap()).unwrap();
-    for (path, term) in [
-        ("joint.inertia_kg_m2", Term::Inertia),
-        ("joint.viscous_n_m_s", Term::Viscous),
-        ("joint.mid_length_a_m", Term::MidA),
-        ("joint.mid_length_b_m", Term::MidB),
+    // Each of the muscles has 40 N s/m.
+    let of_muscles = 2.0 * 40.0 * radius_m * radius_m;
+    for (path, term, of_muscles) in [
+        ("joint.inertia_kg_m2", Term::Inertia, 0.0),
+        ("joint.viscous_n_m_s", Term::Viscous, of_muscles),
+        ("joint.mid_length_a_m", Term::MidA, 0.0),
+        ("joint.mid_length_b_m", Term::MidB, 0.0),
     ] {
-        let (after, truth) = (found.values.value(path).unwrap().after, TRUE[term as usize]);
+        let truth = TRUE[term as usize] - of_muscles;
+        let after = found.values.value(path).unwrap().after;
         let off = after / truth - 1.0;
         assert!(off != 0.0 && off.abs() < 0.02, "{path}: {after}, {truth}");
     }
@@ -298,7 +301,7 @@ fn a_joint_that_is_configured_wrong_is_found() {
         ("joint.inertia_kg_m2", 0.03, 0.03),
         ("joint.gravity_n_m", 4.0, 0.05),
         ("joint.gravity_angle_rad", 0.3, 0.03),
-        ("joint.viscous_n_m_s", 0.1 + 2.0 * 40.0 * 0.02 * 0.02, 0.15),
+        ("joint.viscous_n_m_s", 0.1, 0.2),
         ("joint.friction_n_m", 0.15, 0.15),
         ("joint.mid_length_a_m", 0.268, 0.005),
         ("joint.mid_length_b_m", 0.273, 0.005),
