@@ -148,8 +148,8 @@ impl Life {
         let (mut core, mut other) = started(config);
         let taken = core.set(set_point).is_ok();
         self.same(taken == flushed(|| other.set(set_point)).is_ok());
-        self.core.restart_as(core);
-        flushed(|| self.flushed.restart_as(other));
+        self.core.restart_as(&core);
+        flushed(|| self.flushed.restart_as(&other));
         self.let_go();
         if taken && self.armed {
             self.set_point = set_point;
