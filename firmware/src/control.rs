@@ -210,7 +210,7 @@ impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
             Order::Configure { .. } => {
                 shared.with_prepared(|other| {
                     core.disarm();
-                    kind::restart_as(core, other);
+                    core.restart_as(other);
                     Ok(())
                 })?;
             }

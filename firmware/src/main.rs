@@ -223,21 +223,23 @@ async fn supervise(outputs: [Output; 2], last_reset: LastReset) -> ! {
     supervisor::run(Chosen::feed, outputs, last_reset, &SHARED).await
 }
 
-#[panic_handler]
-fn panic(info: &PanicInfo) -> ! {
+/// Vents, records the cause in the black box, logs it where it is the first, and restarts.
+fn give_up(end: End, detail: u32, log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
     Chosen::vent();
-    let (file, line) = info.location().map_or(("?", 0), |place| (place.file(), place.line()));
-    if BLACK_BOX.close(End::Panic, line) {
-        defmt::error!("panic at {=str}:{=u32}", file, line);
+    if BLACK_BOX.close(end, detail) {
+        log();
     }
     Chosen::restart()
 }
 
+#[panic_handler]
+fn panic(info: &PanicInfo) -> ! {
+    let (file, line) = info.location().map_or(("?", 0), |place| (place.file(), place.line()));
+    give_up(End::Panic, line, || defmt::error!("panic at {=str}:{=u32}", file, line))
+}
+
 #[cortex_m_rt::exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    cortex_m::interrupt::disable();
-    Chosen::vent();
-    BLACK_BOX.close(End::HardFault, frame.pc());
-    Chosen::restart()
+    give_up(End::HardFault, frame.pc(), || ())
 }

@@ -127,7 +127,7 @@ impl Core {
     #[cold]
     pub fn become_new(&mut self, config: &Config) -> Result<(), ConfigError> {
         config.check()?;
-        self.become_of(config, true);
+        self.become_of(config);
         Ok(())
     }
 
@@ -138,12 +138,12 @@ impl Core {
 
     /// Becomes [`of`](Self::of), in its place and part by part: a board's stack has no room for a whole one.
     #[cold]
-    pub(crate) fn become_of(&mut self, config: &Config, configured: bool) {
+    pub(crate) fn become_of(&mut self, config: &Config) {
         self.estimator = Estimator::new(config);
         self.chamber = AnyChamber::new(&config.chamber);
         self.controller = Controller::new(config);
         self.monitor = PlausibilityMonitor::new(config);
-        self.supervisor = Supervisor::new(config, configured);
+        self.supervisor = Supervisor::new(config, true);
         self.sensing = config.sensing();
         self.config = *config;
         self.found = Faults::NONE;
@@ -153,7 +153,7 @@ impl Core {
         (self.inlet_steps, self.outlet_steps) = (0, 0);
         self.passing_steps = config.passing_steps();
         self.step = 0;
-        self.armed_pa = configured.then(|| config.working_limit_pa());
+        self.armed_pa = Some(config.working_limit_pa());
     }
 
     /// Its estimator works in other steps from now on: see [`Estimator::delay`].

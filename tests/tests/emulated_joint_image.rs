@@ -270,8 +270,8 @@ fn a_lost_angle_locks_until_the_time_is_over() {
 fn a_flood_reaches_neither_the_stack_nor_the_steps() {
     let mut bench = Bench::armed();
     bench.board.connect_usb_while(&mut |board| board.exchange(&bench.rig.sample())).unwrap();
-    let [a, b] = bench.loaded.config().muscles;
     let config = bench.loaded.config();
+    let [a, b] = config.muscles;
     let requests = [
         HostCommand::ConfigureMuscle(Side::A, a),
         HostCommand::ConfigureMuscle(Side::B, b),

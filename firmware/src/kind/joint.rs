@@ -74,15 +74,12 @@ pub type Core = Joint<&'static mut model_core::Core>;
 pub fn unconfigured() -> Core {
     static PLACES: [StaticCell<model_core::Core>; 2 * MUSCLES] =
         [const { StaticCell::new() }; 2 * MUSCLES];
-    Core::unconfigured_in([(); MUSCLES].map(|()| {
+    Core::unconfigured_in(|muscle| {
         let Some(place) = PLACES.iter().find_map(StaticCell::try_uninit) else {
             panic!("a board has two joints");
         };
-        let Ok(muscle) = model_core::Core::unconfigured() else {
-            panic!("the default configuration holds");
-        };
         place.write(muscle)
-    }))
+    })
 }
 
 pub fn commands(telemetry: &Telemetry) -> Commands {
@@ -126,10 +123,6 @@ pub fn first_failure(core: &Core) -> Option<FirstFailure> {
 pub fn modulation(config: &Config) -> Modulation {
     let [a, _] = &config.muscles;
     Modulation::of(a)
-}
-
-pub fn restart_as(core: &mut Core, other: &Core) {
-    core.restart_as(other);
 }
 
 /// Restarts with a set point, which is checked before. There is no memory for a third joint that

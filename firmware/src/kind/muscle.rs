@@ -95,10 +95,6 @@ pub fn modulation(config: &Config) -> Modulation {
     Modulation::of(config)
 }
 
-pub fn restart_as(core: &mut Core, other: &Core) {
-    core.restart_as(other);
-}
-
 /// Restarts with a set point, which is checked as if the other core had been armed as this one is.
 pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), Refusal> {
     let mut other = other.clone();

@@ -237,15 +237,13 @@ impl Joint {
     #[cold] // Once at a start: as small as can be.
     pub fn new(config: &JointConfig) -> Result<Self, ConfigError> {
         config.check()?;
-        let muscles = config.muscles.each_ref().map(|muscle| Core::of(muscle, true));
-        Ok(Self::of(muscles, config))
+        Ok(Self::of(config.muscles.each_ref().map(|muscle| Core::of(muscle, true)), config))
     }
 
     /// The joint of a board without a configuration: it and its muscles have the default one, and it vents until it
     /// is [restarted](Self::restart_as) as one that is configured, and armed.
     pub fn unconfigured() -> Self {
-        let config = JointConfig::default();
-        Self::of(config.muscles.each_ref().map(|muscle| Core::of(muscle, false)), &config)
+        Self::unconfigured_in(|muscle| muscle)
     }
 }
 
@@ -282,8 +280,8 @@ impl<M: BorrowMut<Core>> Joint<M> {
         config.check()?;
         let [a, b] = both_mut(&mut self.muscles);
         let [config_a, config_b] = &config.muscles;
-        a.become_of(config_a, true);
-        b.become_of(config_b, true);
+        a.become_of(config_a);
+        b.become_of(config_b);
         b.delay_estimator();
         self.line = AngleLine::new(config);
         self.controller = JointController::new(config);
@@ -300,14 +298,11 @@ impl<M: BorrowMut<Core>> Joint<M> {
         Ok(())
     }
 
-    /// As [`unconfigured`](Joint::unconfigured), in the place of muscles that are kept elsewhere.
+    /// As [`unconfigured`](Joint::unconfigured), with muscles that are kept where `place` puts them.
     #[cold]
-    pub fn unconfigured_in(mut muscles: [M; 2]) -> Self {
+    pub fn unconfigured_in(mut place: impl FnMut(Core) -> M) -> Self {
         let config = JointConfig::default();
-        for (muscle, config) in both_mut(&mut muscles).into_iter().zip(&config.muscles) {
-            muscle.become_of(config, false);
-        }
-        Self::of(muscles, &config)
+        Self::of(config.muscles.each_ref().map(|muscle| place(Core::of(muscle, false))), &config)
     }
 
     /// Whether somebody has configured it.
