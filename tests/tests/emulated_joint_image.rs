@@ -196,9 +196,9 @@ fn is_shut(exchange: &Exchange) -> bool {
     exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0))
 }
 
-/// One step of the core: 290 us in the mean, 478 at worst. With sampling, valves and telemetry 583 of
+/// One step of the core: 281 us in the mean, 468 at worst. With sampling, valves and telemetry 569 of
 /// the millisecond at worst, of 600. Its start is late by 1 us at worst, of 2.
-const STEP_MEAN_NS: RangeInclusive<u32> = 270_000..=300_000;
+const STEP_MEAN_NS: RangeInclusive<u32> = 265_000..=295_000;
 const STEP_WORST_US: RangeInclusive<u32> = 440..=500;
 const BUSY_WORST_US: RangeInclusive<u32> = 540..=600;
 const JITTER_WORST_US: RangeInclusive<u32> = 1..=2;

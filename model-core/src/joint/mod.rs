@@ -20,6 +20,7 @@ pub mod allocation;
 mod angle;
 mod config;
 pub mod controller;
+mod coordinator;
 pub mod encoder;
 pub mod gravity;
 pub mod guard;
@@ -36,16 +37,13 @@ pub use self::guard::JointFaults;
 pub use self::reference::Motion;
 pub use self::set_point::{JointError, JointField, JointSetPoint, LONGEST_S};
 
-use self::angle::AngleLine;
-use self::controller::{JointController, Measured};
-use self::guard::{Guard, Motions};
-use self::lock::LockWatch;
+use self::coordinator::Coordinator;
+use crate::config::Config;
 use crate::control::{SetPointError, SetPointField};
 use crate::parameter::ConfigError;
 use crate::safety::supervisor::FirstFailure;
 use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemetry};
-use crate::step::{Core, Judged};
-use crate::step_counts::timeout_steps;
+use crate::step::Core;
 use core::borrow::{Borrow, BorrowMut};
 
 /// Everything that one step of a joint takes in. Arrays are of muscles a and b.
@@ -189,24 +187,7 @@ impl JointTelemetry {
 pub struct Joint<M = Core> {
     muscles: [M; 2],
     config: JointConfig,
-    line: AngleLine,
-    controller: JointController,
-    guard: Guard,
-    set_point: JointSetPoint,
-    /// Steps since it was given.
-    set_steps: u32,
-    /// The openings of the PWM period under way.
-    commands: [Command; 2],
-    /// The controller has started from what was measured.
-    started: bool,
-    /// Its gas while it is locked.
-    lock: Option<LockWatch>,
-    /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
-    limits_pa: [f32; 2],
-    /// Faults that hold now, and those that are latched.
-    present: JointFaults,
-    latched: JointFaults,
-    first: Option<FirstFailure>,
+    coordinator: Coordinator,
 }
 
 /// Muscles a and b.
@@ -253,22 +234,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
     fn of(mut muscles: [M; 2], config: &JointConfig) -> Self {
         let [_, b] = both_mut(&mut muscles);
         b.delay_estimator();
-        Self {
-            muscles,
-            line: AngleLine::new(config),
-            controller: JointController::new(config),
-            guard: Guard::new(config),
-            set_point: JointSetPoint::Vent,
-            set_steps: 0,
-            commands: [Command::VENT; 2],
-            started: false,
-            lock: None,
-            limits_pa: [0.0; 2],
-            present: JointFaults::NONE,
-            latched: JointFaults::NONE,
-            first: None,
-            config: *config,
-        }
+        Self { muscles, config: *config, coordinator: Coordinator::new(config) }
     }
 
     /// Becomes [`new`](Self::new) with another configuration, in its place: a board has no memory for a third joint.
@@ -283,18 +249,8 @@ impl<M: BorrowMut<Core>> Joint<M> {
         a.become_of(config_a);
         b.become_of(config_b);
         b.delay_estimator();
-        self.line = AngleLine::new(config);
-        self.controller = JointController::new(config);
-        self.guard = Guard::new(config);
-        self.set_point = JointSetPoint::Vent;
-        self.set_steps = 0;
-        self.commands = [Command::VENT; 2];
-        self.started = false;
-        self.lock = None;
-        self.limits_pa = [0.0; 2];
-        (self.present, self.latched) = (JointFaults::NONE, JointFaults::NONE);
-        self.first = None;
         self.config = *config;
+        self.coordinator.become_new(config);
         Ok(())
     }
 
@@ -302,12 +258,19 @@ impl<M: BorrowMut<Core>> Joint<M> {
     #[cold]
     pub fn unconfigured_in(mut place: impl FnMut(Core) -> M) -> Self {
         let config = JointConfig::default();
-        Self::of(config.muscles.each_ref().map(|muscle| place(Core::of(muscle, false))), &config)
+        let muscles = config.muscles.each_ref().map(|muscle| Self::placed(muscle, &mut place));
+        Self::of(muscles, &config)
+    }
+
+    /// Not inlined: the stack has room for one muscle at a time.
+    #[inline(never)]
+    fn placed(config: &Config, place: &mut impl FnMut(Core) -> M) -> M {
+        place(Core::of(config, false))
     }
 
     /// Whether somebody has configured it.
     pub fn is_configured(&self) -> bool {
-        !self.venting().iter().any(|faults| faults.intersects(Faults::NOT_CONFIGURED))
+        coordinator::is_configured(both(&self.muscles))
     }
 
     /// Restarts as `other`, with its configuration and, where the joint is armed, its set point. What is latched
@@ -319,41 +282,26 @@ impl<M: BorrowMut<Core>> Joint<M> {
             muscle.restart_as(other);
         }
         self.config = other.config;
-        self.line = other.line;
-        self.controller = other.controller;
-        self.guard = other.guard;
-        self.set_point = if armed { other.set_point } else { JointSetPoint::Vent };
-        self.set_steps = other.set_steps;
-        self.note_limits();
-        self.commands = [Command::VENT; 2];
-        self.started = false;
-    }
-
-    /// Keeps the limits of a set point: a fault disarms the muscles, and their supervisors then only have the
-    /// configuration's.
-    fn note_limits(&mut self) {
-        let [a, b] = both(&self.muscles);
-        self.limits_pa = [a.supervisor().limit_pa(), b.supervisor().limit_pa()];
+        self.coordinator.restart_as(both(&self.muscles), &other.coordinator, armed);
     }
 
     /// Takes over what was latched before the board restarted. It does not say of which muscle: both have it.
     pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
         both_mut(&mut self.muscles).into_iter().for_each(|muscle| muscle.recall(first, latched));
-        self.latched = self.latched.with(JointFaults::from_failure(latched));
-        self.first = Some(first);
+        let own = &mut self.coordinator;
+        own.latched = own.latched.with(JointFaults::from_failure(latched));
+        own.first = Some(first);
     }
 
     /// The first failure since faults were last cleared, or the last one before that: the faults of both muscles and
     /// of the joint in that step, and the pressure of the muscle that has one.
     pub fn first_failure(&self) -> Option<FirstFailure> {
-        self.first
+        self.coordinator.first
     }
 
     /// Faults of muscles and joint that stay until they are cleared.
     pub fn latched(&self) -> Faults {
-        let [a, b] = both(&self.muscles);
-        let muscles = a.supervisor().latched().with(b.supervisor().latched());
-        muscles.with(self.latched.of_failure())
+        self.coordinator.latched(both(&self.muscles))
     }
 
     /// Takes set points from now on, with pressures of no more than `most_pa` in either muscle \[Pa\]; `None`: as
@@ -365,7 +313,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), JointError> {
         let [a, b] = both_mut(&mut self.muscles);
         match a.may_arm(most_pa).and_then(|_| b.may_arm(most_pa)) {
-            Ok(_) if self.latched == JointFaults::NONE => {
+            Ok(_) if self.coordinator.latched == JointFaults::NONE => {
                 // Neither fails now.
                 let _ = a.arm(most_pa).and_then(|()| b.arm(most_pa));
                 self.vent();
@@ -374,14 +322,13 @@ impl<M: BorrowMut<Core>> Joint<M> {
             Err(SetPointError::Range { field: SetPointField::Armed, value, minimum, maximum }) => {
                 Err(JointError::Range { field: JointField::Armed, value, minimum, maximum })
             }
-            _ => Err(JointError::Faults(self.venting(), self.latched)),
+            _ => Err(self.refusal()),
         }
     }
 
     /// Vents, and takes no set point until it is [armed](Self::arm).
     pub fn disarm(&mut self) {
-        self.vent();
-        both_mut(&mut self.muscles).into_iter().for_each(Core::disarm);
+        self.coordinator.disarm(&mut both_mut(&mut self.muscles));
     }
 
     /// Whether set points are taken.
@@ -391,27 +338,24 @@ impl<M: BorrowMut<Core>> Joint<M> {
 
     /// Highest absolute pressure that either muscle may be given \[Pa\]; `None`: it is not armed.
     pub fn armed_pa(&self) -> Option<f32> {
-        let [a, b] = both(&self.muscles);
-        a.armed_pa().zip(b.armed_pa()).map(|(a, b)| if a < b { a } else { b })
+        coordinator::armed_pa(both(&self.muscles))
     }
 
     /// Vents both muscles, from the next step on.
     pub fn vent(&mut self) {
-        self.set_point = JointSetPoint::Vent;
-        self.started = false;
-        both_mut(&mut self.muscles).into_iter().for_each(Core::vent);
+        self.coordinator.vent(&mut both_mut(&mut self.muscles));
     }
 
     /// Forgets latched faults whose cause is gone, and vents until it is armed and has a set point.
     pub fn clear_faults(&mut self) {
-        self.latched = self.present;
+        self.coordinator.latched = self.coordinator.present;
         both_mut(&mut self.muscles).into_iter().for_each(Core::clear_faults);
         self.disarm();
     }
 
     /// The set point.
     pub fn set_point(&self) -> JointSetPoint {
-        self.set_point
+        self.coordinator.set_point
     }
 
     /// The configuration that the joint runs with.
@@ -419,9 +363,9 @@ impl<M: BorrowMut<Core>> Joint<M> {
         &self.config
     }
 
-    fn venting(&self) -> [Faults; 2] {
-        let [a, b] = both(&self.muscles);
-        [a.supervisor().venting(), b.supervisor().venting()]
+    /// The faults that vent it now.
+    fn refusal(&self) -> JointError {
+        JointError::Faults(coordinator::venting(both(&self.muscles)), self.coordinator.latched)
     }
 
     /// Changes what the joint is to do, from the next PWM period on; to vent, from the next step on.
@@ -435,9 +379,8 @@ impl<M: BorrowMut<Core>> Joint<M> {
             self.vent();
             return Ok(());
         }
-        let faults = self.venting();
-        if faults != [Faults::NONE; 2] || self.latched != JointFaults::NONE {
-            return Err(JointError::Faults(faults, self.latched));
+        if self.coordinator.fails(both(&self.muscles)) {
+            return Err(self.refusal());
         }
         if !self.is_armed() {
             return Err(JointError::NotArmed);
@@ -453,232 +396,15 @@ impl<M: BorrowMut<Core>> Joint<M> {
         for muscle in both_mut(&mut self.muscles) {
             // Driven, but by the joint: with both valves shut its own controller does nothing.
             let driven = muscle.set(SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
-            driven.map_err(|error| match error {
-                SetPointError::Faults(_) => JointError::Faults(faults, self.latched),
-                _ => JointError::NotArmed,
-            })?;
+            driven.map_err(|_| JointError::NotArmed)?;
         }
-        let kind = core::mem::discriminant::<JointSetPoint>;
-        // The guard of a joint that was driven goes on while it is locked.
-        if kind(&set_point) != kind(&self.set_point) && set_point != JointSetPoint::Lock {
-            self.started = false;
-        }
-        self.note_limits();
-        // Given once more, it is as old as it was: a trace only has those that differ.
-        if set_point != self.set_point {
-            self.set_steps = 0;
-        }
-        self.set_point = set_point;
+        self.coordinator.set(both(&self.muscles), set_point);
         Ok(())
     }
 
     /// One step. During the startup check the joint vents, and neither estimates nor counts steps.
     pub fn step(&mut self, sample: &JointSample) -> JointTelemetry {
-        let samples = sample.muscles();
-        let latched_before = self.latched() != Faults::NONE;
-        let (angle_rad, wide_rad) = self.line.read(sample.angle);
-        let [length_a_m, length_b_m] = self.config.mechanism.lengths_m(angle_rad);
-        let [wide_a_m, wide_b_m] = self.controller.ways_m(wide_rad);
-        let [sample_a, sample_b] = &samples;
-        let [a, b] = both_mut(&mut self.muscles);
-        let judged = [
-            a.begin(sample_a, Some((length_a_m, wide_a_m))),
-            b.begin(sample_b, Some((length_b_m, wide_b_m))),
-        ];
-        let [judged_a, judged_b] = &judged;
-        // Their own openings are not used; their periods go on as the hardware's do.
-        a.openings(sample_a, judged_a);
-        b.openings(sample_b, judged_b);
-        let pressure_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
-        let gauge_pa = self.gauge_pa(pressure_pa);
-        self.controller.press(gauge_pa, angle_rad);
-        self.watch(angle_rad, &judged);
-        if !latched_before && self.latched() != Faults::NONE {
-            self.first = Some(self.failure(pressure_pa, &judged));
-        }
-        let fails = self.venting() != [Faults::NONE; 2] || self.latched != JointFaults::NONE;
-        if fails && (self.is_armed() || self.set_point != JointSetPoint::Vent) {
-            if self.may_lock(pressure_pa) {
-                self.set_point = JointSetPoint::Lock;
-                both_mut(&mut self.muscles).into_iter().for_each(Core::disarm);
-            } else {
-                // Vents both in this step, whichever of the two, or the joint, has the fault.
-                self.disarm();
-            }
-        }
-        self.count_lock(pressure_pa, &judged);
-        if judged.iter().all(Judged::is_checked) {
-            self.drive(angle_rad, &judged);
-        }
-        self.finish(angle_rad, gauge_pa, &samples, &judged)
-    }
-
-    fn gauge_pa(&self, pressure_pa: [f32; 2]) -> [f32; 2] {
-        let [a, b] = &self.config.muscles;
-        let [of_a, of_b] = pressure_pa;
-        [of_a - a.ambient.pressure_pa, of_b - b.ambient.pressure_pa]
-    }
-
-    /// Whether what fails leaves the pressures of a driven joint trusted and below their limits, so that shut valves
-    /// hold it more safely than open ones.
-    #[cold]
-    fn may_lock(&self, pressure_pa: [f32; 2]) -> bool {
-        const HARMLESS: Faults = Faults::LINK_LOST.with(Faults::GAS_LOST);
-        let harmless = [JointFaults::NONE, JointFaults::ANGLE_SENSOR].contains(&self.latched)
-            && self.venting().iter().all(|faults| faults.without(HARMLESS) == Faults::NONE);
-        let trusted =
-            both(&self.muscles).iter().all(|muscle| muscle.supervisor().pressure_trusted());
-        let below = pressure_pa.iter().zip(self.limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
-        let wanted = self.config.mechanism.lock_s > 0.0 && self.set_point != JointSetPoint::Vent;
-        // Valves that vent until a set point's first period go on venting.
-        let driven = self.started || self.commands != [Command::VENT; 2];
-        wanted && driven && harmless && trusted && below
-    }
-
-    /// Ends a lock whose time is over, or in which a muscle leaks: both vent in this step.
-    fn count_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
-        if self.set_point == JointSetPoint::Lock {
-            self.watch_lock(pressure_pa, judged);
-        } else {
-            self.lock = None;
-        }
-    }
-
-    #[cold]
-    fn watch_lock(&mut self, pressure_pa: [f32; 2], judged: &[Judged; 2]) {
-        let [config_a, _] = &self.config.muscles;
-        let step_s = config_a.step_s;
-        let [a, b] = both(&self.muscles);
-        let [judged_a, judged_b] = judged;
-        let watch = self.lock.get_or_insert_with(|| {
-            let feedback = [a.measured(judged_a), b.measured(judged_b)];
-            let wall_k = feedback.map(|one| one.estimate.wall_k);
-            LockWatch::new(step_s, feedback.map(|one| one.muscle()), wall_k)
-        });
-        let leaks = watch.step(pressure_pa)
-            || judged.iter().any(|one| one.faults().intersects(Faults::LEAK));
-        if leaks || watch.steps() > timeout_steps(self.config.mechanism.lock_s, step_s) {
-            self.disarm();
-        }
-    }
-
-    #[cold]
-    fn failure(&self, [of_a, of_b]: [f32; 2], judged: &[Judged; 2]) -> FirstFailure {
-        let [a, b] = both(&self.muscles);
-        let [judged_a, judged_b] = judged;
-        let faults = judged_a.faults().with(judged_b.faults()).with(self.latched.of_failure());
-        // Of the pair, the one that has the fault.
-        let only_b =
-            a.supervisor().latched() == Faults::NONE && b.supervisor().latched() != Faults::NONE;
-        FirstFailure { faults, pressure_pa: if only_b { of_b } else { of_a }, step: a.steps() }
-    }
-
-    /// Observer and faults of the joint.
-    fn watch(&mut self, angle_rad: f32, judged: &[Judged; 2]) {
-        // The angle's sensor is not known before it is configured.
-        let lost = self.is_configured()
-            && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
-        let mut present = JointFaults::ANGLE_SENSOR.when(lost);
-        if self.started && !lost && !self.latched.intersects(JointFaults::ANGLE_SENSOR) {
-            let torque_n_m = self.controller.observe(&self.config.mechanism, angle_rad);
-            present = present.with(self.guard.step(&Motions {
-                angle_rad,
-                speed_rad_s: self.controller.speed_rad_s(),
-                torque_n_m,
-                coulomb_n_m: self.controller.coulomb_n_m(),
-                disturbance_n_m: self.controller.disturbance_n_m(),
-                holds: self.controller.holding(),
-            }));
-        }
-        self.present = present;
-        self.latched = self.latched.with(present);
-    }
-
-    /// The openings of this step. But for venting they change at the start of a PWM period only.
-    fn drive(&mut self, angle_rad: f32, judged: &[Judged; 2]) {
-        let [a, b] = both(&self.muscles);
-        let [config_a, config_b] = &self.config.muscles;
-        let [judged_a, judged_b] = judged;
-        let measured = [(config_a, a, a.measured(judged_a)), (config_b, b, b.measured(judged_b))]
-            .map(|(config, muscle, feedback)| Measured {
-                config,
-                chamber: muscle.chamber(),
-                feedback,
-                most_pa: muscle.armed_pa().unwrap_or(0.0),
-            });
-        let (begins, ends) = (a.begins_period(), a.ends_period());
-        let mechanism = &self.config.mechanism;
-        if self.set_point == JointSetPoint::Vent {
-            self.commands = self.controller.vent();
-        } else if self.set_point == JointSetPoint::Lock {
-            self.commands = self.controller.lock();
-        } else if begins {
-            if !self.started {
-                self.controller.restart(mechanism, angle_rad, &measured);
-                self.guard.restart(angle_rad);
-                self.started = true;
-            }
-            let set_point = match self.set_point {
-                JointSetPoint::Angle(given) if given.moves() => {
-                    self.controller.leave_course(given.angle_rad);
-                    let age_s = self.set_steps as f32 * config_a.step_s;
-                    self.set_point.after(age_s, mechanism)
-                }
-                JointSetPoint::Angle(given) => {
-                    JointSetPoint::Angle(self.controller.course(mechanism, given, self.set_steps))
-                }
-                given => given,
-            };
-            self.commands = self.controller.period(mechanism, &set_point, angle_rad, &measured);
-        }
-        // A step ahead, and a step after: the one that begins a period is the longest.
-        if ends {
-            self.controller.measure(mechanism, angle_rad, &measured);
-        } else if !begins {
-            self.controller.weigh(mechanism, angle_rad, &measured);
-        }
-        self.set_steps = self.set_steps.saturating_add(1);
-    }
-
-    /// Ends the step of both muscles.
-    fn finish(
-        &mut self,
-        angle_rad: f32,
-        gauge_pa: [f32; 2],
-        samples: &[Sample; 2],
-        judged: &[Judged; 2],
-    ) -> JointTelemetry {
-        let [sample_a, sample_b] = samples;
-        let [judged_a, judged_b] = judged;
-        let [command_a, command_b] = self.commands;
-        let [a, b] = both_mut(&mut self.muscles);
-        let muscles = [a.end(sample_a, judged_a, command_a), b.end(sample_b, judged_b, command_b)];
-        JointTelemetry {
-            mode: self.mode(&muscles),
-            muscles,
-            angle_rad,
-            speed_rad_s: self.controller.speed_rad_s(),
-            reference_rad: self.controller.reference_rad(),
-            torque_n_m: self.controller.torque_n_m(),
-            stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
-            disturbance_n_m: self.controller.disturbance_n_m(),
-            limited: self.controller.limited(),
-            set_point: self.set_point,
-            faults: self.latched,
-        }
-    }
-
-    fn mode(&self, [a, _]: &[Telemetry; 2]) -> JointMode {
-        match self.set_point {
-            _ if a.mode == crate::sample::Mode::StartupCheck => JointMode::StartupCheck,
-            JointSetPoint::Vent => JointMode::Vent,
-            JointSetPoint::Lock => JointMode::Locked,
-            JointSetPoint::Duty { .. } => JointMode::Duty,
-            JointSetPoint::Pressures { .. } => JointMode::Pressures,
-            JointSetPoint::Torque { .. } => JointMode::Torque,
-            JointSetPoint::Angle(_) if self.controller.holding() => JointMode::AngleHeld,
-            JointSetPoint::Angle(_) => JointMode::Angle,
-        }
+        self.coordinator.step(&self.config.mechanism, &mut both_mut(&mut self.muscles), sample)
     }
 }
 
