@@ -87,6 +87,9 @@ fn record(
     Ok(summary)
 }
 
+/// Share of the time in which a joint may be limited before it is worth a line: more than single steps of a set point.
+const LIMITED: f64 = 0.05;
+
 fn brief(summary: &Summary, units: UnitSystem) -> String {
     let figures = &summary.figures;
     let [estimate_a, estimate_b] = summary.estimate_rmse_k;
@@ -106,12 +109,19 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
         figures.pulses_per_s,
         summary.arm_balance_error,
     );
-    text + &faulty(figures)
+    text + &remarks(figures)
 }
 
-/// Lines about faults, if there were any.
-pub(super) fn faulty(figures: &Figures) -> String {
+/// Lines about what gave way and about faults, if there was any.
+pub(super) fn remarks(figures: &Figures) -> String {
     let mut text = String::new();
+    if figures.limited > LIMITED {
+        text += &format!(
+            "limited for {:.0} % of the time: the range of pressures gave less stiffness or torque \
+             than was asked; a slower motion, less stiffness or larger valves help\n",
+            100.0 * figures.limited
+        );
+    }
     for (name, faults) in ["muscle a", "muscle b", "joint"].iter().zip(&figures.faults) {
         if !faults.is_empty() {
             text += &format!("faults of {name}: {}\n", faults.join(", "));

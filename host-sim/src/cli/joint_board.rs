@@ -3,7 +3,7 @@
 use super::board_status::{Overview, armed, cleared, config_file, history, save, shown_as};
 use super::board_task::{ArmArgs, BoardTask, ConfigTask};
 use super::drive::{DriveArgs, Planned, drive_planned, warn_of_times};
-use super::joint::faulty;
+use super::joint::remarks;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
 use super::{Console, Failure, calibrate, interrupt, title_of};
 use crate::commands::joint::line;
@@ -286,5 +286,5 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
         summary.timing.missed_steps,
         summary.lost_steps,
     );
-    text + &faulty(figures)
+    text + &remarks(figures)
 }
