@@ -58,7 +58,8 @@ pub struct Control {
     pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
-    /// Mean error over the last tenth of the run; none if the run ended before.
+    /// Mean error over the last tenth of the run, or from where the last jump within it has settled; none if the run
+    /// ended before.
     pub steady_error: Option<f64>,
     /// Largest excess over the largest set point, relative to the set point's range or itself.
     pub overshoot: f64,
@@ -220,10 +221,6 @@ impl Tracking {
         let error = value - set_point;
         self.steps += 1;
         self.squares += error * error;
-        if time_s >= 0.9 * self.reference.duration_s {
-            self.late_steps += 1;
-            self.late_sum += error;
-        }
         let [least, most] = self.set_points;
         self.set_points = [least.min(set_point), most.max(set_point)];
         self.largest_value = self.largest_value.max(value);
@@ -232,6 +229,7 @@ impl Tracking {
         if self.reference.jumps {
             self.add_jump(time_s, set_point, value);
         }
+        self.add_late(time_s, error);
         let command = row.telemetry.command;
         let shares = [command.inlet, command.outlet].map(|duty| f64::from(duty.share()));
         self.add_valves(shares);
@@ -272,6 +270,21 @@ impl Tracking {
             && (value - set_point).abs() > jump.band
         {
             jump.beyond_s = time_s;
+        }
+    }
+
+    fn add_late(&mut self, time_s: f64, error: f64) {
+        let late_s = 0.9 * self.reference.duration_s;
+        if time_s < late_s {
+            return;
+        }
+        let settles =
+            self.jump.as_ref().is_some_and(|jump| jump.at_s >= late_s && jump.beyond_s == time_s);
+        if settles {
+            (self.late_steps, self.late_sum) = (0, 0.0);
+        } else {
+            self.late_steps += 1;
+            self.late_sum += error;
         }
     }
 

@@ -115,6 +115,22 @@ fn steps_settle_and_their_pulses_are_counted() {
     assert!((0.5..60.0).contains(&pulses_per_s), "{steps}");
 }
 
+/// A jump of 2 bar shortly before the end was in the mean.
+#[test]
+fn the_error_at_the_end_is_not_that_of_a_jump() {
+    let steady_pa = |duration_s: f64| {
+        control(&format!(
+            "duration_s = {duration_s}\n[drive]\nkind = \"pressure\"\nshape = \"step\"\n\
+             offset = \"3 bar\"\namplitude = \"1 bar\"\nperiod_s = 4\n"
+        ))["steady_error"]
+            .as_f64()
+    };
+    // The jumps are at 2, 4, 6, ... s.
+    assert!(steady_pa(9.9).is_some_and(|pa| pa.abs() < 2e3), "{:?}", steady_pa(9.9));
+    assert!(steady_pa(10.5).is_some_and(|pa| pa.abs() < 6e3), "{:?}", steady_pa(10.5));
+    assert_eq!(steady_pa(10.01), None);
+}
+
 /// Changes of their command were printed as pulses.
 #[test]
 fn valves_that_open_in_proportion_have_no_pulses() {
