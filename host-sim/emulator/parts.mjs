@@ -137,12 +137,11 @@ export function connectI2c(chip, parts) {
     finish = what;
     done.schedule(nanos);
   };
-  i2c.onStart = () => {
-    // No start while SDA is low: the bus is busy.
-    if (!parts.some((part) => part.holds > 0)) {
-      after(I2C_EDGE_NANOS, () => i2c.completeStart());
-    }
-  };
+  // A start waits while SDA is low: the bus is busy.
+  i2c.onStart = () =>
+    after(I2C_EDGE_NANOS, () =>
+      parts.some((part) => part.holds > 0) ? i2c.onStart() : i2c.completeStart(),
+    );
   i2c.onConnect = (address) => {
     called = parts.find((part) => part.address === address && !part.unplugged);
     called?.begin();

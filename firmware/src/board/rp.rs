@@ -13,7 +13,7 @@
 //! | GP15, GP25 | fault output, LED |
 //! | USB | the same link as on UART0 |
 
-use super::rp_bus::{I2C_HZ, I2cBus, SpiDevice, free_i2c};
+use super::rp_bus::{I2cBus, SpiDevice};
 use super::rp_flash::StoreFlash;
 use super::{Adc, Board, CARRIER_HZ, Channel, Modulation, Parts, Reset, Valves, WATCHDOG};
 use crate::kind::{Commands, MUSCLES, PWM_DELAY, each};
@@ -23,7 +23,6 @@ use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::adc::{self, Blocking};
 use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
-use embassy_rp::i2c::{self, I2c};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
 // Of embassy's timer.
 #[cfg(not(feature = "pico2"))]
@@ -120,10 +119,7 @@ impl<M: Member> Board for Rp<M> {
             #[cfg(feature = "joint")]
             (SpiDevice::new(Output::new(p.PIN_7, Level::High)), Input::new(p.PIN_8, Pull::Up)),
         ];
-        free_i2c(p.PIN_5.reborrow(), p.PIN_4.reborrow());
-        let mut i2c_config = i2c::Config::default();
-        i2c_config.frequency = I2C_HZ;
-        let i2c = I2cBus::new(I2c::new_blocking(p.I2C0, p.PIN_5, p.PIN_4, i2c_config));
+        let i2c = I2cBus::new(p.I2C0, p.PIN_5, p.PIN_4);
 
         let unique_id = M::unique_id(p.FLASH.reborrow());
         Parts {

@@ -80,7 +80,7 @@ impl hal_spi::SpiDevice for SpiDevice {
 
 /// Depth of the I2C's FIFOs of commands and of received bytes.
 const I2C_BYTES: usize = 16;
-pub const I2C_HZ: u32 = 400_000;
+const I2C_HZ: u32 = 400_000;
 /// Time of a byte, and of the address with a margin \[us\].
 const I2C_BYTE_US: u64 = 24;
 const I2C_ROOM_US: u64 = 60;
@@ -88,10 +88,10 @@ const I2C_ROOM_US: u64 = 60;
 /// Half of a clock that frees the bus: 100 kHz, slow for every chip.
 const FREES_HZ: u32 = 200_000;
 
-/// Frees a bus whose chip holds SDA low: a restart of the board has interrupted it while it sent a byte, and it waits
-/// for the rest of the clocks. To be called before the peripheral has the pins.
-#[cold] // Once at a start: as small as can be.
-pub fn free_i2c(scl: Peri<'_, PIN_5>, sda: Peri<'_, PIN_4>) {
+/// Frees a bus whose chip holds SDA low: a restart of the board or a disturbance has interrupted it while it sent a
+/// byte, and it waits for the rest of the clocks.
+#[cold]
+fn free_i2c(scl: Peri<'_, PIN_5>, sda: Peri<'_, PIN_4>) {
     let wait = || cortex_m::asm::delay(clk_sys_freq() / FREES_HZ);
     let mut scl = OutputOpenDrain::new(scl, Level::High);
     let mut sda = OutputOpenDrain::new(sda, Level::High);
@@ -112,13 +112,31 @@ pub fn free_i2c(scl: Peri<'_, PIN_5>, sda: Peri<'_, PIN_4>) {
 
 /// I2C0, at [`I2C_HZ`].
 pub struct I2cBus {
-    /// Set up by embassy, and only kept.
-    _i2c: I2c<'static, I2C0, i2c::Blocking>,
+    i2c: Peri<'static, I2C0>,
+    scl: Peri<'static, PIN_5>,
+    sda: Peri<'static, PIN_4>,
 }
 
 impl I2cBus {
-    pub fn new(i2c: I2c<'static, I2C0, i2c::Blocking>) -> Self {
-        Self { _i2c: i2c }
+    pub fn new(
+        i2c: Peri<'static, I2C0>,
+        scl: Peri<'static, PIN_5>,
+        sda: Peri<'static, PIN_4>,
+    ) -> Self {
+        let mut bus = Self { i2c, scl, sda };
+        bus.set_up();
+        bus
+    }
+
+    /// Frees the bus and gives it to the peripheral.
+    #[cold]
+    fn set_up(&mut self) {
+        let Self { i2c, scl, sda } = self;
+        free_i2c(scl.reborrow(), sda.reborrow());
+        let mut config = i2c::Config::default();
+        config.frequency = I2C_HZ;
+        // Its setup stays; the messages go past embassy's driver.
+        let _i2c = I2c::new_blocking(i2c.reborrow(), scl.reborrow(), sda.reborrow(), config);
     }
 }
 
@@ -160,6 +178,9 @@ impl hal_i2c::I2c for I2cBus {
         }
         Timer::after_micros(I2C_BYTE_US * count as u64 + I2C_ROOM_US).await;
         let ended = registers.ic_raw_intr_stat().read();
+        if !ended.stop_det() {
+            self.set_up();
+        }
         if ended.tx_abrt() || !ended.stop_det() {
             return Err(hal_i2c::ErrorKind::NoAcknowledge(hal_i2c::NoAcknowledgeSource::Unknown));
         }
