@@ -1139,6 +1139,41 @@ mod tests {
         }
     }
 
+    /// Starts in quick succession do not hide that it is silent.
+    #[test]
+    fn a_digital_gas_sensor_that_is_silent_over_starts_vents() {
+        let gas_element = GasElement::Max31865(Max31865::default());
+        let sensors = Sensors { gas_element, ..Sensors::default() };
+        let config = Config { sensors, ..Config::default() };
+        let with_gas = |fresh| Sample { gas: RawCode::of_part(8457, fresh), ..INFLATED };
+        let mut core = checked_core(&config, CLOSED, &with_gas(true));
+        let found = (1..500).find(|step| {
+            if step % 60 == 0 {
+                let mut other = Core::new(&config).unwrap();
+                other.set(CLOSED).unwrap();
+                core.restart_as(&other);
+            }
+            core.step(&with_gas(false)).faults.intersects(Faults::GAS_LOST)
+        });
+        assert_eq!(found, Some(100));
+    }
+
+    /// The pin of a sensor that is not there is anything.
+    #[test]
+    fn a_digital_sensor_does_not_answer_for_the_converter_before_it() {
+        let gas_element = GasElement::Max31865(Max31865::default());
+        let sensors = Sensors { gas_element, ..Sensors::default() };
+        let mut core = Core::unconfigured().unwrap();
+        for step in 0..200_u16 {
+            core.step(&Sample { gas: AdcCode(8000 * (step % 3)).into(), ..HEALTHY });
+        }
+        core.restart_as(&Core::new(&Config { sensors, ..Config::default() }).unwrap());
+        for step in 0..200 {
+            let gas = RawCode::of_part(8457, step % 20 == 0);
+            assert_eq!(core.step(&Sample { gas, ..HEALTHY }).faults, Faults::NONE, "{step}");
+        }
+    }
+
     #[test]
     fn a_silent_host_vents_what_it_drives() {
         let silent = Sample { heard: false, ..HEALTHY };

@@ -184,12 +184,13 @@ impl Coordinator {
                 self.disarm(muscles);
             }
         }
-        if self.set_point == JointSetPoint::Lock {
+        let checked = judged.iter().all(Judged::is_checked);
+        if checked && self.set_point == JointSetPoint::Lock {
             self.watch_lock(mechanism, muscles, pressure_pa, &judged);
         } else {
             self.lock = None;
         }
-        if judged.iter().all(Judged::is_checked) {
+        if checked {
             self.drive(mechanism, shared(muscles), angle_rad, &judged);
         }
         self.finish(muscles, angle_rad, gauge_pa, &samples, &judged)

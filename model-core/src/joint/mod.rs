@@ -412,7 +412,9 @@ impl<M: BorrowMut<Core>> Joint<M> {
 mod tests {
     use super::encoder::Encoder;
     use super::*;
-    use crate::sample::CODE_MAX;
+    use crate::safety::supervisor::VENTING;
+    use crate::sample::{CODE_MAX, Duty};
+    use proptest::prelude::*;
 
     /// 120 kPa in both muscles, at angle 0.
     const HEALTHY: JointSample = JointSample {
@@ -588,6 +590,33 @@ mod tests {
         assert_eq!(filling().set(JointSetPoint::Lock), Err(JointError::NeverLocks));
     }
 
+    /// It vents in the startup check, and what is let out there is no leak.
+    #[test]
+    fn a_start_locks_after_the_startup_check_for_the_whole_time() {
+        let mut joint = that_locks_for(0.1);
+        while joint.step(&HEALTHY).mode == JointMode::StartupCheck {}
+        for locked in [false, true] {
+            joint.set(if locked { JointSetPoint::Lock } else { FILLING }).unwrap();
+            (0..30).for_each(|step| _ = joint.step(&alive(step)));
+            let mut other = that_locks_for(0.1);
+            other.set(JointSetPoint::Lock).unwrap();
+            joint.restart_as(&other);
+            let modes: Vec<_> = (0..200_u16)
+                .map(|step| {
+                    let code = AdcCode(12_000 - 60 * step.min(50) + step % 2).into();
+                    joint.step(&JointSample { pressure: [code; 2], ..alive(step) }).mode
+                })
+                .collect();
+            let count = |mode| modes.iter().filter(|one| **one == mode).count();
+            assert_eq!(
+                [JointMode::StartupCheck, JointMode::Locked].map(count),
+                [49, 100],
+                "locked before: {locked}"
+            );
+            joint.arm(None).unwrap();
+        }
+    }
+
     /// Also over a restart of the board, and by the name of the joint's own fault.
     #[test]
     fn the_first_failure_is_kept_and_another_configuration_forgives_nothing() {
@@ -688,5 +717,92 @@ mod tests {
         let way_m = 0.02 * telemetry.angle_rad;
         assert!((0.4..0.5).contains(&telemetry.angle_rad), "{}", telemetry.angle_rad);
         assert!((a - 0.27 + way_m).abs() < 1e-6 && (b - 0.27 - way_m).abs() < 1e-6, "{a} {b}");
+    }
+
+    /// Set points of a test, of which the last but one is refused.
+    fn set_points() -> [JointSetPoint; 7] {
+        [
+            FILLING,
+            JointSetPoint::Pressures { pressure_pa: [2.0e5, 1.5e5] },
+            JointSetPoint::Torque { torque_n_m: 1.0, stiffness_n_m_rad: 10.0 },
+            JointSetPoint::Angle(Motion::still(0.2, 14.0)),
+            JointSetPoint::Lock,
+            JointSetPoint::Duty { inlet: [f32::NAN; 2], outlet: [0.0; 2] },
+            JointSetPoint::Vent,
+        ]
+    }
+
+    fn disturbed(kind: u8, sample: JointSample) -> JointSample {
+        let [a, b] = sample.pressure;
+        match kind {
+            0 => open(sample),
+            1 => JointSample { pressure: [AdcCode(0).into(), b], ..sample },
+            2 => JointSample { pressure: [a, AdcCode(29_300).into()], ..sample },
+            3 => JointSample { emergency_stop: true, ..sample },
+            4 => JointSample { missed_steps: 9, ..sample },
+            5 => JointSample { heard: false, ..sample },
+            _ => sample,
+        }
+    }
+
+    proptest! {
+        /// Whatever is asked and read: only a set point that was taken drives, every fault vents both muscles or locks
+        /// both, and nothing locks but where, when and for as long as it may.
+        #[test]
+        fn what_must_be_still_is_never_driven(
+            locks in any::<bool>(),
+            turns in prop::collection::vec((0..12_usize, 0..12_u8, 0..60_u16), 1..20),
+        ) {
+            const LOCKING: Faults = Faults::LINK_LOST.with(Faults::LENGTH_SENSOR);
+            let new = || that_locks_for(if locks { 0.02 } else { 0.0 });
+            let mut joint = new();
+            let (mut given, mut latched, mut locked_steps) = (false, Faults::NONE, 0);
+            for (request, disturbance, steps) in turns {
+                match request {
+                    0 => {
+                        joint.clear_faults();
+                        (given, latched) = (false, joint.latched());
+                    }
+                    1 => {
+                        joint.disarm();
+                        given = false;
+                    }
+                    2 => {
+                        let mut other = new();
+                        other.set(FILLING).unwrap();
+                        given = joint.is_armed();
+                        joint.restart_as(&other);
+                    }
+                    3 | 4 => if joint.arm(None).is_ok() {
+                        (given, latched) = (false, joint.latched());
+                    }
+                    _ => if joint.set(set_points()[request - 5]).is_ok() {
+                        given = joint.set_point() != JointSetPoint::Vent;
+                    }
+                }
+                for step in 0..steps {
+                    let telemetry = joint.step(&disturbed(disturbance, alive(step)));
+                    let [a, b] = telemetry.commands();
+                    let [of_a, of_b] = telemetry.muscles.map(|muscle| muscle.faults);
+                    let faults = of_a.with(of_b).with(telemetry.faults.of_failure());
+                    let fails = faults.intersects(VENTING) || telemetry.faults != JointFaults::NONE;
+                    let locked = telemetry.mode == JointMode::Locked;
+                    locked_steps = if locked { locked_steps + 1 } else { 0 };
+                    let vents = [a, b] == [Command::VENT; 2];
+                    prop_assert!(!locked || locks && given && [a, b] == [Command::CLOSED; 2]);
+                    prop_assert!(locked_steps <= 20);
+                    prop_assert!(!fails || vents || locked, "{faults}");
+                    let locking = LOCKING.with(Faults::JOINT_ANGLE);
+                    prop_assert!(!fails || !locked || faults.of(locking) == faults, "{faults}");
+                    given &= telemetry.set_point != JointSetPoint::Vent && (!fails || locked);
+                    prop_assert!(given || vents, "{:?}", telemetry.mode);
+                    let may_fill = given && joint.is_armed() && !fails;
+                    prop_assert!(may_fill || a.inlet == Duty::ZERO && b.inlet == Duty::ZERO);
+                    prop_assert!(vents || telemetry.mode != JointMode::StartupCheck);
+                    prop_assert_eq!(joint.latched().of(latched), latched, "latched stays");
+                    latched = joint.latched();
+                }
+            }
+        }
     }
 }

@@ -240,16 +240,28 @@ impl Sensing {
         }
     }
 
-    /// The sensing of a core that restarts with `other`: it keeps the health of the channels.
+    /// The sensing of a core that restarts with `other`: it keeps the health of the channels, where their sensors are
+    /// of the same type, and for how long a digital gas sensor has been silent.
     pub fn after_restart(&self, other: &Self) -> Self {
         let mut next = *other;
-        next.pressure.health = self.pressure.health.with_patience_of(&other.pressure.health);
         next.length.health = self.length.health;
-        next.gas_health = self.gas_health.with_patience_of(&other.gas_health);
-        if let (Some((_, last_pa)), Some((_, pressure_pa))) =
-            (self.pressure_part, &mut next.pressure_part)
-        {
-            *pressure_pa = last_pa;
+        let pressure_health = self.pressure.health.with_patience_of(&other.pressure.health);
+        match (&self.pressure_part, &mut next.pressure_part) {
+            (None, None) => next.pressure.health = pressure_health,
+            (Some((_, last_pa)), Some((_, pressure_pa))) => {
+                next.pressure.health = pressure_health;
+                *pressure_pa = *last_pa;
+            }
+            _ => {}
+        }
+        let gas_health = self.gas_health.with_patience_of(&other.gas_health);
+        match (&self.gas_part, &mut next.gas_part) {
+            (None, None) => next.gas_health = gas_health,
+            (Some(before), Some(part)) => {
+                next.gas_health = gas_health;
+                part.goes_on_from(before);
+            }
+            _ => {}
         }
         next
     }

@@ -47,6 +47,11 @@ impl Part {
         }
     }
 
+    /// The silence of the part before a restart counts.
+    pub fn goes_on_from(&mut self, before: &Self) {
+        self.left_steps = self.left_steps.min(before.left_steps);
+    }
+
     /// Judges the code of a step. Not inlined: two calls.
     #[inline(never)]
     pub fn add(&mut self, health: &mut Health, code: RawCode, usual: Stillness) -> Validity {
