@@ -246,6 +246,31 @@ fn an_angle_is_reached_and_no_step_missed() {
     assert!((380..=510).contains(&a), "{a} ms");
 }
 
+/// A start that is refused restarts nothing: what holds goes on, and the steps are those that they were.
+#[test]
+fn a_start_beyond_what_it_is_armed_for_changes_nothing() {
+    let mut bench = Bench::new();
+    bench.configure();
+    bench.done(HostCommand::Arm { most_pa: Some(2.0e5) });
+    let pressures = |pa| JointSetPoint::Pressures { pressure_pa: [1.5e5, pa] };
+    bench.done(HostCommand::SetJoint(pressures(1.9e5)));
+    bench.run(100);
+    let starts = |bench: &mut Bench| match bench.ask(HostCommand::Status) {
+        Answer::Status(status) => (status.starts, status.armed_pa),
+        other => panic!("{other:?}"),
+    };
+    let before = starts(&mut bench);
+    for set_point in [pressures(2.1e5), pressures(f32::NAN), JointSetPoint::Lock] {
+        let refused = bench.refused(HostCommand::StartJoint(set_point));
+        assert!(matches!(refused, Refusal::JointSetPoint(_)), "{refused}");
+        for _ in 0..60 {
+            assert!(bench.exchange(|_| ()).brake_released, "{set_point:?}");
+        }
+    }
+    assert_eq!(starts(&mut bench), before);
+    assert_eq!(bench.last().set_point, pressures(1.9e5));
+}
+
 /// A joint that may lock: all valves shut and the brake engaged, until the time is over.
 #[test]
 fn a_lost_angle_locks_until_the_time_is_over() {

@@ -8,7 +8,7 @@ use embassy_sync::blocking_mutex::raw::CriticalSectionRawMutex;
 use embassy_sync::mutex::Mutex;
 use embassy_time::Duration;
 use model_core::joint::encoder::Encoder;
-use model_core::joint::{Joint, JointError, JointMode};
+use model_core::joint::{Joint, JointMode};
 pub use model_core::joint::{
     JointConfig as Config, JointSample as Sample, JointSetPoint as SetPoint,
     JointTelemetry as Telemetry,
@@ -125,14 +125,11 @@ pub fn modulation(config: &Config) -> Modulation {
     Modulation::of(a)
 }
 
-/// Restarts with a set point, which is checked before. There is no memory for a third joint that
-/// could be armed and set first, as one muscle's core is.
+/// Restarts with a set point, which is checked before: a restart keeps what the joint is armed for.
+/// There is no memory for a third joint that could be armed and set first, as one muscle's core is.
 pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), Refusal> {
     set_point.check(other.config())?;
-    // An armed joint has no faults that vent, so that the set point is taken afterwards.
-    if set_point != SetPoint::Vent && !core.is_armed() {
-        return Err(JointError::NotArmed.into());
-    }
+    core.may_set(&set_point)?;
     core.restart_as(other);
     core.set(set_point)?;
     Ok(())

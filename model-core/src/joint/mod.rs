@@ -374,9 +374,26 @@ impl<M: BorrowMut<Core>> Joint<M> {
     /// [`JointError`] for a value that is no number or out of its range, and for anything but to vent while faults
     /// do or it is not armed; what held before goes on.
     pub fn set(&mut self, set_point: JointSetPoint) -> Result<(), JointError> {
-        set_point.check(&self.config)?;
+        self.may_set(&set_point)?;
         if set_point == JointSetPoint::Vent {
             self.vent();
+            return Ok(());
+        }
+        for muscle in both_mut(&mut self.muscles) {
+            // Driven, but by the joint: with both valves shut its own controller does nothing. It does not fail now.
+            let _ = muscle.set(SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
+        }
+        self.coordinator.set(both(&self.muscles), set_point);
+        Ok(())
+    }
+
+    /// Whether it would [take](Self::set) this set point, as it is armed now.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set).
+    pub fn may_set(&self, set_point: &JointSetPoint) -> Result<(), JointError> {
+        set_point.check(&self.config)?;
+        if *set_point == JointSetPoint::Vent {
             return Ok(());
         }
         if self.coordinator.fails(both(&self.muscles)) {
@@ -385,7 +402,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
         if !self.is_armed() {
             return Err(JointError::NotArmed);
         }
-        if let JointSetPoint::Pressures { pressure_pa } = set_point {
+        if let JointSetPoint::Pressures { pressure_pa } = *set_point {
             for (value, muscle) in pressure_pa.into_iter().zip(both(&self.muscles)) {
                 if let Some(maximum) = muscle.armed_below(value) {
                     let field = JointField::Pressure;
@@ -393,12 +410,6 @@ impl<M: BorrowMut<Core>> Joint<M> {
                 }
             }
         }
-        for muscle in both_mut(&mut self.muscles) {
-            // Driven, but by the joint: with both valves shut its own controller does nothing.
-            let driven = muscle.set(SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
-            driven.map_err(|_| JointError::NotArmed)?;
-        }
-        self.coordinator.set(both(&self.muscles), set_point);
         Ok(())
     }
 
