@@ -3,7 +3,10 @@
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
 use thermyo_boards::emulated::{EmulatedBoard, Injection};
-use thermyo_protocol::{Answer, ConfigSource, Event, HostCommand, Name, Refusal, Status, checksum};
+use thermyo_boards::image::{Variant, firmware, prepare_emulator};
+use thermyo_protocol::{
+    Answer, ConfigSource, Event, HostCommand, Name, PROTOCOL, Refusal, Status, checksum,
+};
 use thermyo_simulation::board::BoardError;
 
 /// Saves that are cut in each of their operations: some 13 fill a sector.
@@ -106,6 +109,22 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
     pass(&mut board, TELEMETRY_MS);
     let telemetry = board.take_telemetry().last().copied().unwrap();
     assert!(telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
+}
+
+/// Firmware of another protocol, whose bytes may stand for something else, does not take it for its own.
+#[test]
+fn a_saved_configuration_names_its_protocol() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("flash");
+    let image = firmware(Variant::Standard).unwrap();
+    let mut board = EmulatedBoard::with_flash(&prepare_emulator().unwrap(), &image, &file).unwrap();
+    save(&mut board, &config(7));
+    let flash = std::fs::read(file).unwrap();
+    let mut buffer = [0; 1024];
+    let bytes: &[u8] = postcard::to_slice(&config(7), &mut buffer).unwrap();
+    let place = flash.windows(bytes.len()).position(|window| window == bytes).unwrap();
+    // Before its number.
+    assert_eq!(flash[place - 6..place - 4], PROTOCOL.to_le_bytes());
 }
 
 /// A board after its startup check that fills its muscle.

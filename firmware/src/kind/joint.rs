@@ -18,15 +18,15 @@ use model_core::{AdcCode, Command, Faults};
 use serde::{Serialize, Serializer};
 use static_cell::StaticCell;
 pub use thermyo_protocol::joint_checksum as checksum;
-use thermyo_protocol::{ConfigSource, Image, JointRest, Name, Refusal, Side};
+use thermyo_protocol::{ConfigSource, Image, JointRest, Name, PROTOCOL, Refusal, Side};
 pub use thermyo_protocol::{HostCommand, Request};
 
 pub const MUSCLES: usize = 2;
 pub const IMAGE: Image = Image::Joint;
-/// Bytes of the longest value in the store, and schema of the values: raised whenever their content
-/// changes, and never one of the image for one muscle, which has the same place for its own.
+/// Bytes of the longest value in the store, and schema of the values, whose bytes are those of the
+/// messages: never one of the image for one muscle, which has the same place for its own.
 pub const MAX_VALUE: usize = 1536;
-pub const SCHEMA: u16 = 0x8002;
+pub const SCHEMA: u16 = 0x8000 | PROTOCOL;
 /// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
 /// take 300 us longer than the first one and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(500);

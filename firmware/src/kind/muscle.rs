@@ -13,15 +13,15 @@ pub use model_core::{Command as Commands, Config, Core, Sample, SetPoint, Teleme
 use serde::{Serialize, Serializer};
 pub use thermyo_protocol::checksum;
 use thermyo_protocol::{
-    ConfigSource, HostCommandWith, Image, MAX_FRAME, Name, Refusal, RequestWith, Unread,
+    ConfigSource, HostCommandWith, Image, MAX_FRAME, Name, PROTOCOL, Refusal, RequestWith, Unread,
 };
 
 pub const MUSCLES: usize = 1;
 pub const IMAGE: Image = if cfg!(feature = "hil") { Image::Hil } else { Image::Muscle };
 /// Bytes of the longest value in the store, which holds every configuration that a frame does, with
-/// its name and head; and schema of the values: raised whenever their content changes.
+/// its name and head; and schema of the values, whose bytes are those of the messages.
 pub const MAX_VALUE: usize = MAX_FRAME + 64;
-pub const SCHEMA: u16 = 1;
+pub const SCHEMA: u16 = PROTOCOL;
 /// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
 /// may take longer and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(250);
