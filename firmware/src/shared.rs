@@ -47,7 +47,11 @@ impl Order {
     /// Whether the order may move the muscle. A stop overtakes such an order, and it holds only
     /// while its host stays connected.
     pub fn may_drive(&self) -> bool {
-        matches!(self, Self::Arm(_) | Self::Start(_) | Self::Set(_))
+        match self {
+            Self::Arm(_) | Self::Start(_) => true,
+            Self::Set(set_point) => *set_point != SetPoint::Vent,
+            Self::Configure { .. } | Self::ClearFaults => false,
+        }
     }
 
     pub fn configure(config: &Config, source: ConfigSource, name: Name) -> Self {

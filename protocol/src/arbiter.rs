@@ -10,7 +10,7 @@
 //!   newer, unless that line is itself behind another one's stop.
 //!
 //! Orders are [`HostCommand::Arm`](super::HostCommand::Arm), [`Start`](super::HostCommand::Start) and
-//! [`Set`](super::HostCommand::Set): what a muscle may move by.
+//! [`Set`](super::HostCommand::Set) of anything but to vent: what a muscle may move by.
 //!
 //! ```
 //! use thermyo_protocol::arbiter::Arbiter;

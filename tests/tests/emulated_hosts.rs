@@ -4,7 +4,7 @@
 use model_core::{Config, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered, silent};
 use thermyo_boards::emulated::Port;
-use thermyo_protocol::{Answer, HostCommand, Name};
+use thermyo_protocol::{Answer, HostCommand, Name, Refusal};
 
 /// One microsecond \[ns\].
 const US: u32 = 1_000;
@@ -158,6 +158,28 @@ fn a_stop_overtakes_earlier_orders_of_another_host() {
 #[ignore = "a minute: cargo test --release -p system-tests emulated_hosts -- --ignored --nocapture"]
 fn a_stop_overtakes_at_every_moment() {
     assert_a_stop_overtakes((0..=1500).step_by(5));
+}
+
+/// To vent is refused to no host, whatever was sent before or after another one's stop.
+#[test]
+fn a_set_point_to_vent_is_never_overtaken() {
+    let mut rig = Rig::plugged(&scenario(100.0));
+    fill(&mut rig, Port::Usb);
+    rig.board.send(HostCommand::Stop);
+    rig.board.send(HostCommand::Set(FILL));
+    rig.run(300 * US, silent);
+    rig.board.use_port(Port::Uart);
+    let refused = rig.board.request(HostCommand::Set(FILL));
+    let vent = rig.board.request(HostCommand::Set(SetPoint::Vent));
+    for _ in 0..10 {
+        rig.exchange_with(silent);
+    }
+    let answers = [refused, vent].map(|sequence| rig.board.take_answer(sequence));
+    assert!(
+        matches!(answers, [Some(Answer::Refused(Refusal::Overtaken)), Some(Answer::Done { .. })]),
+        "{answers:?}"
+    );
+    assert!((0..50).all(|_| !powered(&rig.exchange_with(silent))));
 }
 
 /// The stop is in the middle of what its own host sends.
