@@ -49,6 +49,17 @@ class Watch(SchedulerPlugin):
             self.scheduler.log_event(DIED, str(key))
 
 
+def whole(least, most):
+    """Reads a whole number of that range."""
+
+    def read(text):
+        if text.isascii() and text.isdecimal() and least <= int(text) <= most:
+            return int(text)
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from {least} to {most}")
+
+    return read
+
+
 def merged(header, done):
     return "\n".join([header] + [done[point] for point in sorted(done)]) + "\n"
 
@@ -118,11 +129,11 @@ def main():
     arguments = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments.add_argument("scenario", type=pathlib.Path)
     arguments.add_argument("--vary", action="append", required=True)
-    arguments.add_argument("--lhs", type=int)
-    arguments.add_argument("--seed", type=int, default=1)
+    arguments.add_argument("--lhs", type=whole(1, 10_000_000))
+    arguments.add_argument("--seed", type=whole(0, 2**64 - 1), default=1)
     arguments.add_argument("--out", required=True)
     arguments.add_argument("--scheduler", help="address of a cluster [default: this machine]")
-    arguments.add_argument("--batch", type=int, default=5, help="points of a task")
+    arguments.add_argument("--batch", type=whole(1, 10_000_000), default=5, help="points of a task")
     given = arguments.parse_args()
     try:
         if os.path.exists(given.out):

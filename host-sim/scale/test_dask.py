@@ -32,6 +32,11 @@ def main():
     scenario, absent = folder / "short.toml", folder / "absent.toml"
     refused(absent, folder / "absent.csv", f"{absent}: no such file")
     refused(scenario, scenario, f"{scenario}: exists already, and is left as it is; give another name")
+    # The first two were tracebacks.
+    for option, value in (("--lhs", "-1"), ("--seed", str(2**64)), ("--batch", "0")):
+        command = [sys.executable, dask_sweep.__file__, scenario, "--vary", "run.seed=1:2", "--out", "x.csv"]
+        said = subprocess.run([*command, option, value], capture_output=True, text=True)
+        assert said.returncode == 2 and f"{option}: {value}: must be a whole number from " in said.stderr, said
     dask.config.set({"distributed.scheduler.allowed-failures": 2})
     cores = os.cpu_count()
     with distributed.LocalCluster(n_workers=cores, threads_per_worker=1, dashboard_address=None) as cluster:
