@@ -47,8 +47,10 @@ use serde::Serialize;
 use thermometer::Read;
 
 pub const FEWEST: usize = 3;
-/// Fit of the product P V at the stop: quadratic over this time \[s\].
+/// Fit of the product P V at the stop: quadratic over this time \[s\], or half of it, a quarter and
+/// so on, until the variance of its residual is below this multiple of the noise's \[-\].
 const FITTED_S: f64 = 0.2;
+const MISSED: f64 = 4.0;
 /// Error of the pressure that its sensor's noise does not show, as a fraction of its range: the
 /// total error band of a calibrated industrial transmitter (0.25 % of full scale).
 const PRESSURE_OFF: f64 = 0.0025;
@@ -412,12 +414,12 @@ fn stop(
 ) -> Stop {
     let read = thermometer::read(closed, sensor);
     let wait_s = closed.wait_s();
-    let ratio = at_stop(closed);
+    let at_stop = at_stop(closed);
     // The mass at the stop is larger than at the end by what has leaked.
     let kept = 1.0 - read.leak_1_s * wait_s;
-    let gas_k = read.end_k * ratio * kept;
+    let gas_k = read.end_k * at_stop.ratio * kept;
     let first = &closed.rows[0];
-    let causes = causes(closed, &read, gas_k, config, chamber);
+    let causes = causes(closed, &read, (gas_k, at_stop.noise), config, chamber);
     let curve_k: Vec<f64> = (0..closed.rows.len())
         .map(|row| {
             read.end_k * closed.ratio[row] * (1.0 - read.leak_1_s * (wait_s - closed.since_s(row)))
@@ -468,17 +470,38 @@ fn spoilt(closed: &Closed, read: &Read, curve_k: &[f64]) -> Option<String> {
     })
 }
 
-/// (P V)/(P V)_end at the stop: the value there of a parabola through the first rows.
-fn at_stop(closed: &Closed) -> f64 {
-    let count = (0..closed.rows.len()).filter(|row| closed.since_s(*row) <= FITTED_S).count();
-    if count < 4 {
-        return closed.ratio[0];
-    }
-    let powers = DMatrix::from_fn(count, 3, |row, power| closed.since_s(row).powi(power as i32));
-    let ratios = DVector::from_column_slice(&closed.ratio[..count]);
-    match powers.tr_mul(&powers).cholesky() {
-        Some(squares) => squares.solve(&powers.tr_mul(&ratios))[0],
-        None => closed.ratio[0],
+/// (P V)/(P V)_end at the stop, and its standard deviation by noise.
+struct AtStop {
+    ratio: f64,
+    noise: f64,
+}
+
+/// The value at the stop of a parabola through the first rows. A load that still swings on the gas
+/// bends it: then through fewer, until it misses them by noise alone.
+fn at_stop(closed: &Closed) -> AtStop {
+    // Rows of the second half differ from their neighbours by noise.
+    let tail = &closed.ratio[closed.ratio.len() / 2..];
+    let squares: f64 = tail.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
+    let variance = 0.5 * squares / (tail.len() - 1).max(1) as f64;
+    let mut fitted_s = FITTED_S;
+    loop {
+        let count = (0..closed.rows.len()).filter(|row| closed.since_s(*row) <= fitted_s).count();
+        let powers =
+            DMatrix::from_fn(count, 3, |row, power| closed.since_s(row).powi(power as i32));
+        let ratios = DVector::from_column_slice(&closed.ratio[..count]);
+        let fit = powers.tr_mul(&powers).cholesky().filter(|_| count > 3);
+        let Some(fit) = fit.map(|squares| squares.solve(&powers.tr_mul(&ratios))) else {
+            return AtStop { ratio: closed.ratio[0], noise: variance.sqrt() };
+        };
+        let missed = (&powers * &fit - ratios).norm_squared() / (count - 3) as f64;
+        if missed <= MISSED * variance {
+            // At its edge a parabola through n rows has 9/n of their variance.
+            return AtStop {
+                ratio: fit[0],
+                noise: (variance * (9.0 / count as f64).min(1.0)).sqrt(),
+            };
+        }
+        fitted_s *= 0.5;
     }
 }
 
@@ -486,7 +509,7 @@ fn at_stop(closed: &Closed) -> f64 {
 fn causes(
     closed: &Closed,
     read: &Read,
-    gas_k: f64,
+    (gas_k, by_noise): (f64, f64),
     config: &Config,
     chamber: &AnyChamber,
 ) -> Causes {
@@ -503,7 +526,6 @@ fn causes(
     let sensor = &config.sensors.pressure;
     let offset_pa = PRESSURE_OFF * f64::from(sensor.range_pa);
     let by_offset = offset_pa * (1.0 / first.pressure_pa - 1.0 / last.pressure_pa);
-    let by_noise = closed_noise(closed);
     let warmer_k = read.end_k - f64::from(config.ambient.temperature_k);
     Causes {
         pressure_k: gas_k * by_offset.hypot(by_noise),
@@ -512,14 +534,4 @@ fn causes(
         leak_k: gas_k * read.leak_sd_1_s * closed.wait_s(),
         wait_k: read.wait_sd_k,
     }
-}
-
-/// Standard deviation of the product at the stop by its noise: rows differ from their neighbours by
-/// it; at its edge a parabola through n rows has 9/n of their variance.
-fn closed_noise(closed: &Closed) -> f64 {
-    let tail = &closed.ratio[closed.ratio.len() / 2..];
-    let squares: f64 = tail.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
-    let variance = 0.5 * squares / (tail.len() - 1).max(1) as f64;
-    let count = (0..closed.rows.len()).filter(|row| closed.since_s(*row) <= FITTED_S).count();
-    (9.0 * variance / count.max(9) as f64).sqrt()
 }
