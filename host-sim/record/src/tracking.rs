@@ -61,7 +61,8 @@ pub struct Control {
     /// Mean error over the last tenth of the run, or from where the last jump within it has settled; none if the run
     /// ended before.
     pub steady_error: Option<f64>,
-    /// Largest excess over the largest set point, relative to the set point's range or itself.
+    /// Largest excess over the largest set point, or below the least one if it falls, relative to
+    /// the set point's range or itself. The way to the first set point does not count.
     pub overshoot: f64,
     /// Amplitude of the value over that of a sine of the set point, after its first period \[-\].
     pub gain: Option<f64>,
@@ -173,7 +174,10 @@ pub(crate) struct Tracking {
     late_steps: u64,
     late_sum: f64,
     set_points: [f64; 2],
-    largest_value: f64,
+    /// Least value since one was at or above the set point; largest since one was at or below it.
+    values: [f64; 2],
+    /// The set point was below the first value, or below an earlier set point.
+    falls: bool,
     /// Sums of set point and value with sine and cosine.
     sums: [[f64; 2]; 2],
     before: Option<f64>,
@@ -197,7 +201,8 @@ impl Tracking {
             late_steps: 0,
             late_sum: 0.0,
             set_points: [f64::INFINITY, f64::NEG_INFINITY],
-            largest_value: f64::NEG_INFINITY,
+            values: [f64::INFINITY, f64::NEG_INFINITY],
+            falls: false,
             sums: [[0.0; 2]; 2],
             before: None,
             jump: None,
@@ -219,22 +224,30 @@ impl Tracking {
             return;
         }
         let error = value - set_point;
+        let command = row.telemetry.command;
+        // A fault, or a board that waits: the open outlet is not the loop's.
+        let vents = row.telemetry.mode == Mode::Vent && command == Command::VENT;
+        let [least, most] = self.set_points;
+        self.falls |= set_point < most || (self.steps == 0 && error > 0.0);
+        self.set_points = [least.min(set_point), most.max(set_point)];
+        let [low, high] = self.values;
+        if !vents && (error >= 0.0 || low.is_finite()) {
+            self.values[0] = low.min(value);
+        }
+        if error <= 0.0 || high.is_finite() {
+            self.values[1] = high.max(value);
+        }
         self.steps += 1;
         self.squares += error * error;
-        let [least, most] = self.set_points;
-        self.set_points = [least.min(set_point), most.max(set_point)];
-        self.largest_value = self.largest_value.max(value);
         self.limited += u64::from(row.telemetry.limited);
         self.add_sine(time_s, [set_point, value]);
         if self.reference.jumps {
             self.add_jump(time_s, set_point, value);
         }
         self.add_late(time_s, error);
-        let command = row.telemetry.command;
         let shares = [command.inlet, command.outlet].map(|duty| f64::from(duty.share()));
         self.add_valves(shares);
-        // A fault, or a board that waits: the open outlet is not the loop's.
-        self.vented += u64::from(row.telemetry.mode == Mode::Vent && command == Command::VENT);
+        self.vented += u64::from(vents);
         self.last_s = time_s;
     }
 
@@ -325,6 +338,8 @@ impl Tracking {
         let steps = self.steps as f64;
         let [least, most] = self.set_points;
         let span = if most > least { most - least } else { most.abs() };
+        let [low, high] = self.values;
+        let below = if self.falls { least - low } else { 0.0 };
         let [[set_sin, set_cos], [sin, cos]] = self.sums;
         let size = math::hypot(set_sin, set_cos);
         let phase = math::atan2(cos, sin) - math::atan2(set_cos, set_sin);
@@ -333,7 +348,7 @@ impl Tracking {
             quantity,
             rms_error: (self.squares / steps).sqrt(),
             steady_error: (self.late_steps > 0).then(|| self.late_sum / self.late_steps as f64),
-            overshoot: ((self.largest_value - most) / span).max(0.0),
+            overshoot: ((high - most).max(below) / span).max(0.0),
             gain: sine.then(|| math::hypot(sin, cos) / size),
             phase_deg: sine.then(|| wrapped(phase).to_degrees()),
             settled_s: self.settled_s.filter(|_| self.unsettled == 0),

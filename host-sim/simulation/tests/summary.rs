@@ -131,6 +131,25 @@ fn the_error_at_the_end_is_not_that_of_a_jump() {
     assert_eq!(steady_pa(10.01), None);
 }
 
+/// The way down to the first set point was taken for an overshoot of half of it, and the value's
+/// excess below it for none.
+#[test]
+fn an_overshoot_downwards_is_one_and_the_way_there_is_none() {
+    let fallen = |valve: &str| {
+        let found = control(&format!(
+            "duration_s = 3\n[plant]\ninitial_pressure_pa = \"3 bar\"\n[drive]\n\
+             kind = \"pressure\"\npressure_pa = \"2 bar\"\n{valve}"
+        ));
+        found["overshoot"].as_f64().unwrap()
+    };
+    let [tight, late] = [
+        fallen(""),
+        fallen("[valve]\ndead_time_s = 0.03\n[believed.valve]\ndead_time_s = 0.001\n"),
+    ];
+    assert!((0.0..0.02).contains(&tight), "{tight}");
+    assert!((0.03..0.1).contains(&late), "{late}");
+}
+
 /// Changes of their command were printed as pulses.
 #[test]
 fn valves_that_open_in_proportion_have_no_pulses() {
