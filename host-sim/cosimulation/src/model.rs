@@ -16,6 +16,8 @@ pub struct Model {
     variables: Vec<Variable>,
     inputs: Inputs,
     start_s: f64,
+    /// The importer's end, where it states one \[s\].
+    stop_s: Option<f64>,
     running: Box<dyn Running>,
     /// Cells of the trace, current for the importer.
     cells: Vec<f64>,
@@ -44,6 +46,7 @@ impl Model {
             scenario,
             inputs,
             start_s: 0.0,
+            stop_s: None,
             running,
             steps: 0,
             started: false,
@@ -67,11 +70,11 @@ impl Model {
         Ok(())
     }
 
-    /// Sets the scenario's time zero in the importer's time \[s\].
+    /// Sets the scenario's time zero in the importer's time, and the time at which that ends \[s\].
     ///
     /// # Errors
     /// After the first step.
-    pub fn begin_at(&mut self, start_s: f64) -> Result<(), ModelError> {
+    pub fn begin_at(&mut self, start_s: f64, stop_s: Option<f64>) -> Result<(), ModelError> {
         if self.started {
             let call = "fmi3EnterInitializationMode";
             return Err(ModelError::OutOfTurn {
@@ -79,7 +82,7 @@ impl Model {
                 must: "before the first step, or after fmi3Reset",
             });
         }
-        self.start_s = start_s;
+        (self.start_s, self.stop_s) = (start_s, stop_s);
         Ok(())
     }
 
@@ -171,6 +174,10 @@ impl Model {
         if !(steps >= 1.0 && (length_s - steps * step_s).abs() <= tolerance_s) {
             return Err(ModelError::StepSize { asked_s: length_s, step_s });
         }
+        let asked_s = time_s + length_s;
+        if let Some(stop_s) = self.stop_s.filter(|stop_s| asked_s > stop_s + tolerance_s) {
+            return Err(ModelError::PastStop { asked_s, stop_s });
+        }
         self.running.take(&self.inputs)?;
         for _ in 0..steps as u64 {
             self.steps += 1;
@@ -260,6 +267,25 @@ mod tests {
                 }
                 model.step(f64::from(step) * STEP_S, STEP_S).unwrap();
             }
+        }
+    }
+
+    /// As the standard wants it; without a stop time the importer may go on after the scenario's end.
+    #[test]
+    fn a_step_past_the_stop_time_is_refused() {
+        for kind in Kind::ALL {
+            let mut model = Model::new(joint("lumped"), kind).unwrap();
+            model.begin_at(1.0, Some(1.5)).unwrap();
+            model.start().unwrap();
+            model.step(1.0, 0.4).unwrap();
+            let refused = model.step(1.4, 0.101).unwrap_err();
+            assert!(!refused.leaves_all());
+            let text = "a step to 1.501 s: must not pass the stop time, 1.5 s";
+            assert_eq!(refused.to_string(), text);
+            model.step(1.4, 0.1).unwrap();
+            model.reset().unwrap();
+            model.start().unwrap();
+            model.step(0.0, 1.6).unwrap();
         }
     }
 

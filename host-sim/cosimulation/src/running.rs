@@ -34,6 +34,9 @@ pub enum ModelError {
         asked_s: f64,
         time_s: f64,
     },
+    /// A step beyond the importer's stop time.
+    #[error("a step to {asked_s} s: must not pass the stop time, {stop_s} s")]
+    PastStop { asked_s: f64, stop_s: f64 },
     /// A call at the wrong time.
     #[error("{call}: must come {must}")]
     OutOfTurn {

@@ -64,7 +64,7 @@ pub unsafe extern "C" fn fmi3FreeInstance(instance: *mut Instance) {
     }
 }
 
-/// Sets the start time. Tolerance and stop time have no effect.
+/// Sets start and stop time. The tolerance has no effect.
 ///
 /// # Safety
 /// The instance is one of this library.
@@ -74,11 +74,13 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     _tolerance_defined: bool,
     _tolerance: f64,
     start_s: f64,
-    _stop_time_defined: bool,
-    _stop_s: f64,
+    stop_time_defined: bool,
+    stop_s: f64,
 ) -> Status {
     // Safety: the caller's.
-    unsafe { guarded(instance, |model| model.begin_at(start_s)) }
+    unsafe {
+        guarded(instance, |model| model.begin_at(start_s, stop_time_defined.then_some(stop_s)))
+    }
 }
 
 /// Begins to step.
