@@ -648,8 +648,8 @@ fn implausible_values_are_reported() {
              may never come to rest",
         ),
         (
-            "[load]\nmass_kg = 50\n[drive]\nkind = \"contraction\"\ncontraction = 0.1",
-            "2: load.mass_kg = 50.0: it flies 11 mm past a goal that it comes to at \
+            "[load]\nmass_kg = 50.3\n[drive]\nkind = \"contraction\"\ncontraction = 0.1",
+            "2: load.mass_kg = 50.3: it flies 11 mm past a goal that it comes to at \
              controller.contraction_rate_per_s, since only load.force_n brakes it, and may swing on; a lower rate \
              lets it stop",
         ),
@@ -762,6 +762,18 @@ fn implausible_values_are_reported() {
         (
             "[run]\nduration_s = 6\n[faults.late]\nemergency_stop = true\nfrom_s = 6\nuntil_s = 10",
             "5: faults.late.from_s = 6.0: not before the end of the run, run.duration_s = 6.0",
+        ),
+        (
+            "[faults]\noutlet_leak = 0.1",
+            "2: faults.outlet_leak = 0.1: not used: faults.outlet is not \"leaking\"",
+        ),
+        (
+            "[faults.hot]\ngas = \"noisy\"\ngas_drift_k_s = 0.1",
+            "3: faults.hot.gas_drift_k_s = 0.1: not used: faults.hot.gas is not \"drifting\"",
+        ),
+        (
+            "[sensor.gas]\nkind = \"ntc\"\nrange_max_k = 350",
+            "3: sensor.gas.range_max_k = 350: not used: sensor.gas.kind is not \"pt1000\"",
         ),
         (
             "[sensor.ntc]\nresistance_ohm = 5000",

@@ -201,7 +201,7 @@ fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest>
             1e3 * way_m,
             if is_muscle { "brakes" } else { "and friction brake" }
         );
-        ("load.mass_kg", format!("{mass_kg:?}"), why)
+        ("load.mass_kg", format!("{:?}", config.moving_mass_kg), why)
     })
 }
 

@@ -12,8 +12,8 @@ use thermyo_plant::chamber;
 use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
-    DriveKind, GasElementKind, HeatModel, LoadKind, PlantKind, PlantModel, PressureKind, Scenario,
-    Shape, ValveKind, ZonesSource,
+    DriveKind, GasElementKind, HeatModel, LoadKind, NEEDED, PlantKind, PlantModel, PressureKind,
+    Scenario, Shape, ValveKind, ZonesSource,
 };
 
 /// Tables that neither plant nor core uses, each with the value that causes it.
@@ -152,6 +152,13 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     }
 }
 
+/// Why a limit of the gas sensor has no effect.
+fn unused_range(scenario: &Scenario, path: &str) -> Option<&'static str> {
+    let is_pt1000 = scenario.sensor.gas.kind == GasElementKind::Pt1000;
+    let of_range = path.starts_with("sensor.gas.range_");
+    (of_range && !is_pt1000).then_some("sensor.gas.kind is not \"pt1000\"")
+}
+
 /// Changed values without effect.
 fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     let tables = unused_tables(loaded);
@@ -164,11 +171,25 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .into_iter()
         .flat_map(|(entries, scenario)| {
             entries.iter().filter(changed).filter_map(|entry| {
-                let why = unused_key(scenario, &entry.path())?;
+                let path = entry.path();
+                let why = unused_key(scenario, &path).or_else(|| unused_range(scenario, &path))?;
                 Some(no_sense(document, entries, entry, format!("not used: {why}")))
             })
         })
         .collect()
+}
+
+/// Numbers of faults that their windows do not have.
+fn unused_fault_numbers(document: &Document) -> Vec<InputError> {
+    let entries = &document.plant;
+    let one = |entry: &Entry| {
+        let [part, fault, _] = NEEDED.iter().find(|[.., number]| *number == entry.key.name)?;
+        let part = format!("{}.{part}", entry.table);
+        let has = entries.get(&part).is_some_and(|entry| entry.value.as_str() == Some(fault));
+        let why = format!("not used: {part} is not {fault:?}");
+        (!has).then(|| no_sense(document, entries, entry, why))
+    };
+    entries.iter().filter_map(one).collect()
 }
 
 /// Changed values of `[controller]` that a joint does not use.
@@ -240,6 +261,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         no_sense(document, &document.plant, entry, why)
     }));
     all.extend(unused_keys(document, loaded));
+    all.extend(unused_fault_numbers(document));
     all.extend(contradicted(document));
     all.extend(unrest(loaded).into_iter().chain(unlikely(loaded)).map(|(key, value, why)| {
         let line = document.plant.get(key).and_then(|entry| entry.line);

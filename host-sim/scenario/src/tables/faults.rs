@@ -71,7 +71,7 @@ table! {
 }
 
 /// Required keys: the key with the word that requires it, and the required key.
-pub(crate) const NEEDED: [[&str; 3]; 5] = [
+pub const NEEDED: [[&str; 3]; 5] = [
     ["pressure", "drifting", "pressure_drift_pa_s"],
     ["gas", "drifting", "gas_drift_k_s"],
     ["length", "drifting", "length_drift_m_s"],
