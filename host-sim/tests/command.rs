@@ -834,6 +834,12 @@ fn a_vented_run_reports_time_and_cause() {
     let (tracking, _) = tracking.split_once("class=\"tile\"").unwrap();
     assert!(tracking.contains("✗ missed") && !tracking.contains("✓"), "{tracking}");
 
+    // It was "the core shown from".
+    let (printed, _, page) = ran("[sensor.gas]\nnoise_k = 3.0\n");
+    let found = printed.lines().find(|line| line.starts_with("warning: the core ")).unwrap();
+    assert!(found.starts_with("warning: the core reported from 0."), "{found}");
+    assert!(found.ends_with(" s: gas sensor") && page.contains("Reported from: gas sensor"));
+
     let (printed, core, page) = ran("");
     assert!(!printed.contains("vented"), "{printed}");
     assert!(core["vented_s"].is_null() && core["fault_names"] == json!([]), "{core}");

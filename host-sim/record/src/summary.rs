@@ -109,7 +109,7 @@ const SHOWN: Faults = Faults(!VENTING.0);
 /// Faults of one kind in a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Found {
-    /// "vented", or "shown" for faults that do not vent.
+    /// "vented", or "reported" for faults that do not vent.
     pub what: &'static str,
     /// Time of the first of them \[s\].
     pub from_s: f64,
@@ -120,7 +120,7 @@ impl CoreFigures {
     /// Venting faults and faults that were only shown, if there were any.
     pub fn found(&self) -> impl Iterator<Item = Found> {
         let all = Faults(self.faults);
-        [("vented", self.vented_s, all.of(VENTING)), ("shown", self.shown_s, all.of(SHOWN))]
+        [("vented", self.vented_s, all.of(VENTING)), ("reported", self.shown_s, all.of(SHOWN))]
             .into_iter()
             .filter_map(|(what, from_s, faults)| Some(Found { what, from_s: from_s?, faults }))
     }
