@@ -224,6 +224,25 @@ fn a_saved_configuration_survives_a_power_cut() {
     assert!(found.contains("the core's defaults") && found.contains("not configured"), "{found}");
 }
 
+/// The board was opened first, so that a wrong name of the file waited for it.
+#[test]
+fn a_file_that_is_refused_is_so_without_a_board() {
+    let bench = Bench::new();
+    let said = bench.refused("thermyo board /dev/nothing config write absent.toml");
+    assert!(said.ends_with("absent.toml: no such file\n"), "{said}");
+}
+
+/// Only `config write` warned.
+#[test]
+fn a_scenario_that_is_plugged_in_is_warned_of() {
+    let bench = Bench::new();
+    let scenario = bench.path("loose.toml");
+    fs::write(&scenario, "[supply]\npressure_pa = 7\n").unwrap();
+    let line = format!("thermyo board emulated plug {}", scenario.display());
+    let warned = bench.run(&line).ok().err;
+    assert!(warned.contains("loose.toml:2: supply.pressure_pa = 7.0: not above "), "{warned}");
+}
+
 /// A table of twelve rows makes the longest configuration, which the flash refused as worn out.
 #[test]
 fn the_longest_configuration_is_saved_too() {

@@ -1,6 +1,6 @@
 //! `thermyo measure stop`, simulated: the true temperature is in its record.
 
-use crate::command_support::{Folder, Said, thermyo};
+use crate::command_support::{Folder, Said, command, thermyo};
 
 fn measured(folder: &Folder, scenario: &str, more: &[&str]) -> Said {
     let (file, out) = (folder.scenario(scenario), folder.name("out"));
@@ -71,6 +71,26 @@ fn stops_that_cannot_be_used_are_named_and_end_with_exit_code_1() {
     assert_eq!(output.says("a leak: the muscle lost").json()["usable"], 0);
     let output = measured(&folder, FULL, &["--stops", "3", "--wait", "6"]).ends(1);
     output.says("the wait of 6 s was too short").json();
+}
+
+/// The argument had to be UTF-8, also where it is a file.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_scenario_to_measure_or_to_serve_may_have_any_name() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new();
+    let vessel = "[plant]\nkind = \"vessel\"\n[drive]\nkind = \"closed\"\n";
+    let file = folder.path("").join(OsStr::from_bytes(b"caf\xe9.toml"));
+    std::fs::write(&file, vessel).unwrap();
+    let out = folder.name("out");
+    for (words, expected) in [
+        (&["measure", "stop", "--out", &out][..], "a chamber with a length sensor"),
+        (&["serve", "--out", &out], "at a board's page"),
+    ] {
+        let output = command(words).arg(&file).output().unwrap();
+        Said::of(&words.join(" "), output).refused(expected);
+    }
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The served board: at a port, emulated, or emulated with the muscle of a scenario.
 
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
@@ -39,14 +40,14 @@ pub enum OpenError {
 
 impl Target {
     /// Parses the argument of the command.
-    pub fn new(text: &str) -> Self {
+    pub fn new(text: &OsStr) -> Self {
         let path = Path::new(text);
         let is_toml =
             path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml"));
-        match text {
-            port::EMULATED => Self::Emulated,
+        match text.to_str() {
+            Some(port::EMULATED) => Self::Emulated,
             _ if is_toml => Self::Scenario(path.to_path_buf()),
-            _ => Self::Port(text.to_owned()),
+            _ => Self::Port(text.to_string_lossy().into_owned()),
         }
     }
 

@@ -4,7 +4,9 @@ use super::board_status::{Overview, armed, cleared, config_file, history, save, 
 use super::board_task::{ArmArgs, BoardTask, ConfigTask};
 use super::drive::drive_profile;
 use super::muscle::{line, vents, warn_of_another_calibration, warn_of_another_muscle};
-use super::{Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, load, set, title_of};
+use super::{
+    Console, Failure, FormatArgs, UnitArgs, calibrate, joint_board, joint_in, load, set, title_of,
+};
 use clap::Args;
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
@@ -43,6 +45,12 @@ pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Fai
     let to = to.as_asked(FormatArgs { json, quiet }).in_units(UnitArgs { si });
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
         return plug(&port, task, to);
+    }
+    // A file that is refused leaves a board alone.
+    if let BoardTask::Config(ConfigTask::Write { file }) = &task
+        && thermyo_joint::load(file)?.is_none()
+    {
+        thermyo_setup::load(file)?;
     }
     let mut board = match LiveBoard::open(&port) {
         Err(BoardError::Refused(Refusal::OtherImage { joint: true })) => {
@@ -100,9 +108,9 @@ fn plug(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(), Failure
         BoardTask::Plug { scenario } => {
             let mut plugged = (Variant::Standard, "plugged in\n");
             if let Some(scenario) = &scenario {
-                match thermyo_joint::load(scenario)? {
+                match joint_in(scenario, to)? {
                     Some(_) => plugged = (Variant::Joint, "plugged in: a joint\n"),
-                    None => drop(thermyo_setup::load(scenario)?),
+                    None => drop(load(scenario, to)?),
                 }
             }
             let (image, words) = plugged;

@@ -5,7 +5,7 @@ use super::board_task::{ArmArgs, BoardTask, ConfigTask};
 use super::drive::{DriveArgs, Planned, drive_planned, warn_of_times};
 use super::joint::remarks;
 use super::set::{SetArgs, SetPointArgs, stopped_at};
-use super::{Console, Failure, calibrate, interrupt, title_of};
+use super::{Console, Failure, calibrate, interrupt, joint_in, title_of};
 use crate::commands::joint::line;
 use model_core::Faults;
 use model_core::joint::{JointError, JointField, JointMode, JointSetPoint, JointTelemetry, Motion};
@@ -84,7 +84,7 @@ fn clear(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
 }
 
 fn write(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
-    let Some(loaded) = thermyo_joint::load(file)? else {
+    let Some(loaded) = joint_in(file, to)? else {
         let file = file.display();
         let usage = format!(
             "{file}: has no [joint], and the board drives one: `thermyo flash` for one muscle, or without \

@@ -7,6 +7,7 @@ use super::{
 };
 use clap::{Args, Subcommand};
 use model_core::{Config, SetPointError};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::subject::Subject;
@@ -40,7 +41,7 @@ enum MeasureTask {
 #[derive(Debug, Args)]
 struct StopArgs {
     /// Serial port, such as /dev/ttyACM0, or "emulated"; or a scenario (TOML), which is simulated
-    target: String,
+    target: OsString,
     /// Number of stops, 3 to 100: with fewer than 8, too few may follow an inflow for `identify` to find the heat
     /// transfer [default: 8]
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "8", hide_default_value = true, value_parser = stops)]
@@ -102,8 +103,8 @@ pub(super) fn run(command: &MeasureCommand, to: &mut Console<'_>) -> Result<(), 
         let refused = |error| Failure::Usage(format!("--max-pressure: {error}"));
         experiment::highest_pa(config, args.max_pressure).map(drop).map_err(refused)
     };
-    let refused = |error| Failure::Usage(format!("{}: {error}", args.target));
     let path = Path::new(&args.target);
+    let refused = |error| Failure::Usage(format!("{}: {error}", path.display()));
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
         let loaded = load(path, to)?;
         unbuilt::refuse(&loaded, path)?;
@@ -115,7 +116,8 @@ pub(super) fn run(command: &MeasureCommand, to: &mut Console<'_>) -> Result<(), 
         let mut bench = SimulatedRows(&mut board);
         return measure(args, &loaded, &plan, (&title, "simulated"), &mut bench, to);
     }
-    let mut board = LiveBoard::open(&args.target)?;
+    let port = args.target.to_string_lossy();
+    let mut board = LiveBoard::open(&port)?;
     let config = board.config()?;
     allowed(&config)?;
     let loaded = from_config::to_scenario(&config)?.scenario;
@@ -126,7 +128,7 @@ pub(super) fn run(command: &MeasureCommand, to: &mut Console<'_>) -> Result<(), 
     let plan = Plan::new(&loaded, &config, &asked, armed_pa).map_err(refused)?;
     interrupt::watch();
     let mut bench = LiveRows::arm(&mut board, config, &plan, args.arm)?;
-    measure(args, &loaded, &plan, ("stops", &args.target), &mut bench, to)
+    measure(args, &loaded, &plan, ("stops", &port), &mut bench, to)
 }
 
 fn measure(

@@ -1,6 +1,7 @@
 use super::log::LogArgs;
-use super::{Console, Failure, OutputArgs, interrupt, whole};
+use super::{Console, Failure, OutputArgs, interrupt, joint_in, load, whole};
 use clap::Args;
+use std::ffi::OsString;
 use std::io::ErrorKind;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ pub(super) struct ServeArgs {
     /// Serial port, such as /dev/ttyACM0; "emulated": the firmware on an emulated Pico, with a simulated muscle or
     /// joint at its pins; or a scenario file (.toml): the same, with its muscle or joint
     #[arg(default_value = "emulated")]
-    board: String,
+    board: OsString,
     /// TCP port of the page on this machine [default: a free one]
     #[arg(long, value_name = "NUMBER", allow_negative_numbers = true, value_parser = |text: &str| whole(text, 1..=u16::MAX))]
     port: Option<u16>,
@@ -42,6 +43,11 @@ pub(super) fn run(args: &ServeArgs, to: &mut Console<'_>) -> Result<(), Failure>
     // Reports an unwritable folder at once, not when a recording is started.
     drop(OutputDir::open(&folder)?);
     let target = Target::new(&args.board);
+    if let Target::Scenario(path) = &target
+        && joint_in(path, to)?.is_none()
+    {
+        load(path, to)?;
+    }
     let operate = Operate { target: &target, folder: &folder, logs };
     // A firmware that is built, and a board that starts, take their time.
     interrupt::watch();
