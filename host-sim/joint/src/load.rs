@@ -104,19 +104,20 @@ impl JointLoaded {
             (None, JointShape::Step) => vec![angle_rad, angle_rad + amplitude_rad],
         };
         let end_rad = ends.into_iter().find(|end| !(minimum_rad..=maximum_rad).contains(end))?;
-        let key = match &self.profile {
-            Some(_) => "drive.profile_csv",
-            None if end_rad == angle_rad => "drive.angle_rad",
-            None => "drive.amplitude_rad",
+        let (key, value_rad) = match &self.profile {
+            Some(_) => ("drive.profile_csv", end_rad),
+            None if end_rad == angle_rad => ("drive.angle_rad", angle_rad),
+            None => ("drive.amplitude_rad", amplitude_rad),
         };
         let plants = [self.joint.minimum_rad, self.joint.maximum_rad];
         let stops =
             if plants == [minimum_rad, maximum_rad] { "stops" } else { "stops as configured" };
         let problem = Problem::NotAllowed {
             key: key.to_owned(),
-            value: format!("{end_rad} at its end"),
+            value: value_rad.to_string(),
             allowed: format!(
-                "such that the angle stays between the {stops}, {minimum_rad} to {maximum_rad} rad"
+                "such that the angle, which reaches {end_rad:.4}, stays between the {stops}, {minimum_rad} to \
+                 {maximum_rad} rad"
             ),
         };
         Some((key, problem))
@@ -568,7 +569,7 @@ mod tests {
         let drive = refusal("[joint]\n[drive]\nkind = \"joint\"\nangle_rad = 0.9\n");
         assert!(drive.starts_with("joint.toml:4: drive.angle_rad = 0.9"), "{drive}");
         let shape = "[joint]\n[drive]\nshape = \"sine\"\nangle_rad = 0.5\namplitude_rad = 0.4\n";
-        assert!(refusal(shape).starts_with("joint.toml:5: drive.amplitude_rad = 0.9"));
+        assert!(refusal(shape).starts_with("joint.toml:5: drive.amplitude_rad = 0.4"));
         let vessel = refusal("[joint]\n[joint.b.plant]\nkind = \"vessel\"\n");
         assert!(vessel.starts_with("joint.toml:3: plant.kind"), "{vessel}");
         let encoder = "[joint]\nsensor_kind = \"as5600\"\nsensor_minimum_rad = ";
@@ -619,8 +620,15 @@ mod tests {
             (
                 "[joint]\n[believed.joint]\nmaximum_rad = 0.5\n[drive]\nangle_rad = 0.6\n"
                     .to_owned(),
-                "joint.toml:5: drive.angle_rad = 0.6 at its end: must be such that the angle stays between the stops \
-                 as configured, -0.8 to 0.5 rad",
+                "joint.toml:5: drive.angle_rad = 0.6: must be such that the angle, which reaches 0.6000, stays \
+                 between the stops as configured, -0.8 to 0.5 rad",
+            ),
+            // It named the end of the way as the amplitude.
+            (
+                "[joint]\n[drive]\nshape = \"sine\"\nangle_rad = 0.1\namplitude_rad = 0.95\n"
+                    .to_owned(),
+                "joint.toml:5: drive.amplitude_rad = 0.95: must be such that the angle, which reaches -0.8500, stays \
+                 between the stops, -0.8 to 0.8 rad",
             ),
         ] {
             let said = refusal(&text);
