@@ -30,7 +30,7 @@ FIRMWARE_PINS = {
     r"serial\(p\.UART0, p\.PIN_(\d+), p\.PIN_(\d+)": ("UART_TX", "UART_RX"),
     r"Spi::new_blocking\(p\.SPI1, p\.PIN_(\d+), p\.PIN_(\d+), p\.PIN_(\d+)": ("SCLK", "SDI", "SDO"),
     r"SpiDevice::new\(Output::new\(p\.PIN_(\d+), Level::High\)\), ready_a": ("CS",),
-    r"I2c::new_blocking\(p\.I2C0, p\.PIN_(\d+), p\.PIN_(\d+)": ("SCL", "SDA"),
+    r"I2cBus::new\(p\.I2C0, p\.PIN_(\d+), p\.PIN_(\d+)": ("SCL", "SDA"),
     r"pressure: adc::Channel::new_pin\(p\.PIN_(\d+)": ("PRESSURE",),
     r"gas: adc::Channel::new_pin\(p\.PIN_(\d+)": ("GAS",),
     r"length: adc::Channel::new_pin\(p\.PIN_(\d+)": ("LENGTH",),
