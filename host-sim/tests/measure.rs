@@ -63,6 +63,18 @@ fn identified_and_judged(folder: &Folder) {
     assert!(judged.ok().out.contains("bare_k"));
 }
 
+/// The core that has the profile of still gas keeps the configured one.
+#[test]
+fn a_housing_that_would_not_be_taken_is_not_left_open() {
+    let folder = Folder::new();
+    let scenario = "[plant]\nmodel = \"lumped\"\n[sensor.gas]\ntime_constant_s = 3.0\n";
+    measured(&folder, scenario, &[]).ok();
+    let [file, trace, out] =
+        ["scenario.toml", "out/trace.csv", "fit"].map(|name| folder.name(name));
+    let found = thermyo(&["identify", &trace, "--config", &file, "--out", &out]).ok().out;
+    assert!(found.contains("sensor.gas.housing_time_constant_s stays as configured"), "{found}");
+}
+
 #[test]
 fn stops_that_cannot_be_used_are_named_and_end_with_exit_code_1() {
     let folder = Folder::new();

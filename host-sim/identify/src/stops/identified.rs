@@ -144,8 +144,14 @@ fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>,
         let determined = value.as_ref().is_some_and(|fitted| {
             fitted.standard_error.is_some_and(|error| error <= UNDETERMINED * fitted.value.abs())
         });
-        // The location factor is shown in any case, and asked for where everything is.
-        if !determined && (name != PLACE || named.is_empty()) {
+        let asked_for = match name {
+            // Shown in any case, and asked for where everything is.
+            PLACE => named.is_empty(),
+            // More stops would not make it one that is taken.
+            HOUSING => !named.is_empty() || !has_profile(scenario),
+            _ => true,
+        };
+        if !determined && asked_for {
             open.push(name.to_owned());
         }
         if let Some(value) = value {
