@@ -49,8 +49,9 @@ fn end(child: Child) -> Said {
 fn a_sensor_is_calibrated_by_what_is_typed() {
     let bench = configured();
     let calibrate = "thermyo board emulated calibrate pressure --hold 250000";
-    // A calibration must not arm the board.
-    typed(&bench, calibrate, "101325\n252500\n").ends(2).says("not armed");
+    // A calibration must not arm the board, and has no option for it.
+    let unarmed = typed(&bench, calibrate, "101325\n252500\n").ends(2);
+    assert!(unarmed.err.ends_with("is not armed: `thermyo board PORT arm`\n"), "{}", unarmed.err);
     bench.ok("thermyo board emulated arm");
     let word = typed(&bench, calibrate, "one bar\n").ends(2);
     word.says("one bar\": the reference must be a number in Pa, or one with");

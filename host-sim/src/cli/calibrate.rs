@@ -2,12 +2,13 @@
 
 use super::{Console, Failure, core_quantity, interrupt, print};
 use clap::{Args, ValueEnum};
+use model_core::SetPointError;
 use std::io::{self, Write};
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::thread;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
-use thermyo_protocol::Side;
+use thermyo_protocol::{Refusal, Side};
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::calibrate::{
     self, Bench, CalibrateError, Calibrated, Dialogue, Gauge, JointSensor, Sensor,
@@ -123,6 +124,10 @@ fn ask<B: Bench>(
 impl From<CalibrateError> for Failure {
     fn from(error: CalibrateError) -> Self {
         match error {
+            // It has no `--arm`, which the message of other commands names.
+            CalibrateError::Board(
+                error @ BoardError::Refused(Refusal::SetPoint(SetPointError::NotArmed)),
+            ) => Self::Usage(format!("{error}: `thermyo board PORT arm`")),
             CalibrateError::Board(error) => error.into(),
             unfinished @ CalibrateError::Unfinished(_) => Self::Usage(unfinished.to_string()),
         }
