@@ -500,7 +500,8 @@ fn hardly_anything(series: &Recorder) -> RunReport<'_> {
 #[test]
 fn a_run_with_hardly_any_columns_has_a_page() {
     let mut series = Recorder::new(&["time_s", "pressure_pa"]);
-    assert_eq!(drawings(&run_report::render(&hardly_anything(&series))).len(), 2);
+    // The chart, without a legend.
+    assert_eq!(drawings(&run_report::render(&hardly_anything(&series))).len(), 1);
     series.push(&[0.0, f64::NAN]);
     let page = run_report::render(&hardly_anything(&series));
     assert!(page.contains("Absolute pressure [kPa]") && !page.contains("Gas temperature"));
@@ -539,6 +540,25 @@ fn a_chart_alone_is_a_whole_document() {
         assert!(svg.contains(text), "{text}: {svg}");
     }
     assert!(svg.len() < 20_000, "{} bytes", svg.len());
+}
+
+#[test]
+fn a_series_without_a_point_is_in_no_legend_and_no_panel() {
+    let time = [0.0, 1.0];
+    let panel = |label: &str| Panel::new(Axis::new(label, "N"));
+    let chart = Chart::new(Axis::new("Time", "s"))
+        .panel(panel("Pull").line("there", Colour::Blue, &time, &time).line(
+            "unknown",
+            Colour::Green,
+            &time,
+            &[f64::NAN; 2],
+        ))
+        .panel(panel("Empty").reference(0.0, "").line("none", Colour::Blue, &time, &[f64::NAN; 2]));
+    let document = chart.document("Two");
+    assert!(document.contains("Pull") && document.contains("there"), "{document}");
+    for absent in ["unknown", "Empty", "none<"] {
+        assert!(!document.contains(absent), "{absent}: {document}");
+    }
 }
 
 #[test]

@@ -118,8 +118,8 @@ impl PageRecorder {
                         self.column("disturbance_n_m"),
                     ),
             );
-        let caption = "Set point and plant; stiffness of the gas behind shut valves; torque of both \
-                       tendons, of the load, and what the core finds unexplained.";
+        let caption = "Angle, stiffness of the gas behind shut valves, and their set points; torque \
+                       of both tendons, of the load, and what the core finds unexplained.";
         Section::new("Joint").figure(chart.figure("Angle and stiffness", caption))
     }
 
@@ -136,7 +136,7 @@ impl PageRecorder {
             .panel(both(panel("Inlet duty", "%"), "duty_in", 100.0))
             .panel(both(panel("Outlet duty", "%"), "duty_out", 100.0));
         let caption = "Muscle a shortens as the angle grows, muscle b as it falls.";
-        Section::new("Muscles").figure(chart.figure("Pressures, tensions and valves", caption))
+        Section::new("Muscles").figure(chart.figure("Pressures and valves", caption))
     }
 
     fn temperature(&self) -> Section {
@@ -151,8 +151,8 @@ impl PageRecorder {
                 .line("wall (plant)", Colour::Wall, time, column("wall_temperature_k"))
         };
         let chart = Chart::new(Axis::new("Time", "s")).panel(panel("a")).panel(panel("b"));
-        let caption =
-            "Mass-weighted mean of the gas, the core's estimate, the bare sensor, the wall.";
+        let caption = "The core's estimate and the bare sensor; of a simulated joint also the \
+                       mass-weighted mean of the gas, and the wall.";
         Section::new("Temperature").figure(chart.figure("Gas temperatures", caption))
     }
 }

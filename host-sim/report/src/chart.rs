@@ -149,8 +149,9 @@ impl Panel {
         self
     }
 
+    /// A series without a point is left out, of the legend too.
     fn layer(mut self, layer: Layer) -> Self {
-        self.layers.push(layer);
+        self.layers.extend(Some(layer).filter(|layer| layer.x().next().is_some()));
         self
     }
 
@@ -188,9 +189,12 @@ impl Chart {
         self
     }
 
-    /// Adds a panel below the others.
+    /// Adds a panel below the others. Only the first one may have no series with a point: a chart
+    /// without data has its frame.
     pub fn panel(mut self, panel: Panel) -> Self {
-        self.panels.push(panel);
+        if self.panels.is_empty() || !panel.layers.is_empty() {
+            self.panels.push(panel);
+        }
         self
     }
 
