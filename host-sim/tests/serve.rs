@@ -313,6 +313,10 @@ fn a_page_steers_and_another_watches() {
     second.socket.send(Message::binary(&b"\"vent\""[..])).unwrap();
     second.until("vents on a binary frame", |page| page.frame["mode"] == "vent");
 
+    // A second server does not take the board away.
+    let other = served.bench.refused("thermyo serve scenarios/contraction.toml --out out/other");
+    assert!(other.contains("emulated: another program has it open"), "{other}");
+
     let text = served.end("-INT");
     assert!(text.contains("it vents"), "{text}");
 }
