@@ -339,6 +339,20 @@ fn a_hangup_vents_and_writes_the_report() {
     assert!(!info.contains("link"), "{info}");
 }
 
+/// `timeout` and some supervisors send it to the command and then to its group.
+#[cfg(unix)]
+#[test]
+fn a_second_sigterm_does_not_cut_the_report_off() {
+    let mut served = Served::new("scenarios/contraction.toml");
+    let mut page = served.page();
+    page.drive(1.3e5);
+    page.order(json!("record"));
+    page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(0));
+    served.signal("-TERM");
+    let text = served.end("-TERM");
+    assert!(text.starts_with("it vents\nreport: "), "{text}");
+}
+
 /// The end without a link promises nothing about the valves.
 #[test]
 fn a_server_that_has_lost_its_board_does_not_claim_that_it_vents() {

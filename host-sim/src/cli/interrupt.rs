@@ -1,5 +1,5 @@
 //! Ctrl-C, SIGTERM and SIGHUP request a stop: results are kept and driven muscles are vented. A
-//! second Ctrl-C or SIGTERM ends the program: the board then vents by its link's timeout.
+//! second Ctrl-C ends the program: the board then vents by its link's timeout.
 
 use super::failure::STOPPED;
 #[cfg(unix)]
@@ -37,9 +37,10 @@ pub(super) fn watch() {
             }
             std::thread::spawn(move || {
                 signals.forever().for_each(|signal| match signal {
-                    // A closed terminal sends it more than once: shell and kernel each do.
-                    SIGHUP => drop(request()),
-                    _ => pressed(),
+                    SIGINT => pressed(),
+                    // They come in pairs: `timeout` signals the command and then its group, and of a
+                    // closed terminal shell and kernel each send one.
+                    _ => drop(request()),
                 });
             });
         }
