@@ -215,6 +215,8 @@ fn a_program_that_asks_keeps_no_set_point_alive() {
     child.wait().unwrap();
     let info = bench.vented();
     assert!(info.contains("link lost"), "{info}");
+    // Arming clears that, also where telemetry from before still says it.
+    bench.ok("thermyo board emulated set pressure 130000 --arm --hold 0.2");
 }
 
 /// A joint that has locked was reported as vented.
@@ -234,6 +236,7 @@ fn a_joint_that_may_have_locked_is_not_reported_as_vented() {
         let history = bench.ok("thermyo board emulated history");
         history.starts_with("locked or vented by link lost at ")
     });
+    bench.ok("thermyo board emulated set angle 5deg --stiffness 10 --arm --hold 0.2");
 }
 
 /// The reader of the figures ends, as in `thermyo monitor PORT | head`.

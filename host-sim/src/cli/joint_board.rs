@@ -217,14 +217,14 @@ fn hold(
     let (mut next_line_s, mut last) = (0.0, None);
     while !interrupt::is_requested() {
         let Some(telemetry) = board.poll()? else { continue };
+        let [a, _] = &telemetry.muscles;
+        // Telemetry from before the set point is skipped, with a lost link that arming has cleared.
+        let Some(steps) = a.step.checked_sub(first) else { continue };
         // Going away would vent a joint that its lock still holds.
         let locked = telemetry.mode == JointMode::Locked;
         if let Some(faults) = venting(&telemetry).filter(|_| !locked) {
             return Err(Failure::Check(format!("it vents: {faults}")));
         }
-        let [a, _] = &telemetry.muscles;
-        // Telemetry from before the set point is skipped.
-        let Some(steps) = a.step.checked_sub(first) else { continue };
         let time_s = f64::from(steps) * 1e-3;
         last = Some((time_s, telemetry));
         if time_s >= next_line_s && to.is_read() {

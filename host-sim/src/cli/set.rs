@@ -269,12 +269,12 @@ fn hold(
             break true;
         }
         let Some(telemetry) = board.poll()? else { continue };
+        // Telemetry from before the set point is skipped, with a lost link that arming has cleared.
+        let Some(steps) = telemetry.step.checked_sub(first) else { continue };
         let faults = telemetry.faults.of(VENTING);
         if faults != Faults::NONE {
             return Err(BoardError::Vented(faults).into());
         }
-        // Telemetry from before the set point is skipped.
-        let Some(steps) = telemetry.step.checked_sub(first) else { continue };
         let time_s = f64::from(steps) * step_s;
         held.push(Held {
             time_s,
