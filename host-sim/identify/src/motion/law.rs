@@ -167,7 +167,8 @@ impl Law {
                 + hysteresis.slip.slope(memory.slider, length, limit)
                 + creep_n_m
         };
-        let (mut low, mut high) = (muscle.lengths()[0], longest_m);
+        // A search may try a muscle that cannot be as short as the longest row.
+        let (mut low, mut high) = (muscle.lengths()[0].min(longest_m), longest_m);
         if excess(longest_m) <= 0.0 {
             return longest_m;
         }

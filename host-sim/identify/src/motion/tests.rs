@@ -149,6 +149,17 @@ fn a_slack_muscle_pulls_by_nothing_and_has_its_own_length() {
     assert!((more_n / held_n - 1.0).abs() < 0.01, "{more_n} N of {held_n}");
 }
 
+/// A search tried a slack so large that the muscle is longer than its record, and the command crashed.
+#[test]
+fn a_muscle_longer_than_its_record_has_the_longest_length() {
+    let mut scenario = shipped_scenario().plant;
+    scenario.muscle.slack_m = 0.1;
+    let rows = framed(0.6, |_| (0.23, 6.0e5));
+    let pulls_back = Start { slip_n: 0.0, slow_n: -1000.0 };
+    let lengths = Law::of(&scenario, false).lengths(&rows, &pulls_back);
+    assert!(lengths.iter().all(|length_m| *length_m == 0.25), "{lengths:?}");
+}
+
 #[test]
 fn a_muscle_is_found_between_ends_where_it_is_slack_at_times() {
     let rows = framed(40.0, |time_s| {
