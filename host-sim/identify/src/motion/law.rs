@@ -24,11 +24,25 @@ pub struct Law {
     muscle: braid::Muscle,
     hysteresis: Hysteresis,
     slip_n_m: f64,
+    /// Viscous friction, which only a plant with zones has.
+    viscous_n_s_m: f64,
     ambient_pa: f64,
     rest_m: f64,
     /// A load cell holds its ends: closer together than the muscle is without force, it is slack. It cannot push, and
     /// has a length of its own.
     by_cell: bool,
+}
+
+/// Time between two rows, and its effect on the law's states.
+struct Interval {
+    duration_s: f64,
+    elapsed: Elapsed,
+    /// Viscous force over the way within it.
+    viscous_n_m: f64,
+}
+
+impl Interval {
+    const NONE: Self = Self { duration_s: 0.0, elapsed: Elapsed::NONE, viscous_n_m: 0.0 };
 }
 
 /// State along a record.
@@ -44,6 +58,11 @@ impl Law {
             muscle: braid::Muscle::of(&scenario.muscle),
             hysteresis: Hysteresis::of(scenario),
             slip_n_m: scenario.muscle.slip_stiffness_n_m,
+            viscous_n_s_m: if scenario.moves_in_full() {
+                scenario.friction.viscous_n_s_m
+            } else {
+                0.0
+            },
             ambient_pa: scenario.ambient.pressure_pa,
             rest_m: scenario.muscle.rest_length_m,
             by_cell,
@@ -66,7 +85,7 @@ impl Law {
         let mut memory = at(first.length_m);
         if self.by_cell {
             // Slack before the record, it has crept to its own length.
-            self.force(first, &mut memory, &Elapsed::new(&self.hysteresis, CREPT_S));
+            self.force(first, &mut memory, &self.interval(CREPT_S));
         }
         at(memory.length)
     }
@@ -77,18 +96,18 @@ impl Law {
         let longest_m = rows.iter().map(|row| row.length_m).fold(self.rest_m, f64::max);
         let mut memory: Option<Memory> = None;
         let mut before_s = 0.0;
-        let mut elapsed = (f64::NAN, Elapsed::NONE);
+        let mut interval = Interval::NONE;
         let mut found = Vec::with_capacity(rows.len());
         for row in rows {
             let memory = memory.get_or_insert_with(|| {
                 before_s = row.time_s;
                 self.begin(start, row)
             });
-            self.pass(&mut elapsed, row.time_s - before_s);
+            self.pass(&mut interval, row.time_s - before_s);
             before_s = row.time_s;
             let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
-            let length = self.solve(row, memory, &elapsed.1, (limit, longest_m));
-            self.move_to(memory, &elapsed.1, length, limit);
+            let length = self.solve(row, memory, &interval, (limit, longest_m));
+            self.move_to(memory, &interval.elapsed, length, limit);
             found.push(length);
         }
         found
@@ -97,44 +116,54 @@ impl Law {
     /// Forces at the lengths of the rows \[N\].
     pub fn forces(&self, rows: &[Row], start: &Start) -> Vec<f64> {
         let Some(first) = rows.first() else { return Vec::new() };
-        let mut elapsed = (f64::NAN, Elapsed::NONE);
+        let mut interval = Interval::NONE;
         let mut memory = self.begin(start, first);
         let mut before_s = first.time_s;
         let force = |row: &Row| {
-            self.pass(&mut elapsed, row.time_s - before_s);
+            self.pass(&mut interval, row.time_s - before_s);
             before_s = row.time_s;
-            self.force(row, &mut memory, &elapsed.1)
+            self.force(row, &mut memory, &interval)
         };
         rows.iter().map(force).collect()
     }
 
     /// Force of a row, to which the muscle moves.
-    fn force(&self, row: &Row, memory: &mut Memory, elapsed: &Elapsed) -> f64 {
+    fn force(&self, row: &Row, memory: &mut Memory, interval: &Interval) -> f64 {
         let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
-        let stretches = elapsed.stretches(&memory.stretches, memory.length - row.length_m);
-        let held_n = self.hysteresis.slip.force(memory.slider, row.length_m, limit)
-            + self.hysteresis.creep_n(&stretches);
+        let held_n = self.held_n(memory, interval, row.length_m, limit);
         let force_n = self.pull(row.pressure_pa, row.length_m) - held_n;
         let is_slack = self.by_cell && force_n < 0.0;
         let length = if is_slack {
             let free = Row { force_n: 0.0, ..*row };
-            self.solve(&free, memory, elapsed, (limit, self.rest_m.max(row.length_m)))
+            self.solve(&free, memory, interval, (limit, self.rest_m.max(row.length_m)))
         } else {
             row.length_m
         };
-        self.move_to(memory, elapsed, length, limit);
+        self.move_to(memory, &interval.elapsed, length, limit);
         if is_slack { 0.0 } else { force_n }
     }
 
+    /// Force of slip, creep and viscous friction against a motion to a length.
+    fn held_n(&self, memory: &Memory, interval: &Interval, length: f64, limit: f64) -> f64 {
+        let way = memory.length - length;
+        let stretches = interval.elapsed.stretches(&memory.stretches, way);
+        self.hysteresis.slip.force(memory.slider, length, limit)
+            + self.hysteresis.creep_n(&stretches)
+            + interval.viscous_n_m * way
+    }
+
+    fn interval(&self, duration_s: f64) -> Interval {
+        Interval {
+            duration_s,
+            elapsed: Elapsed::new(&self.hysteresis, duration_s),
+            viscous_n_m: self.viscous_n_s_m / duration_s,
+        }
+    }
+
     /// Works a time out where it is another one.
-    fn pass(&self, elapsed: &mut (f64, Elapsed), duration: f64) {
-        if duration != elapsed.0 {
-            let of = if duration > 0.0 {
-                Elapsed::new(&self.hysteresis, duration)
-            } else {
-                Elapsed::NONE
-            };
-            *elapsed = (duration, of);
+    fn pass(&self, interval: &mut Interval, duration_s: f64) {
+        if duration_s != interval.duration_s {
+            *interval = if duration_s > 0.0 { self.interval(duration_s) } else { Interval::NONE };
         }
     }
 
@@ -149,23 +178,21 @@ impl Law {
         &self,
         row: &Row,
         memory: &Memory,
-        elapsed: &Elapsed,
+        interval: &Interval,
         (limit, longest_m): (f64, f64),
     ) -> f64 {
         let Self { hysteresis, muscle, .. } = self;
         let excess = |length: f64| {
-            let stretches = elapsed.stretches(&memory.stretches, memory.length - length);
             self.pull(row.pressure_pa, length)
-                - hysteresis.slip.force(memory.slider, length, limit)
-                - hysteresis.creep_n(&stretches)
+                - self.held_n(memory, interval, length, limit)
                 - row.force_n
         };
-        let creep_n_m = elapsed.slope(hysteresis);
+        let held_n_m = interval.elapsed.slope(hysteresis) + interval.viscous_n_m;
         let slope = |length: f64| {
             (row.pressure_pa - self.ambient_pa) * muscle.force_area_slope(length)
                 + muscle.elastic_slope(length)
                 + hysteresis.slip.slope(memory.slider, length, limit)
-                + creep_n_m
+                + held_n_m
         };
         // A search may try a muscle that cannot be as short as the longest row.
         let (mut low, mut high) = (muscle.lengths()[0].min(longest_m), longest_m);
