@@ -92,6 +92,9 @@ pub struct Findings {
     pub searches: Searches,
     /// Parameters that the data do not determine, in words.
     pub remarks: Vec<String>,
+    /// Columns that the model misses by more than they vary.
+    #[serde(skip)]
+    missed: Vec<&'static str>,
     #[serde(skip)]
     best_converged: bool,
     #[serde(skip)]
@@ -159,6 +162,7 @@ impl Findings {
             correlations,
             searches,
             remarks: Vec::new(),
+            missed: missed(&data.observed, misfits),
             best_converged: best.converged,
             determined: covariance.is_some(),
             open_from: if matches!(data.input, Input::Given(_)) { OPEN_FOR_CORE } else { OPEN },
@@ -179,6 +183,12 @@ impl Findings {
                  nothing that was measured"
                     .to_owned(),
             )
+        } else if !self.missed.is_empty() {
+            Some(format!(
+                "{} is missed by more than it varies: another start than the scenario's, gauge pressure, \
+                 another unit, or another muscle",
+                self.missed.join(" and ")
+            ))
         } else if 2 * agreeing <= starts && starts > 1 {
             Some(format!(
                 "the starts disagree: only {agreeing} of {starts} searches ended at the best fit; \
@@ -303,10 +313,29 @@ fn on_holes(holes: &[[f64; 2]]) -> Option<String> {
     })
 }
 
+fn is_large(observed: &Observed, misfit: &Misfit) -> bool {
+    misfit.rms > LARGE * observed.deviation
+}
+
+/// Pressure and length, where their mean would be nearer than the model: a sensor in the gas may have an offset.
+fn missed(observed: &[Observed], misfits: &[Misfit]) -> Vec<&'static str> {
+    let is_missed = |(observed, misfit): &(&Observed, &Misfit)| {
+        let values = || observed.points.iter().map(|point| point.1);
+        let count = observed.points.len() as f64;
+        let mean = values().sum::<f64>() / count;
+        let varies = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
+        matches!(observed.quantity, Quantity::Pressure | Quantity::Length)
+            && is_large(observed, misfit)
+            && misfit.rms > varies
+    };
+    let missed = observed.iter().zip(misfits).filter(is_missed);
+    missed.map(|(observed, _)| observed.quantity.column()).collect()
+}
+
 fn on_misfit((observed, misfit): (&Observed, &Misfit)) -> Vec<String> {
     let column = observed.quantity.column();
     let mut remarks = Vec::new();
-    if misfit.rms > LARGE * observed.deviation {
+    if is_large(observed, misfit) {
         remarks.push(format!(
             "{column} is missed by {} RMS, {:.0} times what its sensor's noise and code make: model or record \
              is wrong by that.",
@@ -326,4 +355,31 @@ fn on_misfit((observed, misfit): (&Observed, &Misfit)) -> Vec<String> {
         ));
     }
     remarks
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::identify_table;
+    use std::path::Path;
+    use thermyo_files::table::Table;
+
+    /// A leak was found from gauge pressures with exit code 0: 19 times the true one.
+    #[test]
+    fn a_record_that_is_missed_by_more_than_it_varies_gives_no_values() {
+        let [config, data] = ["hold.toml", "hold.csv"].map(Path::new);
+        let text = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 400000\n[load]\nkind = \"isometric\"\n\
+                    length_m = 0.28\n[drive]\nkind = \"closed\"\n[leak]\nconductance_m3_s_pa = 1e-12\n\
+                    [identify]\nparameters = [\"leak.conductance_m3_s_pa\"]\n";
+        let loaded = thermyo_setup::parse(text, config).unwrap();
+        let failed = |first_pa: f64| {
+            let row = |i| format!("{i},{}\n", first_pa - 60.0 * f64::from(i));
+            let text: String = (0..30).map(row).collect();
+            let table = Table::parse(&format!("time_s,pressure_pa\n{text}"), data);
+            let table = table.unwrap();
+            identify_table(&loaded, config, &table, data, None, &()).unwrap().failed()
+        };
+        assert_eq!(failed(400_000.0), None);
+        let gauge = failed(298_675.0).unwrap();
+        assert!(gauge.contains("pressure_pa is missed by more than it varies"), "{gauge}");
+    }
 }
