@@ -19,8 +19,11 @@ const REMEMBERED_S: f32 = 20.0;
 /// Gas that is missing or too much before it is a leak, share of what is there \[-\]: mistaken heat transfer may
 /// amount to as much, 1.5 K. An assumption. A leak of 0.04 % a second adds up to it in the end.
 const EVIDENT: f32 = 0.005;
-/// Most of it that is remembered: once the leak has ended, it counts for a minute.
-const MOST: f32 = 0.1;
+/// Most of it that is remembered: once the leak has ended, it counts for 14 s.
+const MOST: f32 = 2.0 * EVIDENT;
+
+/// More than that in a window is a burst, or a reading that jumps, and no leak to follow \[1/s\]. An assumption.
+const FASTEST_PER_S: f32 = 0.3;
 
 /// Way of gas through shut valves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -42,7 +45,10 @@ impl Leakage {
     /// Takes the least and the most share of the gas that it can have gained in a window without flow.
     pub fn add(&mut self, [least_gained, most_gained]: [f32; 2], window_s: f32) {
         let forgotten = window_s * (1.0 / REMEMBERED_S);
-        let add = |sum: f32, more: f32| limit(sum - forgotten * sum + more, 0.0, MOST);
+        let add = |sum: f32, more: f32| {
+            let more = if is_above(more, FASTEST_PER_S * window_s) { 0.0 } else { more };
+            limit(sum - forgotten * sum + more, 0.0, MOST)
+        };
         self.lost = add(self.lost, -most_gained);
         self.gained = add(self.gained, least_gained);
         let (most, way) =

@@ -1003,15 +1003,16 @@ mod tests {
     }
 
     #[test]
-    fn a_leak_that_is_told_is_no_change_of_temperature() {
+    fn a_leak_is_no_change_of_temperature() {
         let (worst_k, least, most) = leaking(1.0);
         // Not none: the heat of the wall, R T dm/dt, needs a wall that is a kelvin warmer.
         assert!(worst_k < 0.3, "{worst_k} K");
         // 4e-4 have left in 20 ms. Without heat a pressure says cv/cp of that; at the most, all is explained.
         assert!((-4.0e-4..-2.7e-4).contains(&least), "{least}");
         assert!((0.0..2.0e-4).contains(&most), "{most}");
-        let (untold_k, _, most) = leaking(0.0);
-        assert!((20.0..90.0).contains(&untold_k), "{untold_k} K");
+        let (unconfigured_k, _, most) = leaking(0.0);
+        // Until it is evident.
+        assert!((0.5..3.0).contains(&unconfigured_k), "{unconfigured_k} K");
         assert!((-4.0e-4..-2.7e-4).contains(&most), "{most}");
         for configured in [0.8, 1.2] {
             let (wrong_k, ..) = leaking(configured);
