@@ -321,15 +321,22 @@ fn a_page_steers_and_another_watches() {
     assert!(text.contains("it vents"), "{text}");
 }
 
-/// A terminal that is closed.
-#[cfg(target_os = "linux")]
-#[test]
-fn a_hangup_vents_and_writes_the_report() {
-    let mut served = Served::new("scenarios/contraction.toml");
+/// A muscle that is driven, and recorded.
+#[cfg(unix)]
+fn recording() -> (Served, Page) {
+    let served = Served::new("scenarios/contraction.toml");
     let mut page = served.page();
     page.drive(1.3e5);
     page.order(json!("record"));
     page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(0));
+    (served, page)
+}
+
+/// A terminal that is closed.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_hangup_vents_and_writes_the_report() {
+    let (mut served, _page) = recording();
     let text = served.end("-HUP");
     assert!(text.starts_with("it vents\nreport: "), "{text}");
     let report = served.bench.path("out/serve/record-1/report.html");
@@ -343,11 +350,7 @@ fn a_hangup_vents_and_writes_the_report() {
 #[cfg(unix)]
 #[test]
 fn a_second_sigterm_does_not_cut_the_report_off() {
-    let mut served = Served::new("scenarios/contraction.toml");
-    let mut page = served.page();
-    page.drive(1.3e5);
-    page.order(json!("record"));
-    page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(0));
+    let (mut served, _page) = recording();
     served.signal("-TERM");
     let text = served.end("-TERM");
     assert!(text.starts_with("it vents\nreport: "), "{text}");

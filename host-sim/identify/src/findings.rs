@@ -4,7 +4,7 @@ use super::data::{Data, Input, Observed, Quantity};
 use super::fit::End;
 use super::parameter::Parameter;
 use super::uncertainty::Misfit;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use thermyo_files::number::{of_column, significant, with_error};
@@ -320,10 +320,8 @@ fn is_large(observed: &Observed, misfit: &Misfit) -> bool {
 /// Pressure and length, where their mean would be nearer than the model: a sensor in the gas may have an offset.
 fn missed(observed: &[Observed], misfits: &[Misfit]) -> Vec<&'static str> {
     let is_missed = |(observed, misfit): &(&Observed, &Misfit)| {
-        let values = || observed.points.iter().map(|point| point.1);
-        let count = observed.points.len() as f64;
-        let mean = values().sum::<f64>() / count;
-        let varies = (values().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt();
+        let values = observed.points.iter().map(|point| point.1);
+        let varies = DVector::from_iterator(observed.points.len(), values).variance().sqrt();
         matches!(observed.quantity, Quantity::Pressure | Quantity::Length)
             && is_large(observed, misfit)
             && misfit.rms > varies

@@ -151,7 +151,9 @@ impl Panel {
 
     /// A series without a point is left out, of the legend too.
     fn layer(mut self, layer: Layer) -> Self {
-        self.layers.extend(Some(layer).filter(|layer| layer.x().next().is_some()));
+        if layer.x().next().is_some() {
+            self.layers.push(layer);
+        }
         self
     }
 
