@@ -99,7 +99,7 @@ const LEAKS: &str = "[leak]\nconductance_m3_s_pa = 1e-11\n";
 const UNCONFIGURED: &str =
     "[leak]\nconductance_m3_s_pa = 1e-11\n[believed.leak]\nconductance_m3_s_pa = 0.0\n";
 
-/// Error of the estimate in a shut, leaking muscle: a configured leak is no change of temperature.
+/// Error of the estimate in a shut, leaking muscle: a leak is no change of temperature, also where it is not configured.
 fn held_error_k(model: &str, leak: &str) -> f64 {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\n\
@@ -126,7 +126,7 @@ fn the_estimate_of_a_hold_takes_the_leak_along() {
             [LEAKS, UNCONFIGURED].map(|leak| held_error_k(model, leak));
         println!("{model}: {configured_k:.3} K configured, {unconfigured_k:.3} K not");
         assert!(configured_k < 0.3, "{model}: {configured_k} K");
-        assert!((2.0..40.0).contains(&unconfigured_k), "{model}: {unconfigured_k} K");
+        assert!(unconfigured_k < 0.3, "{model}: {unconfigured_k} K");
     }
 }
 

@@ -11,7 +11,7 @@ use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
 use thermyo_record::trace::Row;
 use thermyo_scenario::profile::Profile;
-use thermyo_scenario::{ChannelFault, DriveKind, FaultWindow, HeatModel, PlantModel};
+use thermyo_scenario::{ChannelFault, DriveKind, FaultWindow, HeatModel, PlantModel, ValveFault};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run;
@@ -123,6 +123,19 @@ pub fn cases() -> Vec<Case> {
             l.drive_profile = profile(&[(0.0, 3.0e5)]);
             l.plant.leak.conductance_m3_s_pa = 5.0e-13;
         }),
+        // Some 0.4 % of the gas a second either way.
+        on_full("contraction held, a leak not believed", 0.3, |l| {
+            hold_contraction(l);
+            l.plant.leak.conductance_m3_s_pa = 1.0e-11;
+        }),
+        on_full("contraction held, inlet not tight", 0.3, |l| {
+            hold_contraction(l);
+            l.plant.faults.own = FaultWindow {
+                inlet: ValveFault::Leaking,
+                inlet_leak: Some(5.0e-4),
+                ..FaultWindow::default()
+            };
+        }),
         on_full("strokes of 30 s, sensor frozen for 5 s", 0.6, |l| {
             period(l, 30.0);
             let frozen = FaultWindow {
@@ -143,6 +156,11 @@ fn still(loaded: &mut Loaded, inner_w_m2_k: f64) {
 }
 
 /// A hose of 4 mm between valves and muscle, believed rightly.
+fn hold_contraction(loaded: &mut Loaded) {
+    loaded.plant.drive.kind = DriveKind::Contraction;
+    loaded.drive_profile = profile(&[(0.0, 0.1)]);
+}
+
 fn hose(loaded: &mut Loaded, length_m: f64) {
     *loaded = loaded.with(|s| (s.tube.length_m, s.tube.diameter_m) = (Some(length_m), Some(0.004)));
 }

@@ -107,6 +107,8 @@ pub(super) struct Window {
     pub leaked_j: f32,
     /// A step of it had no pressure.
     pub void: bool,
+    /// A valve was open in a step of it.
+    pub flowed: bool,
 }
 
 /// Work that the end of an interval leaves for the next steps, one part each.
@@ -494,10 +496,16 @@ impl Estimator {
         let adiabatic_j = self.measured_j - window.start_j + window.work_j;
         let per_j = self.per_enthalpy();
         let share = |enthalpy_j: f32| enthalpy_j * per_j;
+        let Window { heat_j, leaked_j, flowed, .. } = window;
+        let (taken_j, given_j) = (limit(heat_j, f32::MIN, 0.0), limit(heat_j, 0.0, f32::MAX));
         // Gas that leaked out was let in by valves; gas that leaked in was not.
-        let [least_j, most_j] = [(f32::MIN, 0.0), (0.0, f32::MAX)].map(|(least, most)| {
-            adiabatic_j + limit(window.heat_j, least, most) + limit(window.leaked_j, least, most)
-        });
+        let least_j = adiabatic_j + taken_j + limit(leaked_j, f32::MIN, 0.0);
+        let most_j = adiabatic_j + given_j + limit(leaked_j, 0.0, f32::MAX);
+        if !flowed && self.length_source == LengthSource::Sensor {
+            let gained = [least_j + taken_j, most_j + given_j].map(share);
+            // Two windows are an interval.
+            self.leakage.add(gained, 0.5 * self.coefficients.interval_s);
+        }
         self.balance = Some(Balance {
             least_gained: share(least_j),
             most_gained: share(most_j),
