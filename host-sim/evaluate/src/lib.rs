@@ -8,6 +8,7 @@ pub mod control_proportional;
 pub mod estimator;
 pub mod faults;
 pub mod joint;
+mod pair;
 pub mod pid;
 pub mod plants;
 pub mod recording;

@@ -2,6 +2,7 @@
 //! split before anything is fitted.
 
 use super::{CaseFigures, Figure};
+use crate::pair::pair;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use thermyo_compute::math::ends;
@@ -10,7 +11,6 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::shipped;
 use thermyo_files::table::{Table, read_whole};
 use thermyo_identify::motion::{LawLeft, laws};
-use thermyo_identify::pair::pair;
 use thermyo_record::measured::{check_pressures, check_rising};
 
 /// Smallest coefficient of determination of what a pair does, from the commanded force alone.

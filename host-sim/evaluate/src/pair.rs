@@ -8,10 +8,10 @@
 //! K is the stiffness of both muscles and their gas; over a tenth of a percent of the length all of it is
 //! linear. The slip has the gear's friction in it.
 
-use super::search::{self, LeastSquares, central_slopes};
 use nalgebra::{DMatrix, DVector};
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::table::Table;
+use thermyo_identify::search::{self, LeastSquares, central_slopes};
 use thermyo_record::measured::check_rising;
 
 const COLUMNS: [&str; 6] =
