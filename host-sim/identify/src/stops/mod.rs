@@ -24,6 +24,7 @@
 
 mod find;
 mod identified;
+mod leak;
 pub mod page;
 mod relaxation;
 #[cfg(test)]
@@ -72,8 +73,7 @@ const UNEVEN: f64 = 0.2;
 const UNSETTLED_K: f64 = 0.5;
 /// A leak is corrected up to this change of the temperature at the stop \[K\].
 const MOST_LEAK_K: f64 = 1.5;
-/// Share of the gas from which on a leak shows by itself: a wait that is too short changes P V/T of its second half by
-/// less \[-\]. Assumption.
+/// Share of the gas from which on a leak is named before a load that moves with it \[-\]. Assumption.
 const PLAIN_LEAK: f64 = 0.05;
 /// A load that is constant changes the force by twice the friction, and by model errors within
 /// this fraction of the load and this force \[N\].
@@ -210,6 +210,11 @@ impl Closed<'_> {
     fn wait_s(&self) -> f64 {
         self.since_s(self.rows.len() - 1)
     }
+
+    /// Last reading of the sensor \[K\].
+    fn last_k(&self) -> f64 {
+        self.rows[self.rows.len() - 1].sensor_k
+    }
 }
 
 pub fn analyse(rows: &Rows, known: &Known) -> Analysis {
@@ -313,7 +318,8 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             before.time_s, after.time_s
         ));
     }
-    if let Some(lost) = plainly_lost(closed) {
+    let lost = thermometer::leak(closed, &thermometer::configured(config)).lost(closed.wait_s());
+    if lost.abs() > PLAIN_LEAK {
         return Some(leak(lost, closed.wait_s()));
     }
     let rows = closed.rows.iter().zip(held_n);
@@ -354,22 +360,6 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             })
         }
     }
-}
-
-/// Share of the gas that is lost in the wait, where it is so much that P V/T of the second half shows it. The sensor's
-/// fit takes such a leak for gas that cools.
-fn plainly_lost(closed: &Closed) -> Option<f64> {
-    let eighth = closed.rows.len() / 8;
-    let mean = |from: usize| {
-        let rows = from..from + eighth;
-        let of = |row: usize| (closed.ratio[row] / closed.rows[row].sensor_k).ln();
-        rows.map(of).sum::<f64>() / eighth as f64
-    };
-    let [middle, last] = [4 * eighth, closed.rows.len() - eighth];
-    let span_s = closed.since_s(last) - closed.since_s(middle);
-    let rate_1_s = (mean(middle) - mean(last)) / span_s;
-    let lost = 1.0 - (-rate_1_s * closed.wait_s()).exp();
-    (eighth > 0 && lost.abs() > PLAIN_LEAK).then_some(lost)
 }
 
 fn leak(lost: f64, wait_s: f64) -> String {
@@ -416,13 +406,13 @@ fn stop(
     let wait_s = closed.wait_s();
     let at_stop = at_stop(closed);
     // The mass at the stop is larger than at the end by what has leaked.
-    let kept = 1.0 - read.leak_1_s * wait_s;
+    let kept = 1.0 - read.leak.lost(wait_s);
     let gas_k = read.end_k * at_stop.ratio * kept;
     let first = &closed.rows[0];
     let causes = causes(closed, &read, (gas_k, at_stop.noise), config, chamber);
     let curve_k: Vec<f64> = (0..closed.rows.len())
         .map(|row| {
-            read.end_k * closed.ratio[row] * (1.0 - read.leak_1_s * (wait_s - closed.since_s(row)))
+            read.end_k * closed.ratio[row] * (1.0 - read.leak.lost(wait_s - closed.since_s(row)))
         })
         .collect();
     let gas_constant = f64::from(config.gas.gas_constant_j_kg_k);
@@ -440,7 +430,7 @@ fn stop(
         end_k: read.end_k,
         pressure_pa: first.pressure_pa,
         mass_kg: closed.end_j / (gas_constant * read.end_k),
-        leak_1_s: read.leak_1_s,
+        leak_1_s: read.leak.rate_1_s,
         refused,
         rows: closed.hold.rows.clone(),
         curve_k,
@@ -450,7 +440,7 @@ fn stop(
 /// Why a stop cannot be used for what the gas did: a leak, or a wait that was too short.
 fn spoilt(closed: &Closed, read: &Read, curve_k: &[f64]) -> Option<String> {
     let wait_s = closed.wait_s();
-    let lost = read.leak_1_s * wait_s;
+    let lost = read.leak.lost(wait_s);
     if lost.abs() * read.end_k > MOST_LEAK_K {
         return Some(leak(lost, wait_s));
     }
@@ -531,7 +521,7 @@ fn causes(
         pressure_k: gas_k * by_offset.hypot(by_noise),
         volume_k: gas_k * by_length.hypot(by_dead).hypot(closed.cool_sd),
         sensor_k: SENSOR_OFF_K.hypot(UNEVEN * warmer_k).hypot(read.end_sd_k),
-        leak_k: gas_k * read.leak_sd_1_s * closed.wait_s(),
+        leak_k: gas_k * read.leak.sd_1_s * closed.wait_s(),
         wait_k: read.wait_sd_k,
     }
 }

@@ -123,8 +123,12 @@ fn record(made: &Made, config: &Config) -> Rows {
 }
 
 fn analysed(made: &Made, config: &Config) -> Analysis {
+    analysed_rows(&record(made, config), config)
+}
+
+fn analysed_rows(rows: &Rows, config: &Config) -> Analysis {
     let law = |_: f64, _: f64, _: f64| 90.0;
-    analyse(&record(made, config), &Known { config, law: &law, hose_m3: 0.0 })
+    analyse(rows, &Known { config, law: &law, hose_m3: 0.0 })
 }
 
 fn assert_close(analysis: &Analysis, within_k: f64) {
@@ -166,23 +170,19 @@ fn temperature_heat_and_sensor_come_out() {
 fn a_jet_that_cannot_be_parted_leaves_the_heat_open() {
     let config = held();
     let mut rows = record(&SOUND, &config);
-    let analysed_with = |rows: &Rows| {
-        let law = |_: f64, _: f64, _: f64| 90.0;
-        analyse(rows, &Known { config: &config, law: &law, hose_m3: 0.0 })
-    };
-    let still = &analysed_with(&rows).heat.unwrap();
+    let still = &analysed_rows(&rows, &config).heat.unwrap();
     assert!(still.parted && still.charged == SWINGS_K.len(), "{still:?}");
     // Gas flows in before the first two stops only.
     for (i, row) in rows.rows.iter_mut().enumerate() {
         row.mass_kg = Some(if i < 4200 { 1e-6 * i as f64 } else { 4.2e-3 });
     }
-    let heat = analysed_with(&rows).heat.unwrap();
+    let heat = analysed_rows(&rows, &config).heat.unwrap();
     assert!(heat.stirred_w_m2_k.is_none() && !heat.parted && heat.charged == 2, "{heat:?}");
     let off = (heat.still_w_m2_k.value - SOUND.still_w_m2_k).abs();
     assert!(off < 2.0 * heat.still_w_m2_k.standard_error, "{heat:?}");
     // Without a jet nothing has to be parted.
     let rows = record(&Made { stirred_w_m2_k: 0.0, ..SOUND }, &config);
-    let heat = analysed_with(&rows).heat.unwrap();
+    let heat = analysed_rows(&rows, &config).heat.unwrap();
     assert!(heat.stirred_w_m2_k.is_none() && heat.parted, "{heat:?}");
     assert!((heat.still_w_m2_k.value / SOUND.still_w_m2_k - 1.0).abs() < 0.05, "{heat:?}");
 }
@@ -253,8 +253,7 @@ fn a_gap_is_refused() {
     let config = held();
     let mut rows = record(&SOUND, &config);
     rows.rows.drain(1000..1060);
-    let law = |_: f64, _: f64, _: f64| 90.0;
-    let analysis = analyse(&rows, &Known { config: &config, law: &law, hose_m3: 0.0 });
+    let analysis = analysed_rows(&rows, &config);
     let why = analysis.stops[0].refused.as_ref().unwrap();
     assert!(why.starts_with("the record has a gap from 9.99 to 10.60 s"), "{why}");
     assert!(analysis.stops[1..].iter().all(Stop::usable));
@@ -268,9 +267,19 @@ fn a_frozen_sensor_shows_no_lag() {
     for row in &mut rows.rows {
         row.sensor_k = WALL_K;
     }
-    let law = |_: f64, _: f64, _: f64| 90.0;
-    let found = analyse(&rows, &Known { config: &config, law: &law, hose_m3: 0.0 }).sensor.unwrap();
+    let found = analysed_rows(&rows, &config).sensor.unwrap();
     assert!(found.lag_sd == f64::INFINITY, "{found:?}");
     let sound = analysed(&SOUND, &config).sensor.unwrap();
     assert!(sound.lag_sd < 0.1, "{sound:?}");
+}
+
+#[test]
+fn a_frozen_pressure_leaves_numbers() {
+    let config = held();
+    let mut rows = record(&SOUND, &config);
+    for row in &mut rows.rows {
+        row.pressure_pa = 2.5e5;
+    }
+    let found = analysed_rows(&rows, &config);
+    assert!(found.stops.iter().all(|stop| stop.gas_sd_k.is_finite() && stop.leak_1_s.is_finite()));
 }

@@ -5,16 +5,17 @@
 //! does. Housing and element are lags in series, so that
 //!
 //! ```text
-//! T_s(t) = T_end (1 + g L[y - 1]) + T_end leak L[y (t - t_end)] + a exp(-t/tau) + b (housing)
+//! T_s(t) = T_end (1 + g L[y - 1 + y leak (t - t_end)]) + a exp(-t/tau) + b (housing)
 //! ```
 //!
-//! L is the response of both lags. T_end, leak, a and b are of each stop and enter linearly; tau,
-//! tau_h and g are the sensor's, found by Levenberg and Marquardt's method over their logarithms,
+//! L is the response of both lags, and the leak is known ([`super::leak`]). T_end, a and b are of each stop
+//! and enter linearly; tau, tau_h and g are the sensor's, found by Levenberg and Marquardt's method over their logarithms,
 //! with the linear ones solved for at each point (variable projection, Golub and Pereyra 1973).
 //! Standard errors are of the jackknife over the stops, and at least what the noise makes.
 
 use super::Closed;
-use crate::search::{LeastSquares, minimize};
+use super::leak::{self, Leak};
+use crate::search::{LeastSquares, central_slopes, minimize};
 use crate::uncertainty::correlation_rows;
 use model_core::Config;
 use nalgebra::{DMatrix, DVector};
@@ -57,8 +58,7 @@ pub struct Read {
     pub end_k: f64,
     /// By noise \[K\].
     pub end_sd_k: f64,
-    pub leak_1_s: f64,
-    pub leak_sd_1_s: f64,
+    pub leak: Leak,
     /// By what is not known of the lag, which the reading at the end is behind by \[K\].
     pub wait_sd_k: f64,
     /// The sensor behind the gas at the end \[K\].
@@ -110,23 +110,21 @@ struct Solved {
     residuals: DVector<f64>,
 }
 
-fn solve(closed: &Closed, common: &DVector<f64>, leak: bool) -> Option<Solved> {
+fn solve(closed: &Closed, common: &DVector<f64>, leak: Leak) -> Option<Solved> {
     let [lag_s, housing_s, gain] = [0, 1, 2].map(|i| common[i].exp());
     let times = |row: usize| closed.since_s(row);
     let (count, wait_s) = (closed.rows.len(), closed.wait_s());
     let both = |values: &[f64]| {
         lagged(times, &lagged(times, values, housing_s, values[0]), lag_s, values[0])
     };
-    let above: Vec<f64> = closed.ratio.iter().map(|ratio| ratio - 1.0).collect();
-    let lost: Vec<f64> = (0..count).map(|row| closed.ratio[row] * (times(row) - wait_s)).collect();
+    let kept = |row: usize| 1.0 - leak.lost(wait_s - times(row));
+    let above: Vec<f64> = (0..count).map(|row| closed.ratio[row] * kept(row) - 1.0).collect();
     let housing: Vec<f64> = (0..count).map(|row| (-times(row) / housing_s).exp()).collect();
-    let (gas, lost, housing) = (both(&above), both(&lost), lagged(times, &housing, lag_s, 0.0));
-    let columns = if leak { 4 } else { 3 };
-    let design = DMatrix::from_fn(count, columns, |row, column| match column {
+    let (gas, housing) = (both(&above), lagged(times, &housing, lag_s, 0.0));
+    let design = DMatrix::from_fn(count, 3, |row, column| match column {
         0 => 1.0 + gain * gas[row],
         1 => (-times(row) / lag_s).exp(),
-        2 => housing[row],
-        _ => lost[row],
+        _ => housing[row],
     });
     let reading = DVector::from_iterator(count, closed.rows.iter().map(|row| row.sensor_k));
     let inverse = design.tr_mul(&design).cholesky()?.inverse();
@@ -136,7 +134,7 @@ fn solve(closed: &Closed, common: &DVector<f64>, leak: bool) -> Option<Solved> {
 }
 
 struct Projection<'a> {
-    stops: Vec<&'a Closed<'a>>,
+    stops: Vec<(&'a Closed<'a>, Leak)>,
     prior: DVector<f64>,
     noise_k: f64,
 }
@@ -144,8 +142,8 @@ struct Projection<'a> {
 impl Projection<'_> {
     /// Residuals in kelvin, without the prior.
     fn residuals(&self, place: &DVector<f64>) -> DVector<f64> {
-        let parts = self.stops.iter().map(|closed| {
-            solve(closed, place, true).map_or_else(
+        let parts = self.stops.iter().map(|(closed, leak)| {
+            solve(closed, place, *leak).map_or_else(
                 || DVector::from_element(closed.rows.len(), 1e3),
                 |solved| solved.residuals,
             )
@@ -156,17 +154,7 @@ impl Projection<'_> {
     }
 
     fn jacobian(&self, place: &DVector<f64>) -> DMatrix<f64> {
-        let columns: Vec<DVector<f64>> = (0..COMMON)
-            .map(|i| {
-                let [more, less] = [DIFFERENCE, -DIFFERENCE].map(|by| {
-                    let mut moved = place.clone();
-                    moved[i] += by;
-                    self.residuals(&moved)
-                });
-                (more - less) / (2.0 * DIFFERENCE)
-            })
-            .collect();
-        DMatrix::from_columns(&columns)
+        central_slopes(place, DIFFERENCE, |_| DIFFERENCE, |place| self.residuals(place))
     }
 }
 
@@ -204,7 +192,9 @@ pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
     if stops.len() < super::FEWEST {
         return None;
     }
-    let all = |noise_k: f64| Projection { stops: stops.to_vec(), prior: prior.place(), noise_k };
+    let leaks: Vec<(&Closed, Leak)> =
+        stops.iter().map(|closed| (*closed, leak(closed, prior))).collect();
+    let all = |noise_k: f64| Projection { stops: leaks.clone(), prior: prior.place(), noise_k };
     let search = |problem: &Projection, start| minimize(problem, start, 1e-8, 60).place;
     // Residuals that go on from row to row are an error of the model: the rows count accordingly.
     let rough = search(&all(noise_k(stops)), prior.place());
@@ -248,36 +238,40 @@ pub(super) fn jackknife_sd(values: &[f64]) -> f64 {
     ((count - 1.0) / count * squares).sqrt()
 }
 
+/// The leak of a stop; none where it is too small to be told from none, which it may be or not.
+pub(super) fn leak(closed: &Closed, sensor: &Sensor) -> Leak {
+    let Some(leak) = leak::of(closed, sensor.lag_s) else { return Leak::NONE };
+    let by_leak_k = leak.rate_1_s.abs() * closed.wait_s() * closed.last_k();
+    if leak.rate_1_s.abs() > SEEN_LEAK * leak.sd_1_s && by_leak_k > LEAST_LEAK_K {
+        leak
+    } else {
+        // Half of it counts, and of what would not be seen.
+        Leak { rate_1_s: 0.0, sd_1_s: 0.5 * leak.rate_1_s.abs().max(leak.sd_1_s) }
+    }
+}
+
 /// Reads the end of a stop with a known sensor.
 pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
     let place = sensor.place();
-    let last = closed.rows[closed.rows.len() - 1].sensor_k;
     let unknown = Read {
-        end_k: last,
+        end_k: closed.last_k(),
         end_sd_k: 0.0,
-        leak_1_s: 0.0,
-        leak_sd_1_s: 0.0,
+        leak: Leak::NONE,
         wait_sd_k: 0.0,
         behind_k: 0.0,
     };
-    let Some(with_leak) = solve(closed, &place, true) else { return unknown };
+    let leak = leak(closed, sensor);
+    let Some(solved) = solve(closed, &place, leak) else { return unknown };
     let rows = closed.rows.len() as f64;
-    let variance = with_leak.residuals.norm_squared() / rows;
+    let variance = solved.residuals.norm_squared() / rows;
     // Residuals go on over the sensor's lag: so many rows are independent.
     let independent = (closed.wait_s() / sensor.lag_s.max(closed.wait_s() / rows)).min(rows);
     let inflated = variance * rows / independent;
-    let end_k = with_leak.values[0];
-    let leak_1_s = with_leak.values[3] / end_k;
-    let leak_sd_1_s = (with_leak.inverse[(3, 3)] * inflated).sqrt() / end_k;
-    let by_leak_k = leak_1_s.abs() * closed.wait_s() * end_k;
-    let seen = leak_1_s.abs() > SEEN_LEAK * leak_sd_1_s && by_leak_k > LEAST_LEAK_K;
-    let solved = if seen { Some(with_leak) } else { solve(closed, &place, false) };
-    let Some(solved) = solved else { return unknown };
     let end_k = solved.values[0];
     let otherwise = |by: f64| {
         let mut moved = place.clone();
         moved[0] += by;
-        solve(closed, &moved, seen).map_or(0.0, |other| other.values[0] - end_k)
+        solve(closed, &moved, leak).map_or(0.0, |other| other.values[0] - end_k)
     };
     let tail = closed.rows.len() - (closed.rows.len() / 20).max(1);
     let tail = &closed.rows[tail..];
@@ -285,9 +279,7 @@ pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
     Read {
         end_k,
         end_sd_k: (solved.inverse[(0, 0)] * inflated).sqrt(),
-        leak_1_s: if seen { leak_1_s } else { 0.0 },
-        // A leak that is not corrected may be there, or not: half of it counts.
-        leak_sd_1_s: if seen { leak_sd_1_s } else { 0.5 * leak_1_s.abs() },
+        leak,
         wait_sd_k: otherwise(sensor.lag_sd.min(1.0)).abs(),
         behind_k: end_k - reading_k,
     }

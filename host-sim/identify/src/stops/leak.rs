@@ -1,0 +1,124 @@
+//! The leak of a stop, by the course of P V once gas and sensor have settled.
+//!
+//! With the mass m = m_end (1 + leak (t_end - t)), and gas that is r e^(-t/tau) from its wall,
+//!
+//! ```text
+//! ln(P V)/(P V)_end = c - leak t + ln T_w(t) + r e^(-t/tau)
+//! ```
+//!
+//! The sensor's place does not matter: a fit of the whole stop, in which the sensor sees some share of the gas,
+//! takes a leak for one that sees little of it. tau is marginalised over a grid. The wall's course is between none
+//! and the sensor's, less what is left of its lag: the wall beside it may warm or cool while the rest does not.
+
+use super::Closed;
+use nalgebra::{DMatrix, DVector};
+
+/// Part of the wait that is left out, in which jets decay and gas relaxes fast.
+const LEFT_OUT: f64 = 0.25;
+/// Time constants with which gas may relax after that, shares of the wait. With a longer one the wait is too short.
+const RELAXES: [f64; 10] = [0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.4, 0.6];
+/// Share of the sensor's course that is the whole wall's, as uncertain as it is large. Assumption.
+const WALL: f64 = 0.5;
+/// Least variance of ln(P V) and of the reading's logarithm: records have eight digits at the most.
+const LEAST_NOISE: f64 = 1e-16;
+/// Error of the lag with which the sensor settles. Assumption.
+const LAG_OFF: f64 = 0.2;
+
+/// Share of the gas that is lost in a second, and its standard deviation \[1/s\].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Leak {
+    pub rate_1_s: f64,
+    pub sd_1_s: f64,
+}
+
+impl Leak {
+    pub const NONE: Self = Self { rate_1_s: 0.0, sd_1_s: 0.0 };
+
+    /// Share of the gas at the start of that time that is lost in it.
+    pub fn lost(&self, time_s: f64) -> f64 {
+        1.0 - (-self.rate_1_s * time_s).exp()
+    }
+}
+
+/// A line and a relaxation through values over time; `None` with too few.
+struct Line {
+    relaxes_s: f64,
+    slope_1_s: f64,
+    variance: f64,
+    /// Residuals in squares of the noise, and the square of the volume in which line and relaxation may lie.
+    squares: f64,
+    open: f64,
+}
+
+fn line(times_s: &[f64], values: &[f64], relaxes_s: f64, most: f64) -> Option<Line> {
+    let span_s = times_s.last()? - times_s[0];
+    let column = |row: usize, column| match column {
+        0 => 1.0,
+        1 => (times_s[row] - times_s[0]) / span_s,
+        _ => most * (-(times_s[row] - times_s[0]) / relaxes_s).exp(),
+    };
+    let design = DMatrix::from_fn(times_s.len(), 3, column);
+    let values = DVector::from_column_slice(values);
+    // Half of neighbours' squared differences: a curve adds next to nothing.
+    let pairs = (1..values.len()).map(|row| (values[row] - values[row - 1]).powi(2));
+    let noise = (0.5 * pairs.sum::<f64>() / values.len() as f64).max(LEAST_NOISE);
+    // The relaxation starts with `most` at the most.
+    let mut normal = design.tr_mul(&design);
+    normal[(2, 2)] += noise;
+    let inverse = normal.cholesky()?.inverse();
+    let found = &inverse * design.tr_mul(&values);
+    let squares = (&values - &design * &found).norm_squared() / noise + found[2].powi(2);
+    let open = noise.powi(3) * inverse.determinant();
+    Some(Line {
+        relaxes_s,
+        slope_1_s: found[1] / span_s,
+        variance: noise * inverse[(1, 1)] / (span_s * span_s),
+        squares,
+        open,
+    })
+}
+
+pub fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
+    let wait_s = closed.wait_s();
+    let from =
+        |share: f64| (0..closed.rows.len()).find(|row| closed.since_s(*row) > share * wait_s);
+    let first = from(LEFT_OUT)?;
+    let times_s: Vec<f64> = (0..closed.rows.len()).map(|row| closed.since_s(row)).collect();
+    let logs: Vec<f64> = closed.ratio[first..].iter().map(|ratio| ratio.ln()).collect();
+    let swing = closed.ratio[0].ln().abs();
+    let lines: Vec<Line> = RELAXES
+        .iter()
+        .map(|share| share * wait_s)
+        .filter_map(|relaxes_s| {
+            let left = swing * (-times_s[first] / relaxes_s).exp();
+            line(&times_s[first..], &logs, relaxes_s, left.max(f64::MIN_POSITIVE))
+        })
+        .collect();
+    let least = lines.iter().map(|line| line.squares).fold(f64::INFINITY, f64::min);
+    // Rows that no such course explains count for less.
+    let per_row = (least / logs.len() as f64).max(1.0);
+    let weight = |line: &Line| (-0.5 * (line.squares - least) / per_row).exp() * line.open.sqrt();
+    let all: f64 = lines.iter().map(weight).sum();
+    if lines.is_empty() {
+        return None;
+    }
+    let mean = |of: &dyn Fn(&Line) -> f64| {
+        lines.iter().map(|line| weight(line) * of(line)).sum::<f64>() / all
+    };
+    let slope_1_s = mean(&|line| line.slope_1_s);
+    let variance = mean(&|line| per_row * line.variance + (line.slope_1_s - slope_1_s).powi(2));
+    let half = from(0.5)?;
+    let readings: Vec<f64> = closed.rows[half..].iter().map(|row| row.sensor_k.ln()).collect();
+    let wall = |lag_s: f64| line(&times_s[half..], &readings, lag_s, 1.0);
+    let settled = wall(lag_s)?;
+    // Readings that still follow the gas, or their own lag, are none of the wall.
+    let relaxes_s = mean(&|line| line.relaxes_s);
+    let off = [wall((1.0 + LAG_OFF) * lag_s)?, wall(relaxes_s)?]
+        .map(|other| other.slope_1_s - settled.slope_1_s);
+    let wall_1_s = WALL * settled.slope_1_s;
+    let sd_1_s = (variance + settled.variance).sqrt();
+    Some(Leak {
+        rate_1_s: wall_1_s - slope_1_s,
+        sd_1_s: [off[0], off[1], wall_1_s].into_iter().fold(sd_1_s, f64::hypot),
+    })
+}
