@@ -24,7 +24,7 @@ const POSSIBLE: [(&str, Limits); 10] = [
 ];
 
 /// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
-const NOT_ABSOLUTE: f64 = 0.8;
+pub const NOT_ABSOLUTE: f64 = 0.8;
 /// A record with no pressure above this one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 2.0e4;
 /// As that of `supply.pressure_pa` \[Pa\].

@@ -66,6 +66,10 @@ impl Gauge for JointSensor {
         }
     }
 
+    fn least_pa(self, config: &JointConfig) -> Option<f64> {
+        self.of_muscle().and_then(|(side, sensor)| sensor.least_pa(muscle(config, side)))
+    }
+
     /// The angle has no calibration beside the angles at the ends of its sensor: it is as the board reads it.
     fn read(self, config: &JointConfig, telemetry: &JointTelemetry) -> f64 {
         match self.of_muscle() {

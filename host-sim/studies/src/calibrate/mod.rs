@@ -11,6 +11,7 @@ use model_core::control::Mode;
 use model_core::{Config, Sample};
 use serde::Deserialize;
 use thermyo_files::units::{Unit, Unread, Wanted};
+use thermyo_record::measured::NOT_ABSOLUTE;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -62,6 +63,12 @@ pub enum Implausible {
     /// The reading is not at rest.
     #[error("the reading scatters by {found}: at most {most} are taken; is it at rest?")]
     Restless { found: String, most: String },
+    /// The reference reads gauge pressure, or in another unit.
+    #[error(
+        "the reference reads {reference} and the sensor {reading}: must be absolute, and at least {least}, 80 % of the \
+         configured ambient pressure; is this gauge pressure, or another unit?"
+    )]
+    NotAbsolute { reference: String, reading: String, least: String },
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -109,8 +116,17 @@ pub trait Gauge: Copy + Send {
         }
     }
 
-    /// Refuses a point whose reference is far from the sensor's reading.
-    fn check_shift(self, config: &Self::Config, point: Point) -> Result<(), Implausible> {
+    /// Least absolute pressure that a reference can read \[Pa\]; none of another quantity.
+    fn least_pa(self, config: &Self::Config) -> Option<f64>;
+
+    /// Refuses a point whose reference is no absolute pressure, or far from the sensor's reading.
+    fn check_point(self, config: &Self::Config, point: Point) -> Result<(), Implausible> {
+        if let Some(least_pa) = self.least_pa(config).filter(|least_pa| point.reference < *least_pa)
+        {
+            let [reference, reading, least] =
+                [point.reference, point.reading, least_pa].map(|value| self.text(value));
+            return Err(Implausible::NotAbsolute { reference, reading, least });
+        }
         let most = MOST_SHIFT * self.range(config);
         // NaN is refused too.
         if (point.reference - point.reading).abs() <= most {
@@ -140,7 +156,7 @@ pub trait Gauge: Copy + Send {
             return Err(Implausible::Gain { gain: format!("{gain:.4}") });
         }
         for point in [a, b] {
-            self.check_shift(config, point)?;
+            self.check_point(config, point)?;
         }
         Ok(self.corrected(config, gain, a.reference - gain * a.reading))
     }
@@ -183,6 +199,10 @@ impl Gauge for Sensor {
     fn least_span(self, config: &Config) -> f64 {
         let least = LEAST_SPAN * self.range(config);
         if self == Self::Gas { least.min(LEAST_SPAN_K) } else { least }
+    }
+
+    fn least_pa(self, config: &Config) -> Option<f64> {
+        (self == Self::Pressure).then(|| NOT_ABSOLUTE * f64::from(config.ambient.pressure_pa))
     }
 
     fn read(self, config: &Config, sample: &Sample) -> f64 {
@@ -269,7 +289,7 @@ impl<G: Gauge> Guide<G> {
         self.reference = None;
         let reading = self.sensor.reading(&self.config, &self.samples)?;
         let point = Point { reading, reference };
-        self.sensor.check_shift(&self.config, point)?;
+        self.sensor.check_point(&self.config, point)?;
         if let [first] = self.points[..] {
             self.sensor.calibrated(&self.config, [first, point])?;
         }
@@ -343,6 +363,18 @@ mod tests {
         assert!(gain.to_string().contains("must be from 0.90 to 1.10"), "{gain}");
         let shift = pressure(point(1.0e5, 1.8e5), point(3.0e5, 3.8e5));
         assert!(matches!(shift, Implausible::Shift { .. }), "{shift}");
+    }
+
+    /// A sensor of 150 psi, of whose range a tenth is more than an atmosphere: the limit of the pressure was then one
+    /// higher than stated.
+    #[test]
+    fn gauge_pressures_are_refused() {
+        let mut config = Config::default();
+        config.sensors.pressure.range_pa = 1_034_214.0;
+        let gauge = [point(101_325.0, 0.0), point(2.0e5, 0.987e5)];
+        let error = Sensor::Pressure.calibrated(&config, gauge).unwrap_err().to_string();
+        let expected = "the reference reads 0.00 kPa and the sensor 101.33 kPa: must be absolute, and at least 81.06 kPa";
+        assert!(error.starts_with(expected), "{error}");
     }
 
     /// The scale of a MAX31865 is 1078 K wide: a twentieth of it lies between no two baths of a laboratory.
