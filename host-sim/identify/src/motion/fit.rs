@@ -10,7 +10,7 @@
 //! the start is searched along, as no record has it.
 
 use super::law::{Law, Start};
-use super::record::Record;
+use super::record::{Record, Row, load_n};
 use crate::search::{self, Found, LeastSquares, central_slopes};
 use crate::uncertainty::correlation_rows;
 use nalgebra::{DMatrix, DVector};
@@ -267,11 +267,8 @@ pub fn residuals(scenario: &Scenario, record: &Record, start: &Start) -> Vec<f64
         forces.iter().zip(&record.rows).map(|(force, row)| force - row.force_n).collect()
     } else {
         // The load may be searched.
-        let loaded: Vec<_> = record
-            .rows
-            .iter()
-            .map(|row| super::record::Row { force_n: scenario.load.force_n, ..*row })
-            .collect();
+        let force_n = load_n(scenario);
+        let loaded: Vec<_> = record.rows.iter().map(|row| Row { force_n, ..*row }).collect();
         let lengths = law.lengths(&loaded, start);
         lengths.iter().zip(&record.rows).map(|(length, row)| length - row.length_m).collect()
     }

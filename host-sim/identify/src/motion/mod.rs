@@ -29,7 +29,7 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
-use thermyo_scenario::{PlantKind, Scenario};
+use thermyo_scenario::{LoadKind, PlantKind, Scenario};
 use thermyo_setup::Loaded;
 
 const SLIP_FORCE: &str = "muscle.slip_force_n";
@@ -101,6 +101,10 @@ fn parameters(scenario: &Scenario, config: &Path) -> Result<Vec<Parameter>, Inpu
             let allowed = format!("keys that a record of motion determines: {known}");
             return Err(refused("identify.parameters", format!("{key:?}"), &allowed));
         };
+        if key == "load.force_n" && scenario.load.kind == LoadKind::Mass {
+            let allowed = "\"isotonic\" to search load.force_n; a weight is known";
+            return Err(refused("load.kind", "\"mass\"".to_owned(), allowed));
+        }
         if parameter.is_missing() {
             return Err(refused(key, "0.0".to_owned(), "above 0, to start the search from"));
         }
@@ -243,9 +247,8 @@ impl Left {
     /// From a row on.
     fn of(scenario: &Scenario, record: &Record, start: &Start, from: usize) -> Self {
         let law = Law::of(scenario, record.has_force);
-        let load = |row: &record::Row| {
-            if record.has_force { row.force_n } else { scenario.load.force_n }
-        };
+        let load_n = record::load_n(scenario);
+        let load = |row: &record::Row| if record.has_force { row.force_n } else { load_n };
         let rows: Vec<record::Row> =
             record.rows.iter().map(|row| record::Row { force_n: load(row), ..*row }).collect();
         let forces = law.forces(&rows, start);

@@ -3,6 +3,7 @@
 use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
+use thermyo_plant::chamber;
 use thermyo_record::measured::{
     check_distances, check_pressures, check_rising, since_s, unit_of_length,
 };
@@ -73,11 +74,12 @@ impl Record {
             Some(forces) => check_forces(table, forces)?,
             None => check_sign(table, &lengths, &pressures, scenario.muscle.rest_length_m)?,
         }
+        let load_n = load_n(scenario);
         let rows = (0..times.len()).map(|i| Row {
             time_s: since_s(times[i], times[0]),
             length_m: lengths[i],
             pressure_pa: pressures[i],
-            force_n: forces.as_ref().map_or(scenario.load.force_n, |forces| forces[i]),
+            force_n: forces.as_ref().map_or(load_n, |forces| forces[i]),
             weight: 1.0,
         });
         Ok(Self { rows: rows.collect(), has_force })
@@ -135,6 +137,11 @@ impl Record {
             longest_s *= 1.5;
         }
     }
+}
+
+/// Force of the scenario's load, which may be a weight \[N\].
+pub fn load_n(scenario: &Scenario) -> f64 {
+    chamber::of(scenario).map_or(0.0, |muscle| thermyo_plant::load_n(scenario, muscle.as_ref()))
 }
 
 /// One row for several, without most of their noise.

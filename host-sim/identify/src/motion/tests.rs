@@ -250,6 +250,37 @@ fn friction_does_not_stay_beside_the_slip_that_contains_it() {
     assert!(text.contains(remark), "{text}");
 }
 
+/// A weight, as `thermyo init` writes it, was taken for the 100 N that `load.force_n` is by default.
+#[test]
+fn a_weight_is_a_load() {
+    let text: String = (0..200)
+        .map(|i| {
+            let t = 0.02 * f64::from(i);
+            format!("{t},{},{}\n", 0.235 - 0.01 * t.sin(), 3.0e5 + 9.0e4 * t.sin())
+        })
+        .collect();
+    let table = table(&format!("time_s,length_m,pressure_pa\n{text}"));
+    let loaded = |kind: LoadKind| {
+        shipped_scenario().with(|scenario| {
+            scenario.identify.parameters = vec!["muscle.slip_force_n".to_owned()];
+            let load = &mut scenario.load;
+            (load.kind, load.force_n, load.mass_kg) = (kind, 5.0 * 9.806_65, 5.0);
+            if kind == LoadKind::Mass {
+                load.force_n = 100.0;
+            }
+        })
+    };
+    let found = |loaded: &Loaded| identify(loaded, CONFIG.as_ref(), &table, None, &());
+    let [weight, force] =
+        [LoadKind::Mass, LoadKind::Isotonic].map(|kind| found(&loaded(kind)).unwrap().findings);
+    assert_eq!(weight.rmse, force.rmse);
+    assert_eq!(weight.parameters, force.parameters);
+    let searched = loaded(LoadKind::Mass)
+        .with(|scenario| scenario.identify.parameters = vec!["load.force_n".to_owned()]);
+    let error = found(&searched).unwrap_err().to_string();
+    assert!(error.contains("load.kind = \"mass\": must be \"isotonic\""), "{error}");
+}
+
 /// Five seconds of a fast sine show no creep of half a minute.
 #[test]
 fn what_a_record_does_not_show_stays_open() {
