@@ -259,6 +259,7 @@ impl Cool {
     fn of(known: &Known) -> Self {
         let dead_m3 = match &known.config.chamber {
             ChamberConfig::Muscle(muscle) => f64::from(muscle.dead_volume_m3),
+            ChamberConfig::Cylinder(cylinder) => f64::from(cylinder.dead_volume_m3),
             _ => 0.0,
         };
         Self { volume_m3: known.hose_m3 + COOL * dead_m3, sd_m3: COOL_SD * dead_m3 }

@@ -1,6 +1,7 @@
 //! Stops of gas whose temperature is known: one zone, integrated here by itself.
 
 use super::*;
+use model_core::physics::chamber::Cylinder;
 
 /// Gas above its wall at the stop \[K\].
 const SWINGS_K: [f64; 6] = [20.0, -25.0, 12.0, -18.0, 28.0, 15.0];
@@ -163,6 +164,19 @@ fn temperature_heat_and_sensor_come_out() {
     assert!(sensor.lag_sd < 0.1 && heat.still_w_m2_k.relative() < 0.1, "{sensor:?} {heat:?}");
     // The inflow before a stop is not in this record.
     assert!(heat.stirred_per_flow.is_none(), "{heat:?}");
+}
+
+/// Only a muscle's dead volume counted: the error at a stop was three times as large as stated.
+#[test]
+fn a_cylinder_has_gas_in_fittings_and_tube_too() {
+    let mut config = held();
+    config.chamber = ChamberConfig::Cylinder(Cylinder::default());
+    let analysis = analysed(&SOUND, &config);
+    assert_eq!(analysis.usable().count(), SWINGS_K.len());
+    for stop in analysis.usable() {
+        let error_k = (stop.gas_k - stop.truth_k.unwrap()).abs();
+        assert!(stop.causes.volume_k > 0.5 && error_k < 2.0 * stop.gas_sd_k, "{stop:?}");
+    }
 }
 
 /// Jets before too few of the stops are not booked as still gas's heat.
