@@ -77,9 +77,9 @@ const SUPPLY: Question = Question {
     key: "supply.pressure_pa",
 };
 
-/// Where answers come from: flags, and a terminal if there is one.
+/// Where answers come from: flags, and what is typed at a terminal if there is one.
 struct Answers<'a> {
-    asks: bool,
+    typed: Option<&'a mut dyn BufRead>,
     stderr: &'a mut dyn Write,
 }
 
@@ -96,16 +96,18 @@ impl Answers<'_> {
         if let Some(given) = given {
             return Ok(given);
         }
-        if !self.asks {
+        let Some(typed) = &mut self.typed else {
             let message = format!("{flag} is missing: {hint}; there is no terminal to ask at");
             return Err(Failure::Usage(message));
-        }
+        };
         loop {
             let _ = write!(self.stderr, "{words} ({hint}): ");
             let _ = self.stderr.flush();
             let mut line = String::new();
-            let read = io::stdin().lock().read_line(&mut line);
+            let read = typed.read_line(&mut line);
             if !matches!(read, Ok(count) if count > 0) {
+                // The message that follows has a line of its own.
+                let _ = writeln!(self.stderr);
                 return Err(Failure::Usage(format!("no answer for {flag}; nothing is written")));
             }
             match checked(line.trim()) {
@@ -139,6 +141,34 @@ impl Answers<'_> {
         let hint = schema::limits(question.key).to_string();
         self.to(question, given, &hint, |text| typed(question.key, text))
     }
+
+    /// The muscle's dimensions by key, none that its preset has. Where they make no muscle those that are typed are
+    /// asked for again: one in mm may be in range in m.
+    fn dimensions(
+        &mut self,
+        args: &InitArgs,
+        muscle: &str,
+    ) -> Result<Vec<(&'static str, f64)>, Failure> {
+        let asked =
+            [(REST, args.rest_length), (DIAMETER, args.diameter), (ANGLE, args.braid_angle)];
+        let of_preset = Preset::of("muscle", muscle).is_some();
+        let is_typed = !of_preset && asked.iter().any(|(_, given)| given.is_none());
+        loop {
+            let mut dimensions = Vec::new();
+            for (question, given) in asked.iter().filter(|(_, given)| given.is_some() || !of_preset)
+            {
+                dimensions.push((question.key, self.number(question, *given)?));
+            }
+            let table = muscle_table(muscle, &dimensions);
+            match thermyo_setup::parse(&table, &args.out) {
+                Ok(_) => return Ok(dimensions),
+                Err(error) if is_typed => {
+                    let _ = writeln!(self.stderr, "{}", error.problem);
+                }
+                Err(error) => return Err(Failure::Usage(error.problem.to_string())),
+            }
+        }
+    }
 }
 
 fn allowed(key: &str, number: f64) -> Result<f64, String> {
@@ -167,17 +197,11 @@ fn refused(question: &Question, allowed: &str) -> Failure {
 pub(super) fn run(args: &InitArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     is_new(&args.out)?;
     let to = to.as_asked(args.format);
-    let mut answers = Answers { asks: io::stdin().is_terminal(), stderr: to.err };
+    let mut terminal = io::stdin().is_terminal().then(|| io::stdin().lock());
+    let typed = terminal.as_mut().map(|typed| typed as &mut dyn BufRead);
+    let mut answers = Answers { typed, stderr: to.err };
     let muscle = answers.word(&MUSCLE, args.muscle.as_ref(), MusclePreset::WORDS)?;
-    let mut dimensions = Vec::new();
-    let of_preset = Preset::of("muscle", &muscle).is_some();
-    for (question, given) in
-        [(REST, args.rest_length), (DIAMETER, args.diameter), (ANGLE, args.braid_angle)]
-    {
-        if given.is_some() || !of_preset {
-            dimensions.push((question.key, answers.number(&question, given)?));
-        }
-    }
+    let dimensions = answers.dimensions(args, &muscle)?;
     let valve = answers.word(&VALVE, args.valve.as_ref(), ValvePreset::WORDS)?;
     let sensor = answers.word(&SENSOR, args.pressure_sensor.as_ref(), PressurePreset::WORDS)?;
     let load_kg = answers.number(&LOAD, args.load)?;
@@ -214,20 +238,31 @@ fn rig(
     let mut text =
         "# Written by thermyo init; thermyo check prints every key with its default.\n".to_owned();
     for (table, word) in presets {
-        let _ = writeln!(text, "\n[{table}]");
-        if let Some(preset) = Preset::of(table, word) {
-            let _ = writeln!(text, "# {}", preset.source);
-            let _ = writeln!(text, "preset = {word:?}");
-        }
-        if *table == "muscle" {
-            for (key, value) in dimensions {
-                let _ = writeln!(text, "{} = {value:?}", key.trim_start_matches("muscle."));
-            }
-        }
+        text += &match *table {
+            "muscle" => muscle_table(word, dimensions),
+            _ => preset_table(table, word),
+        };
     }
     text + &format!(
         "\n[supply]\npressure_pa = {supply_pa:?}\n\n[load]\nkind = \"mass\"\nmass_kg = {load_kg:?}\n"
     )
+}
+
+fn preset_table(table: &str, word: &str) -> String {
+    let mut text = format!("\n[{table}]\n");
+    if let Some(preset) = Preset::of(table, word) {
+        let _ = writeln!(text, "# {}", preset.source);
+        let _ = writeln!(text, "preset = {word:?}");
+    }
+    text
+}
+
+fn muscle_table(word: &str, dimensions: &[(&str, f64)]) -> String {
+    let mut text = preset_table("muscle", word);
+    for (key, value) in dimensions {
+        let _ = writeln!(text, "{} = {value:?}", key.trim_start_matches("muscle."));
+    }
+    text
 }
 
 /// The drive's text, a set point that the rig reaches, and a note where that is no usual one.
@@ -283,6 +318,40 @@ fn unknown(presets: &[(&str, String)]) -> Vec<(Vec<&'static str>, &'static str)>
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A diameter in mm was refused after the last question, and all answers were lost.
+    #[test]
+    fn dimensions_that_make_no_muscle_are_asked_for_again() {
+        let args = InitArgs {
+            out: PathBuf::from("muscle.toml"),
+            muscle: None,
+            rest_length: None,
+            diameter: None,
+            braid_angle: Some(25.0),
+            valve: None,
+            pressure_sensor: None,
+            load: None,
+            supply: None,
+            format: FormatArgs::default(),
+        };
+        let dimensions = |mut typed: &[u8], args: &InitArgs| {
+            let mut stderr = Vec::new();
+            let mut answers = Answers { typed: Some(&mut typed), stderr: &mut stderr };
+            let found = answers.dimensions(args, "none");
+            (found, String::from_utf8(stderr).unwrap())
+        };
+        let (found, seen) = dimensions(b"0.25\n13.9\n250 mm\n13.9 mm\n", &args);
+        let expected = [(REST.key, 0.25), (DIAMETER.key, 0.0139), (ANGLE.key, 25.0)];
+        assert_eq!(found.unwrap(), expected);
+        assert!(seen.contains("): muscle.diameter_m = 13.9: must be a number from "), "{seen}");
+        let (found, seen) = dimensions(b"0.25\n", &args);
+        let Err(Failure::Usage(why)) = found else { panic!("{seen}") };
+        assert_eq!(why, "no answer for --diameter; nothing is written");
+        assert!(seen.ends_with("): \n"), "{seen:?}");
+        let flags = InitArgs { rest_length: Some(0.25), diameter: Some(13.9), ..args };
+        let Err(Failure::Usage(why)) = dimensions(b"", &flags).0 else { panic!() };
+        assert!(why.starts_with("muscle.diameter_m = 13.9: must be a number from "), "{why}");
+    }
 
     #[test]
     fn an_answer_may_have_a_unit_as_a_flag_may() {
