@@ -225,6 +225,18 @@ fn published_data_that_are_damaged_are_refused() {
         let output = thermyo(&["evaluate", "truth", &folder.name(""), "--quiet"]);
         output.refused(message).in_one_line();
     }
+    let folder = Folder::new();
+    fs::create_dir(folder.path("motion")).unwrap();
+    folder.file("motion.csv", "");
+    folder.file("motion/a.CSV", "time_s,length_m,pressure_pa\n0,0.25,1e5\n");
+    folder.file("motion/a.toml", "[plant]\nkind = \"cylinder\"\n[load]\nforce_n = -100\n");
+    for (name, message) in [
+        ("motion.csv", "is a file; a folder is needed"),
+        ("absent", "absent: no such file"),
+        ("", "plant.kind = \"cylinder\": must be \"muscle\" for a record of motion"),
+    ] {
+        thermyo(&["evaluate", "truth", &folder.name(name)]).refused(message).in_one_line();
+    }
 }
 
 #[test]

@@ -94,7 +94,14 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
 /// Standard deviations of the reference, where the recording has them.
 fn of_reference(recording: &Table) -> Result<Vec<Option<f64>>, InputError> {
     let has_them = recording.columns().iter().any(|column| column.name == REFERENCE_SD);
-    if has_them { recording.column(REFERENCE_SD).map(<[_]>::to_vec) } else { Ok(Vec::new()) }
+    if !has_them {
+        return Ok(Vec::new());
+    }
+    let sds_k = recording.column(REFERENCE_SD)?;
+    match sds_k.iter().position(|sd_k| sd_k.is_some_and(|sd_k| sd_k < 0.0)) {
+        Some(row) => Err(recording.cell_error(row, REFERENCE_SD, "a number from 0 on")),
+        None => Ok(sds_k.to_vec()),
+    }
 }
 
 /// Response of a sensor with that lag to values that are linear between rows, exact: it stays
@@ -197,5 +204,10 @@ mod tests {
             let error = judged(rows, 0.0).unwrap_err();
             assert!(error.contains(expected), "{error}");
         }
+        let text = "time_s,estimate_k,estimate_sd_k,sensor_gas_k,reference_gas_k,reference_sd_k\n0,300,1,300,300,-1\n";
+        let table = Table::parse(text, "trace.csv".as_ref()).unwrap();
+        let error = evaluate(&table, 0.0).unwrap_err().to_string();
+        let expected = "trace.csv:2: column reference_sd_k = -1.0: must be a number from 0 on";
+        assert_eq!(error, expected);
     }
 }

@@ -58,6 +58,11 @@ pub enum TruthError {
 /// # Errors
 /// When there is no data at all, or a case cannot be used.
 pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
+    if !folder.is_dir() {
+        let problem =
+            if folder.exists() { Problem::IsFile } else { Problem::NotFound { near: None } };
+        return Err(InputError::file(folder, problem).into());
+    }
     let maps = tables(&folder.join("muscle_static"));
     let spring = folder.join("gas_spring/upper_2022-01-28.csv");
     let discharge = folder.join("hyddown/air_discharge.csv");

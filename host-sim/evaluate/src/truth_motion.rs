@@ -62,7 +62,7 @@ pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, InputError> {
 pub fn tables(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
-    files.retain(|file| file.extension().is_some_and(|extension| extension == "csv"));
+    files.retain(|file| file.extension().is_some_and(|own| own.eq_ignore_ascii_case("csv")));
     files.sort();
     files
 }

@@ -1,7 +1,8 @@
 //! The law beside simpler ones, on the same split record.
 
+use super::plan::check_muscle;
 use super::record::Record;
-use super::{Left, MOST_ROWS, Searched, compared, parameters, search};
+use super::{Left, MOST_ROWS, Searched, compared, is_asked_for, parameters, search, usual_keys};
 use std::path::Path;
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
@@ -47,25 +48,37 @@ fn coulomb(scenario: &mut Scenario) {
 
 type Change = fn(&mut Scenario);
 
+fn of(keys: &[&str]) -> Vec<String> {
+    keys.iter().map(|key| (*key).to_owned()).collect()
+}
+
+/// Keys of the whole law: those that the scenario names, else all that a record determines.
+pub fn keys(loaded: &Loaded) -> Vec<String> {
+    if is_asked_for(loaded) {
+        return loaded.plant.identify.parameters.clone();
+    }
+    [of(&STATIC), usual_keys(&loaded.plant)].concat()
+}
+
 /// Fits each law to the first part of a record, and compares it with the rest.
 ///
 /// # Errors
 /// As [`super::identify`].
 pub fn laws(loaded: &Loaded, config: &Path, table: &Table) -> Result<Vec<LawLeft>, InputError> {
+    check_muscle(&loaded.plant, config)?;
     let whole = Record::of(table, &loaded.plant)?;
     let cut = (FITTED * whole.rows.len() as f64) as usize;
     let [fitted, held] = [&whole.rows[..cut], &whole.rows[cut..]]
         .map(|rows| Record { rows: rows.to_vec(), has_force: whole.has_force });
     let thin = fitted.thinned(MOST_ROWS);
-    let all = &loaded.plant.identify.parameters;
-    let of = |keys: &[&str]| keys.iter().map(|key| (*key).to_owned()).collect::<Vec<String>>();
     let braid = of(&["muscle.diameter_m", "muscle.braid_angle_deg"]);
+    let all = keys(loaded);
     let with_coulomb = [of(&["muscle.slip_force_n"]), of(&STATIC)].concat();
     let cases: [(&'static str, Change, &[String]); 4] = [
         ("ideal braid", ideal, &braid),
         ("static law", without_motion, &of(&STATIC)),
         ("static law and Coulomb friction", coulomb, &with_coulomb),
-        ("slip and creep", |_| {}, all),
+        ("slip and creep", |_| {}, &all),
     ];
     let one = |(name, change, keys): &(&'static str, Change, &[String])| {
         let mut scenario = loaded.plant.clone();

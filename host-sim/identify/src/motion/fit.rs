@@ -10,7 +10,7 @@
 //! the start is searched along, as no record has it.
 
 use super::law::{Law, Start};
-use super::record::{Record, Row, load_n};
+use super::record::{Record, Row};
 use crate::search::{self, Found, LeastSquares, central_slopes};
 use crate::uncertainty::correlation_rows;
 use nalgebra::{DMatrix, DVector};
@@ -262,16 +262,13 @@ pub fn adopt<'a>(
 /// Predicted less measured forces where those were measured, lengths otherwise.
 pub fn residuals(scenario: &Scenario, record: &Record, start: &Start) -> Vec<f64> {
     let law = Law::of(scenario, record.has_force);
-    if record.has_force {
-        let forces = law.forces(&record.rows, start);
-        forces.iter().zip(&record.rows).map(|(force, row)| force - row.force_n).collect()
+    let rows = record.loaded(scenario);
+    let (found, measured): (_, fn(&Row) -> f64) = if record.has_force {
+        (law.forces(&rows, start), |row| row.force_n)
     } else {
-        // The load may be searched.
-        let force_n = load_n(scenario);
-        let loaded: Vec<_> = record.rows.iter().map(|row| Row { force_n, ..*row }).collect();
-        let lengths = law.lengths(&loaded, start);
-        lengths.iter().zip(&record.rows).map(|(length, row)| length - row.length_m).collect()
-    }
+        (law.lengths(&rows, start), |row| row.length_m)
+    };
+    found.iter().zip(&rows).map(|(found, row)| found - measured(row)).collect()
 }
 
 impl LeastSquares for Problem<'_> {

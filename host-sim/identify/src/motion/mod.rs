@@ -14,19 +14,19 @@ mod record;
 mod tests;
 
 pub use baseline::{LawLeft, laws};
-pub use fit::{FACTOR, KEYS, MOTION};
+pub use fit::KEYS;
 pub use page::{page, plot};
 pub use plan::{check_plan, plan, profile};
 pub use record::{Record, check_lengths, check_pace};
 
 use super::findings::Fitted;
-use fit::{Parameter, Problem, Value, adopt, residuals};
+use fit::{FACTOR, MOTION, Parameter, Problem, Value, adopt, residuals};
 use law::{Law, Start};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use thermyo_compute::parallel::Watch;
-use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_files::input::InputError;
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_scenario::{LoadKind, PlantKind, Scenario};
@@ -90,11 +90,14 @@ pub fn is_asked_for(loaded: &Loaded) -> bool {
     plant.kind == PlantKind::Muscle && identify.parameters.iter().any(of_motion)
 }
 
+/// Keys of slip and creep. A factor in pressure that the muscle has not been given needs a record with little load.
+pub fn usual_keys(scenario: &Scenario) -> Vec<String> {
+    let has_factor = scenario.muscle.slip_pressure_factor > 0.0;
+    MOTION.into_iter().filter(|key| has_factor || *key != FACTOR).map(str::to_owned).collect()
+}
+
 fn parameters(scenario: &Scenario, config: &Path) -> Result<Vec<Parameter>, InputError> {
-    let refused = |key: &str, value: String, allowed: &str| {
-        let (key, allowed) = (key.to_owned(), allowed.to_owned());
-        InputError::file(config, InputProblem::NotAllowed { key, value, allowed })
-    };
+    let refused = |key: &str, value, allowed: &str| plan::refused(config, key, value, allowed);
     let one = |key: &String| {
         let Some(parameter) = Parameter::of(key, scenario) else {
             let known = KEYS.map(|(key, _)| key).join(", ");
@@ -247,10 +250,7 @@ impl Left {
     /// From a row on.
     fn of(scenario: &Scenario, record: &Record, start: &Start, from: usize) -> Self {
         let law = Law::of(scenario, record.has_force);
-        let load_n = record::load_n(scenario);
-        let load = |row: &record::Row| if record.has_force { row.force_n } else { load_n };
-        let rows: Vec<record::Row> =
-            record.rows.iter().map(|row| record::Row { force_n: load(row), ..*row }).collect();
+        let rows = record.loaded(scenario);
         let forces = law.forces(&rows, start);
         // A load that lies on a stop says nothing.
         let off_stop_m = if record.has_force {

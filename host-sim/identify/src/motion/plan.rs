@@ -120,18 +120,26 @@ pub fn plan(loaded: &Loaded, config: &Path) -> Result<(String, Vec<String>), Inp
 /// # Errors
 /// When the scenario is no muscle, or the pressure is not above ambient.
 pub fn check_plan(scenario: &Scenario, highest_pa: f64, config: &Path) -> Result<(), InputError> {
-    let Scenario { plant, ambient, supply, .. } = scenario;
-    let refused = |key: &str, value: String, allowed: &str| {
-        let (key, allowed) = (key.to_owned(), allowed.to_owned());
-        Err(InputError::file(config, Problem::NotAllowed { key, value, allowed }))
-    };
-    if plant.kind != PlantKind::Muscle {
-        let allowed = "\"muscle\" for a record of motion";
-        return refused("plant.kind", format!("{:?}", plant.kind.word()), allowed);
-    }
-    if highest_pa <= ambient.pressure_pa {
-        let allowed = "above ambient.pressure_pa";
-        return refused("supply.pressure_pa", format!("{:?}", supply.pressure_pa), allowed);
+    check_muscle(scenario, config)?;
+    if highest_pa <= scenario.ambient.pressure_pa {
+        let value = format!("{:?}", scenario.supply.pressure_pa);
+        return Err(refused(config, "supply.pressure_pa", value, "above ambient.pressure_pa"));
     }
     Ok(())
+}
+
+/// # Errors
+/// When the scenario is no muscle.
+pub fn check_muscle(scenario: &Scenario, config: &Path) -> Result<(), InputError> {
+    let kind = scenario.plant.kind;
+    if kind == PlantKind::Muscle {
+        return Ok(());
+    }
+    let allowed = "\"muscle\" for a record of motion";
+    Err(refused(config, "plant.kind", format!("{:?}", kind.word()), allowed))
+}
+
+pub(super) fn refused(config: &Path, key: &str, value: String, allowed: &str) -> InputError {
+    let (key, allowed) = (key.to_owned(), allowed.to_owned());
+    InputError::file(config, Problem::NotAllowed { key, value, allowed })
 }

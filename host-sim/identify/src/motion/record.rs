@@ -85,6 +85,13 @@ impl Record {
         Ok(Self { rows: rows.collect(), has_force })
     }
 
+    /// The rows under the scenario's load, which may be searched, where no column has the force.
+    pub fn loaded(&self, scenario: &Scenario) -> Vec<Row> {
+        let load_n = load_n(scenario);
+        let force_n = |row: &Row| if self.has_force { row.force_n } else { load_n };
+        self.rows.iter().map(|row| Row { force_n: force_n(row), ..*row }).collect()
+    }
+
     /// Way between the shortest and the longest length \[m\].
     pub fn stroke_m(&self) -> f64 {
         span(self.rows.iter().map(|row| row.length_m))
@@ -140,7 +147,7 @@ impl Record {
 }
 
 /// Force of the scenario's load, which may be a weight \[N\].
-pub fn load_n(scenario: &Scenario) -> f64 {
+fn load_n(scenario: &Scenario) -> f64 {
     chamber::of(scenario).map_or(0.0, |muscle| thermyo_plant::load_n(scenario, muscle.as_ref()))
 }
 

@@ -177,7 +177,7 @@ fn left_open(open: &[String], heat: Option<&Relaxation>) -> String {
     match mixed {
         Some(Relaxation { stops, charged, .. }) => format!(
             "the stops leave {keys} open: {charged} of {stops} follow an inflow, and the heat that its jet takes cannot \
-             be parted from that of still gas. At least {CHARGED} of them have to: take {USUAL_STOPS} stops or more"
+             be parted from that of still gas: take more stops, {USUAL_STOPS} at least, of which {CHARGED} or more do"
         ),
         None => format!(
             "the stops leave {keys} open: take more of them, at more phases, or with a larger swing"

@@ -74,10 +74,7 @@ pub fn motion_values(
     let mut asked = loaded.clone();
     asked.plant = asked.believed.clone();
     if !motion::is_asked_for(&asked) {
-        // A factor in pressure that the muscle has not been given needs a record with little load.
-        let has_factor = asked.plant.muscle.slip_pressure_factor > 0.0;
-        let keys = motion::MOTION.into_iter().filter(|key| has_factor || *key != motion::FACTOR);
-        asked.plant.identify.parameters = keys.map(str::to_owned).collect();
+        asked.plant.identify.parameters = motion::usual_keys(&asked.plant);
     }
     let table = Table::parse(text, record_file)?;
     let mut found = motion::identify(&asked, file, &table, None, watch)?;
