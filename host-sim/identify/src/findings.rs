@@ -185,7 +185,7 @@ impl Findings {
             )
         } else if !self.missed.is_empty() {
             Some(format!(
-                "{} is missed by more than it varies: another start than the scenario's, gauge pressure, \
+                "the fit misses {} by more than it varies: another start than the scenario's, gauge pressure, \
                  another unit, or another muscle",
                 self.missed.join(" and ")
             ))
@@ -378,6 +378,6 @@ mod tests {
         };
         assert_eq!(failed(400_000.0), None);
         let gauge = failed(298_675.0).unwrap();
-        assert!(gauge.contains("pressure_pa is missed by more than it varies"), "{gauge}");
+        assert!(gauge.contains("the fit misses pressure_pa by more than it varies"), "{gauge}");
     }
 }
