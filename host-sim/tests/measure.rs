@@ -105,6 +105,17 @@ fn a_small_leak_is_found_beside_a_lag_that_is_believed_wrong() {
     }
 }
 
+/// A quarter of the gas in its tube counted as the tube's: it was 0.5 K off, a twentieth of every swing.
+#[test]
+fn a_small_muscle_shows_its_gas_temperature_beside_its_tube() {
+    let folder = Folder::new();
+    let scenario = "[plant]\nmodel = \"full\"\n[muscle]\npreset = \"dmsp-10\"\n\
+        [load]\nkind = \"isotonic\"\nmass_kg = 5\nforce_n = 49\n";
+    let summary = measured(&folder, scenario, &["--stops", "5"]).ok().json();
+    let off_k = summary["rms_k"]["plant"].as_f64().unwrap();
+    assert!((0.05..0.4).contains(&off_k), "{off_k} K");
+}
+
 /// The argument had to be UTF-8, also where it is a file.
 #[cfg(target_os = "linux")]
 #[test]

@@ -13,7 +13,7 @@ use thermyo_plant::chamber;
 use thermyo_plant::heat::{InnerHeat, Stirred};
 use thermyo_scenario::{HeatModel, Scenario, number, with_numbers};
 use thermyo_setup::Loaded;
-use thermyo_setup::core_config::core_config;
+use thermyo_setup::core_config::{Effective, core_config};
 
 /// Relative standard error from which on the stops do not determine a value.
 const UNDETERMINED: f64 = 0.5;
@@ -90,7 +90,8 @@ pub fn analyse_with(loaded: &Loaded, rows: &Rows) -> Analysis {
         .line()
         .filter(|_| plant.moves_in_full())
         .map_or(0.0, |[length_m, bore_m]| 0.25 * PI * bore_m * bore_m * length_m);
-    analyse(rows, &Known { config: &config, law: &law, hose_m3 })
+    let Effective { tube_m3, .. } = Effective::of(plant);
+    analyse(rows, &Known { config: &config, law: &law, tube_m3, hose_m3 })
 }
 
 /// Identifies from the stops of a record.

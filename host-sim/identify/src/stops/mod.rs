@@ -15,11 +15,11 @@
 //! over its parts. At the end of a long enough wait gas, wall and sensor have one temperature,
 //! T_end, which the sensor reads. Neither valve, flow nor heat transfer has to be known.
 //!
-//! Gas in fittings, tube and hose, V_c, keeps their temperature, near T_end. With the gas there,
-//! m R = P (V - V_c)/T + P V_c/T_end, so that
+//! Gas in fittings and tube, V_c, which are part of V, and in a hose beside it, V_h, keeps their
+//! temperature, near T_end. With the gas there, m R = P (V - V_c)/T + P (V_c + V_h)/T_end, so that
 //!
 //! ```text
-//! T(t) = T_end P (V - V_c)/((P V)_end - P V_c)
+//! T(t) = T_end P (V - V_c)/((P (V + V_h))_end - P (V_c + V_h))
 //! ```
 
 mod find;
@@ -59,15 +59,17 @@ const PRESSURE_OFF: f64 = 0.0025;
 /// calliper leaves on a soft muscle. Assumptions.
 const LENGTH_OFF_M: f64 = 0.5e-3;
 const DEAD_OFF: f64 = 0.02;
-/// Share of the dead volume whose gas keeps the temperature of fittings and tube: between none and
-/// half of it, and its standard deviation (uniform). Assumption.
+/// Shares of the fittings' and of the tube's volume whose gas keeps their temperature: between none
+/// and half, and between half and all. Assumptions.
 const COOL: f64 = 0.25;
+const TUBE_COOL: f64 = 0.75;
+/// Their standard deviation (uniform).
 const COOL_SD: f64 = 0.144;
 /// Error of a calibrated foil \[K\]: a tenth of a kelvin of the reference instrument.
 const SENSOR_OFF_K: f64 = 0.1;
 /// A wall that has warmed has not warmed evenly: how much it differs at the foil from its mean, as a
-/// share of its distance to ambient. Assumption; the paper's Fig. 2 spans as much as it warms.
-const UNEVEN: f64 = 0.2;
+/// share of its distance to ambient. The paper's Fig. 2 spans as much as it warms (uniform).
+const UNEVEN: f64 = 0.29;
 /// A wait is too short if the gas, or what the sensor lags behind it, changes by more than this in
 /// the last quarter of it \[K\].
 const UNSETTLED_K: f64 = 0.5;
@@ -184,6 +186,8 @@ pub struct Known<'a> {
     /// Coefficient of still gas by the scenario's law \[W/(m2 K)\], at pressure \[Pa\], gas and wall
     /// temperature \[K\].
     pub law: &'a dyn Fn(f64, f64, f64) -> f64,
+    /// Volume of the tube, which is in the configured dead volume \[m3\].
+    pub tube_m3: f64,
     /// Volume of a hose between valves and chamber, which the configuration leaves out \[m3\].
     pub hose_m3: f64,
 }
@@ -249,10 +253,13 @@ fn of_usable<'a, 'b>(closed: &'a [Closed<'b>], refused: &[Option<String>]) -> Ve
     closed.iter().zip(refused).filter(|(_, why)| why.is_none()).map(|(closed, _)| closed).collect()
 }
 
-/// Volume of gas that keeps its temperature, and its standard deviation \[m3\].
+/// Volume of gas that keeps its temperature.
 struct Cool {
-    volume_m3: f64,
+    /// Part of the configured volume, and its standard deviation \[m3\].
+    inside_m3: f64,
     sd_m3: f64,
+    /// On top of it \[m3\].
+    hose_m3: f64,
 }
 
 impl Cool {
@@ -262,7 +269,13 @@ impl Cool {
             ChamberConfig::Cylinder(cylinder) => f64::from(cylinder.dead_volume_m3),
             _ => 0.0,
         };
-        Self { volume_m3: known.hose_m3 + COOL * dead_m3, sd_m3: COOL_SD * dead_m3 }
+        let tube_m3 = known.tube_m3.min(dead_m3);
+        let fittings_m3 = dead_m3 - tube_m3;
+        Self {
+            inside_m3: COOL * fittings_m3 + TUBE_COOL * tube_m3,
+            sd_m3: COOL_SD * fittings_m3.hypot(tube_m3),
+            hose_m3: known.hose_m3,
+        }
     }
 }
 
@@ -270,24 +283,24 @@ fn close<'a>(hold: Hold, rows: &'a Rows, chamber: &AnyChamber, cool: &Cool) -> C
     let rows = &rows.rows[hold.rows.clone()];
     let whole_m3: Vec<f64> =
         rows.iter().map(|row| f64::from(chamber.volume_m3(row.length_m as f32))).collect();
-    // Gas of the last twentieth of the wait. A hose comes on top of the chamber.
+    // Gas of the last twentieth of the wait.
     let first = rows.len() - (rows.len() / 20).max(1);
     let mean = |of: &dyn Fn(usize) -> f64| {
         (first..rows.len()).map(of).sum::<f64>() / (rows.len() - first) as f64
     };
     let end_j = mean(&|row| rows[row].pressure_pa * whole_m3[row]);
     let end_pa = mean(&|row| rows[row].pressure_pa);
-    let ratio = |row: usize, cool_m3: f64| {
+    let ratio = |row: usize, inside_m3: f64| {
         let pressure_pa = rows[row].pressure_pa;
-        pressure_pa * (whole_m3[row] - cool_m3) / (end_j - cool_m3 * pressure_pa)
+        let cool_j = cool.hose_m3 * (end_pa - pressure_pa) - inside_m3 * pressure_pa;
+        pressure_pa * (whole_m3[row] - inside_m3) / (end_j + cool_j)
     };
-    let hose = |row: usize| ratio(row, cool.volume_m3);
-    let more = cool.volume_m3 + cool.sd_m3;
+    let own = |row: usize| ratio(row, cool.inside_m3);
     Closed {
-        ratio: (0..rows.len()).map(hose).collect(),
-        cool_sd: ratio(0, more) - hose(0),
-        end_j: end_j - cool.volume_m3 * end_pa,
-        volume_m3: whole_m3.iter().map(|volume_m3| volume_m3 - cool.volume_m3).collect(),
+        ratio: (0..rows.len()).map(own).collect(),
+        cool_sd: ratio(0, cool.inside_m3 + cool.sd_m3) - own(0),
+        end_j: end_j - cool.inside_m3 * end_pa,
+        volume_m3: whole_m3.iter().map(|volume_m3| volume_m3 - cool.inside_m3).collect(),
         hold,
         rows,
     }

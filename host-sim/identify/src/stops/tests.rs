@@ -129,7 +129,7 @@ fn analysed(made: &Made, config: &Config) -> Analysis {
 
 fn analysed_rows(rows: &Rows, config: &Config) -> Analysis {
     let law = |_: f64, _: f64, _: f64| 90.0;
-    analyse(rows, &Known { config, law: &law, hose_m3: 0.0 })
+    analyse(rows, &Known { config, law: &law, tube_m3: 0.0, hose_m3: 0.0 })
 }
 
 fn assert_close(analysis: &Analysis, within_k: f64) {
