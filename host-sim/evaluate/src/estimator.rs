@@ -155,12 +155,12 @@ fn still(loaded: &mut Loaded, inner_w_m2_k: f64) {
         loaded.with(|s| (s.heat.model, s.heat.inner_w_m2_k) = (HeatModel::Constant, inner_w_m2_k));
 }
 
-/// A hose of 4 mm between valves and muscle, believed rightly.
 fn hold_contraction(loaded: &mut Loaded) {
     loaded.plant.drive.kind = DriveKind::Contraction;
     loaded.drive_profile = profile(&[(0.0, 0.1)]);
 }
 
+/// A hose of 4 mm between valves and muscle, believed rightly.
 fn hose(loaded: &mut Loaded, length_m: f64) {
     *loaded = loaded.with(|s| (s.tube.length_m, s.tube.diameter_m) = (Some(length_m), Some(0.004)));
 }
