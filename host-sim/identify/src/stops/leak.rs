@@ -10,7 +10,7 @@
 //! takes a leak for one that sees little of it. tau is marginalised over a grid. The wall's course is between none
 //! and the sensor's, less what is left of its lag: the wall beside it may warm or cool while the rest does not.
 
-use super::Closed;
+use super::{Closed, LAG_OFF};
 use nalgebra::{DMatrix, DVector};
 
 /// Part of the wait that is left out, in which jets decay and gas relaxes fast.
@@ -21,8 +21,11 @@ const RELAXES: [f64; 10] = [0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.4, 0.
 const WALL: f64 = 0.5;
 /// Least variance of ln(P V) and of the reading's logarithm: records have eight digits at the most.
 const LEAST_NOISE: f64 = 1e-16;
-/// Error of the lag with which the sensor settles. Assumption.
-const LAG_OFF: f64 = 0.2;
+/// A leak that is smaller than so many standard deviations is none.
+const SEEN: f64 = 3.0;
+/// Smallest change of the temperature by a leak that is corrected \[K\]: errors of the sensor's
+/// model look like a smaller one.
+const LEAST_K: f64 = 0.4;
 
 /// Share of the gas that is lost in a second, and its standard deviation \[1/s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,7 +81,20 @@ fn line(times_s: &[f64], values: &[f64], relaxes_s: f64, most: f64) -> Option<Li
     })
 }
 
-pub fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
+/// The leak of a stop, beside a sensor of that lag \[s\]; none where it is too small to be told from none, which it may
+/// be or not.
+pub fn seen(closed: &Closed, lag_s: f64) -> Leak {
+    let Some(leak) = of(closed, lag_s) else { return Leak::NONE };
+    let by_leak_k = leak.rate_1_s.abs() * closed.wait_s() * closed.last_k();
+    if leak.rate_1_s.abs() > SEEN * leak.sd_1_s && by_leak_k > LEAST_K {
+        leak
+    } else {
+        // Half of it counts, and of what would not be seen.
+        Leak { rate_1_s: 0.0, sd_1_s: 0.5 * leak.rate_1_s.abs().max(leak.sd_1_s) }
+    }
+}
+
+fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
     let wait_s = closed.wait_s();
     let from =
         |share: f64| (0..closed.rows.len()).find(|row| closed.since_s(*row) > share * wait_s);
@@ -91,7 +107,7 @@ pub fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
         .map(|share| share * wait_s)
         .filter_map(|relaxes_s| {
             let left = swing * (-times_s[first] / relaxes_s).exp();
-            line(&times_s[first..], &logs, relaxes_s, left.max(f64::MIN_POSITIVE))
+            line(&times_s[first..], &logs, relaxes_s, left)
         })
         .collect();
     let least = lines.iter().map(|line| line.squares).fold(f64::INFINITY, f64::min);

@@ -39,6 +39,7 @@ pub use relaxation::Relaxation;
 pub use thermometer::Sensor;
 
 use find::Hold;
+use leak::Leak;
 use model_core::Config;
 use model_core::config::Load;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
@@ -70,6 +71,8 @@ const SENSOR_OFF_K: f64 = 0.1;
 /// A wall that has warmed has not warmed evenly: how much it differs at the foil from its mean, as a
 /// share of its distance to ambient. The paper's Fig. 2 spans as much as it warms (uniform).
 const UNEVEN: f64 = 0.29;
+/// Error of the configured lag where the stops do not show it: a fifth.
+const LAG_OFF: f64 = 0.2;
 /// A wait is too short if the gas, or what the sensor lags behind it, changes by more than this in
 /// the last quarter of it \[K\].
 const UNSETTLED_K: f64 = 0.5;
@@ -204,6 +207,8 @@ struct Closed<'a> {
     end_j: f64,
     /// Volume of the gas whose temperature changes \[m3\].
     volume_m3: Vec<f64>,
+    /// Beside a sensor that has the configured lag.
+    leak: Leak,
 }
 
 impl Closed<'_> {
@@ -226,14 +231,17 @@ pub fn analyse(rows: &Rows, known: &Known) -> Analysis {
     let chamber = AnyChamber::new(&config.chamber);
     let holds = find::holds(&rows.rows, config);
     let cool = Cool::of(known);
-    let closed: Vec<Closed> =
-        holds.into_iter().map(|hold| close(hold, rows, &chamber, &cool)).collect();
+    let prior = thermometer::configured(config);
+    let close = |hold| {
+        let closed = close(hold, rows, &chamber, &cool);
+        Closed { leak: leak::seen(&closed, prior.lag_s), ..closed }
+    };
+    let closed: Vec<Closed> = holds.into_iter().map(close).collect();
     let held_n = held_n(&rows.rows, config);
     let moved =
         |closed: &Closed| moved(closed, &held_n[closed.hold.rows.clone()], config, &chamber);
     let refused: Vec<Option<String>> = closed.iter().map(moved).collect();
     let steady: Vec<&Closed> = of_usable(&closed, &refused);
-    let prior = thermometer::configured(config);
     let mut sensor = thermometer::fit(&steady, &prior);
     let mut stops = judged(&closed, &refused, sensor.as_ref().unwrap_or(&prior), config, &chamber);
     // Stops that a leak or a short wait spoils do not fit the sensor either.
@@ -301,6 +309,7 @@ fn close<'a>(hold: Hold, rows: &'a Rows, chamber: &AnyChamber, cool: &Cool) -> C
         cool_sd: ratio(0, cool.inside_m3 + cool.sd_m3) - own(0),
         end_j: end_j - cool.inside_m3 * end_pa,
         volume_m3: whole_m3.iter().map(|volume_m3| volume_m3 - cool.inside_m3).collect(),
+        leak: Leak::NONE,
         hold,
         rows,
     }
@@ -332,9 +341,9 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             before.time_s, after.time_s
         ));
     }
-    let lost = thermometer::leak(closed, &thermometer::configured(config)).lost(closed.wait_s());
+    let lost = closed.leak.lost(closed.wait_s());
     if lost.abs() > PLAIN_LEAK {
-        return Some(leak(lost, closed.wait_s()));
+        return Some(leaks(lost, closed.wait_s()));
     }
     let rows = closed.rows.iter().zip(held_n);
     let still: Vec<(&Row, &f64)> =
@@ -376,7 +385,7 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
     }
 }
 
-fn leak(lost: f64, wait_s: f64) -> String {
+fn leaks(lost: f64, wait_s: f64) -> String {
     let (verb, percent) = (if lost > 0.0 { "lost" } else { "gained" }, 100.0 * lost.abs());
     format!(
         "a leak: the muscle {verb} {percent:.1} % of its gas in {wait_s:.0} s. Seal it, or its valves"
@@ -456,7 +465,7 @@ fn spoilt(closed: &Closed, read: &Read, curve_k: &[f64]) -> Option<String> {
     let wait_s = closed.wait_s();
     let lost = read.leak.lost(wait_s);
     if lost.abs() * read.end_k > MOST_LEAK_K {
-        return Some(leak(lost, wait_s));
+        return Some(leaks(lost, wait_s));
     }
     let from = curve_k.len() - curve_k.len() / 4;
     let near = |row: usize| {

@@ -8,13 +8,13 @@
 //! T_s(t) = T_end (1 + g L[y - 1 + y leak (t - t_end)]) + a exp(-t/tau) + b (housing)
 //! ```
 //!
-//! L is the response of both lags, and the leak is known ([`super::leak`]). T_end, a and b are of each stop
-//! and enter linearly; tau, tau_h and g are the sensor's, found by Levenberg and Marquardt's method over their logarithms,
-//! with the linear ones solved for at each point (variable projection, Golub and Pereyra 1973).
-//! Standard errors are of the jackknife over the stops, and at least what the noise makes.
+//! L is the response of both lags, and the leak is known ([`super::leak`]). T_end, a and b are of
+//! each stop and enter linearly; tau, tau_h and g are the sensor's, found by Levenberg and
+//! Marquardt's method over their logarithms, with the linear ones solved for at each point (variable
+//! projection, Golub and Pereyra 1973). Standard errors are of the jackknife over the stops, and at least what the noise makes.
 
-use super::Closed;
 use super::leak::{self, Leak};
+use super::{Closed, LAG_OFF};
 use crate::search::{LeastSquares, central_slopes, minimize};
 use crate::uncertainty::correlation_rows;
 use model_core::Config;
@@ -31,13 +31,6 @@ const WIDEST: f64 = 50.0;
 /// A housing without configured lag starts here \[s\].
 const LEAST_HOUSING_S: f64 = 0.02;
 const DIFFERENCE: f64 = 1e-4;
-/// A leak that is smaller than so many standard deviations is none.
-const SEEN_LEAK: f64 = 3.0;
-/// Smallest change of the temperature by a leak that is corrected \[K\]: errors of the sensor's
-/// model look like a smaller one.
-const LEAST_LEAK_K: f64 = 0.4;
-/// Error of the configured lag where the stops do not show it: a fifth.
-const LAG_OFF: f64 = 0.2;
 
 /// Lags and place of the sensor. Standard errors are of the logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -134,7 +127,7 @@ fn solve(closed: &Closed, common: &DVector<f64>, leak: Leak) -> Option<Solved> {
 }
 
 struct Projection<'a> {
-    stops: Vec<(&'a Closed<'a>, Leak)>,
+    stops: Vec<&'a Closed<'a>>,
     prior: DVector<f64>,
     noise_k: f64,
 }
@@ -142,8 +135,8 @@ struct Projection<'a> {
 impl Projection<'_> {
     /// Residuals in kelvin, without the prior.
     fn residuals(&self, place: &DVector<f64>) -> DVector<f64> {
-        let parts = self.stops.iter().map(|(closed, leak)| {
-            solve(closed, place, *leak).map_or_else(
+        let parts = self.stops.iter().map(|closed| {
+            solve(closed, place, closed.leak).map_or_else(
                 || DVector::from_element(closed.rows.len(), 1e3),
                 |solved| solved.residuals,
             )
@@ -192,9 +185,7 @@ pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
     if stops.len() < super::FEWEST {
         return None;
     }
-    let leaks: Vec<(&Closed, Leak)> =
-        stops.iter().map(|closed| (*closed, leak(closed, prior))).collect();
-    let all = |noise_k: f64| Projection { stops: leaks.clone(), prior: prior.place(), noise_k };
+    let all = |noise_k: f64| Projection { stops: stops.to_vec(), prior: prior.place(), noise_k };
     let search = |problem: &Projection, start| minimize(problem, start, 1e-8, 60).place;
     // Residuals that go on from row to row are an error of the model: the rows count accordingly.
     let rough = search(&all(noise_k(stops)), prior.place());
@@ -238,18 +229,6 @@ pub(super) fn jackknife_sd(values: &[f64]) -> f64 {
     ((count - 1.0) / count * squares).sqrt()
 }
 
-/// The leak of a stop; none where it is too small to be told from none, which it may be or not.
-pub(super) fn leak(closed: &Closed, sensor: &Sensor) -> Leak {
-    let Some(leak) = leak::of(closed, sensor.lag_s) else { return Leak::NONE };
-    let by_leak_k = leak.rate_1_s.abs() * closed.wait_s() * closed.last_k();
-    if leak.rate_1_s.abs() > SEEN_LEAK * leak.sd_1_s && by_leak_k > LEAST_LEAK_K {
-        leak
-    } else {
-        // Half of it counts, and of what would not be seen.
-        Leak { rate_1_s: 0.0, sd_1_s: 0.5 * leak.rate_1_s.abs().max(leak.sd_1_s) }
-    }
-}
-
 /// Reads the end of a stop with a known sensor.
 pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
     let place = sensor.place();
@@ -260,7 +239,7 @@ pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
         wait_sd_k: 0.0,
         behind_k: 0.0,
     };
-    let leak = leak(closed, sensor);
+    let leak = leak::seen(closed, sensor.lag_s);
     let Some(solved) = solve(closed, &place, leak) else { return unknown };
     let rows = closed.rows.len() as f64;
     let variance = solved.residuals.norm_squared() / rows;
