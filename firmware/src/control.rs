@@ -207,15 +207,16 @@ impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
             core.vent();
         }
         match order {
-            Order::Configure { .. } => {
-                shared.with_prepared(|other| {
+            Order::Configure { checksum, .. } => {
+                shared.with_prepared(checksum, |other| {
                     core.disarm();
                     core.restart_as(other);
                     Ok(())
                 })?;
             }
             Order::Start(set_point) => {
-                shared.with_prepared(|other| kind::start(core, other, set_point))?;
+                let checksum = shared.status().config_checksum;
+                shared.with_prepared(checksum, |other| kind::start(core, other, set_point))?;
             }
             Order::Arm(most_pa) => core.arm(most_pa)?,
             Order::Set(set_point) => core.set(set_point)?,

@@ -4,7 +4,7 @@
 
 use crate::kind::{Config, MAX_VALUE, checksum};
 use crate::link::{Identity, configure, done};
-use crate::shared::{Answer, Order, Requester, Shared, StoreRequest};
+use crate::shared::{Answer, Requester, Shared, StoreRequest};
 use crate::store::{AnnouncedFlash, Buffer, HEAD, Key, Loaded, Store, Unwritable};
 use core::future::pending;
 use core::sync::atomic::Ordering;
@@ -173,13 +173,12 @@ impl<F: NorFlash> Keeper<F> {
         let Some(store) = &mut self.store else { return };
         match store.load(Key::Config, &mut self.buffer).await {
             Loaded::Value(value) => {
-                let saved = postcard::from_bytes::<Saved>(value).ok();
-                let runs = |saved: &Saved| configure(&saved.config, identity, self.shared).is_ok();
-                match saved.filter(runs) {
-                    Some(Saved { config, name }) => {
-                        let order = Order::configure(&config, ConfigSource::Flash, name);
-                        self.shared.restart(None, order).await;
-                    }
+                let order = postcard::from_bytes::<Saved>(value).ok().and_then(|saved| {
+                    let Saved { config, name } = &saved;
+                    configure(config, identity, self.shared, ConfigSource::Flash, *name).ok()
+                });
+                match order {
+                    Some(order) => self.shared.restart(None, order).await,
                     None => defmt::warn!("the saved configuration is none that this board can run"),
                 }
             }

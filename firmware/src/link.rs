@@ -9,7 +9,9 @@ use embassy_futures::yield_now;
 use embassy_time::{Duration, Instant, Timer, with_deadline};
 use embedded_io_async::{Read, Write};
 use model_core::Config;
-use thermyo_protocol::{Chip, Decoder, Image, LastReset, PROTOCOL, Refusal, Version, encode};
+use thermyo_protocol::{
+    Chip, ConfigSource, Decoder, Image, LastReset, Name, PROTOCOL, Refusal, Version, encode,
+};
 
 /// Properties of the board that the link reports or checks.
 #[derive(Clone, Copy)]
@@ -261,14 +263,16 @@ pub fn done(shared: &Shared) -> Answer {
     Answer::Done { step: shared.tally().steps as u32 }
 }
 
-/// Stages a core with a configuration that the board can run.
+/// Stages a core with a configuration that the board can run, and returns the order to restart as it.
 pub fn configure(
     config: &kind::Config,
     identity: &Identity,
     shared: &'static Shared,
-) -> Result<(), Refusal> {
+    source: ConfigSource,
+    name: Name,
+) -> Result<Order, Refusal> {
     kind::check(config, identity)?;
-    shared.prepare(config)
+    Ok(Order::Configure { checksum: shared.prepare(config)?, source, name })
 }
 
 /// Refuses a request that the other image takes.

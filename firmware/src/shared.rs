@@ -53,10 +53,6 @@ impl Order {
             Self::Configure { .. } | Self::ClearFaults => false,
         }
     }
-
-    pub fn configure(config: &Config, source: ConfigSource, name: Name) -> Self {
-        Self::Configure { checksum: checksum(config), source, name }
-    }
 }
 
 pub enum StoreRequest {
@@ -196,11 +192,17 @@ pub struct Shared {
     /// There is never contention: the tasks of the thread hold it between two waits, and control
     /// reads it after one of them has sent an order, before that task goes on. It is no critical
     /// section, because copying a core with interrupts off would delay a step.
-    next_core: mutex::Mutex<CriticalSectionRawMutex, Option<&'static mut Core>>,
+    next_core: mutex::Mutex<CriticalSectionRawMutex, Option<NextCore>>,
     /// Kept over restarts.
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
+}
+
+struct NextCore {
+    core: &'static mut Core,
+    /// Of its configuration.
+    checksum: u32,
 }
 
 impl Shared {
@@ -267,17 +269,19 @@ impl Shared {
     }
 
     /// Stages a core with a configuration for [`Order::Configure`] and every later [`Order::Start`],
-    /// so that a start need not compute the constants again.
-    pub fn prepare(&self, config: &Config) -> Result<(), Refusal> {
+    /// so that a start need not compute the constants again. Returns the configuration's checksum.
+    pub fn prepare(&self, config: &Config) -> Result<u32, Refusal> {
         let mut next = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
-        let core = next.as_mut().ok_or(Refusal::NotConfigured)?;
-        Ok(core.become_new(config)?)
+        let next = next.as_mut().ok_or(Refusal::NotConfigured)?;
+        next.core.become_new(config)?;
+        next.checksum = checksum(config);
+        Ok(next.checksum)
     }
 
     /// The active configuration; `None` before the first one since the start of the board.
     pub fn config(&self) -> Option<Config> {
         match &*self.next_core.try_lock().ok()? {
-            Some(core) if core.is_configured() => Some(*core.config()),
+            Some(NextCore { core, .. }) if core.is_configured() => Some(*core.config()),
             _ => None,
         }
     }
@@ -285,18 +289,25 @@ impl Shared {
     /// Gives the staged core its memory, before the first.
     pub fn stage(&self, core: &'static mut Core) {
         if let Ok(mut next) = self.next_core.try_lock() {
-            *next = Some(core);
+            *next = Some(NextCore { core, checksum: 0 });
         }
     }
 
-    /// Uses the staged core.
+    /// Uses the staged core, if it has the configuration with this checksum: another host may have
+    /// staged its own while an order waited.
     pub fn with_prepared<T>(
         &self,
+        checksum: u32,
         with: impl FnOnce(&Core) -> Result<T, Refusal>,
     ) -> Result<T, Refusal> {
         let next = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
         match &*next {
-            Some(core) if core.is_configured() => with(core),
+            Some(next) if next.core.is_configured() => {
+                if next.checksum != checksum {
+                    return Err(Refusal::Overtaken);
+                }
+                with(next.core)
+            }
             _ => Err(Refusal::NotConfigured),
         }
     }

@@ -340,7 +340,8 @@ pub enum Refusal {
     Flash,
     /// The board has no boot loader that it could start by itself.
     NoBootLoader,
-    /// A [`HostCommand::Stop`] of another line came after it was sent: [`arbiter`].
+    /// A [`HostCommand::Stop`] of another line came after it was sent: [`arbiter`]. Or another line
+    /// configured the board while this request to configure or start it waited.
     Overtaken,
     /// A joint's request to an image for one muscle, or the other way round.
     OtherImage {
@@ -394,7 +395,10 @@ impl core::fmt::Display for Refusal {
             Self::Flash => write!(f, "the flash does not take it: it is worn out or damaged"),
             Self::NoBootLoader => write!(f, "this board is flashed through its probe"),
             Self::Overtaken => {
-                write!(f, "another host has stopped the board meanwhile: it is not carried out")
+                write!(
+                    f,
+                    "another host has stopped or configured the board meanwhile: it is not carried out"
+                )
             }
             Self::OtherImage { joint: false } => write!(
                 f,

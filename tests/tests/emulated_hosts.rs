@@ -1,6 +1,7 @@
 //! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it
 //! alive, and a stop overtakes what was sent before it.
 
+use model_core::control::SetPointError;
 use model_core::{Config, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, powered, silent};
 use thermyo_boards::emulated::Port;
@@ -201,6 +202,37 @@ fn orders_after_a_stop_on_its_line_hold() {
             assert!(outlet_coil > 0.9, "{port:?}, waits: {waits}");
         }
     }
+}
+
+/// One host starts a pressure that the other one's configuration, on its way meanwhile, does not allow.
+#[test]
+fn a_start_runs_no_configuration_of_another_host() {
+    let mut rig = Rig::plugged(&scenario(100.0));
+    let low = Config { pressure_limit_pa: 250_000.0, ..*rig.muscle.config() };
+    let start = SetPoint::Pressure { pressure_pa: 400_000.0 };
+    let mut overtaken = 0;
+    for lead_us in (0..4_000).step_by(200) {
+        fill(&mut rig, Port::Uart);
+        rig.board.use_port(Port::Usb);
+        let configured = rig.board.request(HostCommand::Configure(low));
+        rig.run(lead_us * US, silent);
+        rig.board.use_port(Port::Uart);
+        let started = rig.board.request(HostCommand::Start(start));
+        for _ in 0..20 {
+            rig.exchange_with(silent);
+        }
+        rig.board.use_port(Port::Usb);
+        let answer = rig.board.take_answer(configured);
+        assert!(matches!(answer, Some(Answer::Done { .. })), "{answer:?}");
+        rig.board.use_port(Port::Uart);
+        match rig.board.take_answer(started) {
+            Some(Answer::Done { .. })
+            | Some(Answer::Refused(Refusal::SetPoint(SetPointError::NotArmed))) => (),
+            Some(Answer::Refused(Refusal::Overtaken)) => overtaken += 1,
+            answer => panic!("{lead_us} us after the configuration: {answer:?}"),
+        }
+    }
+    assert!(overtaken > 0);
 }
 
 /// A program at the USB port that reads nothing: its answers are lost, and no other host waits for it.

@@ -225,6 +225,5 @@ fn commit(
     }
     *configs = [None; MUSCLES];
     let config = Config { muscles: [a, b], mechanism, tuning, angle_part };
-    configure(&config, identity, shared)?;
-    Ok(Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE)))
+    configure(&config, identity, shared, ConfigSource::Host, Name::NONE).map(Outcome::Restart)
 }

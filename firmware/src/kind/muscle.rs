@@ -154,10 +154,12 @@ pub fn carry_out(
 ) -> Outcome {
     match command {
         HostCommand::ReadConfig => Outcome::Answer(Answer::Config(ActiveConfig(shared))),
-        HostCommand::Configure(config) => match configure(&config, identity, shared) {
-            Ok(()) => Outcome::Restart(Order::configure(&config, ConfigSource::Host, Name::NONE)),
-            Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
-        },
+        HostCommand::Configure(config) => {
+            match configure(&config, identity, shared, ConfigSource::Host, Name::NONE) {
+                Ok(order) => Outcome::Restart(order),
+                Err(refusal) => Outcome::Answer(Answer::Refused(refusal)),
+            }
+        }
         HostCommand::Start(set_point) => Outcome::Restart(Order::Start(set_point)),
         HostCommand::Set(set_point) => Outcome::Order(Order::Set(set_point)),
         #[cfg(feature = "hil")]
