@@ -773,6 +773,23 @@ fn a_run_that_would_not_end_does_not_begin() {
 }
 
 #[test]
+fn a_slow_simulation_is_warned_of_at_its_key() {
+    let folder = Folder::new();
+    let of = |volume: &str| {
+        let text = format!(
+            "[run]\nduration_s = 0.01\n[plant]\nmodel = \"full\"\n[tube]\nvolume_m3 = {volume}\n"
+        );
+        folder.run(&text, "out").ok()
+    };
+    of("1e-8")
+        .says("warning: ")
+        .in_one_line()
+        .says("scenario.toml:6: tube.volume_m3 = 1e-8: tube.volume_m3 is too small for valve.")
+        .says("s make the simulation slow; it is fast with 1e-6 s or more");
+    assert!(!of("1e-7").err.contains("warning: "));
+}
+
+#[test]
 fn a_diverging_plant_stops_with_time_and_state() {
     let folder = Folder::new();
     // A vessel whose piston compresses the gas to a thousandth: the temperature leaves every range.

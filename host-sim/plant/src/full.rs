@@ -1002,6 +1002,10 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
         self.constants.piping.disturb(disturbance);
     }
 
+    fn shortest_step(&self) -> Option<(f64, &'static str)> {
+        Some(self.constants.open.shortest(self.constants.step_s))
+    }
+
     fn truth(&self) -> Truth {
         self.truth
     }

@@ -193,6 +193,10 @@ pub trait Plant: Send {
     /// Sets the faults of the plant from the next step on.
     fn disturb(&mut self, disturbance: Disturbance);
     fn truth(&self) -> Truth;
+    /// Shortest integration step \[s\], and the keys that make it so short, of a plant that divides its steps.
+    fn shortest_step(&self) -> Option<(f64, &'static str)> {
+        None
+    }
     /// The ledger since the start.
     fn ledger(&self) -> Ledger;
     /// Wall surface temperature per axial zone, port first \[K\]; one element without zones.
@@ -266,27 +270,30 @@ impl fmt::Display for BuildError {
 
 impl std::error::Error for BuildError {}
 
+/// Integration steps in an exchange step, and the keys that make them so many.
+type Count = (u32, &'static str);
+
 /// Number of integration steps in an exchange step, each of at most `longest_s`; `because` names the
 /// keys that limit it.
-fn substeps(step_s: f64, longest_s: f64, because: &'static str) -> Result<u32, BuildError> {
+fn substeps(step_s: f64, longest_s: f64, because: &'static str) -> Result<Count, BuildError> {
     if longest_s < SHORTEST_STEP_S {
         return Err(BuildError::TooFast { asked_s: longest_s, because });
     }
     // 10.000000000000002 substeps are 10.
-    Ok((step_s / longest_s - 1e-9).ceil().max(1.0) as u32)
+    Ok(((step_s / longest_s - 1e-9).ceil().max(1.0) as u32, because))
 }
 
 /// Integration steps per exchange step. A hole needs shorter ones only while it is open: until
 /// then the run is the same to the bit as without it.
 #[derive(Debug, Clone, Copy)]
 struct Substeps {
-    whole: u32,
-    holed: u32,
+    whole: Count,
+    holed: Count,
 }
 
 impl Substeps {
     /// Until they are known.
-    const ONE: Self = Self { whole: 1, holed: 1 };
+    const ONE: Self = Self { whole: (1, ""), holed: (1, "") };
 
     /// `of` gives the number for the leak and a hole, in open valves, and the key to name if they
     /// are too large. `hottest_k`: highest upstream temperature \[K\].
@@ -294,7 +301,7 @@ impl Substeps {
         scenario: &Scenario,
         piping: &Piping,
         hottest_k: f64,
-        of: impl Fn(f64, &'static str) -> Result<u32, BuildError>,
+        of: impl Fn(f64, &'static str) -> Result<Count, BuildError>,
     ) -> Result<Self, BuildError> {
         let largest = piping.in_valves(scenario.faults.largest_leak_m3_s_pa());
         let always = piping.leak_in_valves(hottest_k);
@@ -305,7 +312,13 @@ impl Substeps {
     }
 
     fn now(self, piping: &Piping) -> u32 {
-        if piping.is_holed() { self.holed } else { self.whole }
+        if piping.is_holed() { self.holed.0 } else { self.whole.0 }
+    }
+
+    /// As [`Plant::shortest_step`].
+    fn shortest(self, step_s: f64) -> (f64, &'static str) {
+        let (count, because) = if self.holed.0 > self.whole.0 { self.holed } else { self.whole };
+        (step_s / f64::from(count), because)
     }
 }
 

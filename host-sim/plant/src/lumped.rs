@@ -557,6 +557,10 @@ impl<C: Chamber + Copy + Send> Plant for Lumped<C> {
         self.constants.piping.disturb(disturbance);
     }
 
+    fn shortest_step(&self) -> Option<(f64, &'static str)> {
+        Some(self.constants.substeps.shortest(self.constants.step_s))
+    }
+
     fn truth(&self) -> Truth {
         self.truth
     }

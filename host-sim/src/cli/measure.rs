@@ -107,7 +107,7 @@ pub(super) fn run(command: &MeasureCommand, to: &mut Console<'_>) -> Result<(), 
     let refused = |error| Failure::Usage(format!("{}: {error}", path.display()));
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
         let loaded = load(path, to)?;
-        unbuilt::refuse(&loaded, path)?;
+        unbuilt::refuse(&loaded, path, to)?;
         let config = core_config(&loaded.believed);
         allowed(&config)?;
         let plan = Plan::new(&loaded, &config, &asked, None).map_err(refused)?;

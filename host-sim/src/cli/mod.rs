@@ -396,7 +396,7 @@ fn check_command(path: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
         return joint::check(&joint, path, to);
     }
     let loaded = load(path, to)?;
-    unbuilt::refuse(&loaded, path)?;
+    unbuilt::refuse(&loaded, path, to)?;
     let both = serde_json::json!({ "plant": loaded.plant, "believed": loaded.believed });
     to.done(&both, &thermyo_setup::render(&loaded))
 }
@@ -433,7 +433,7 @@ fn run_command(args: &RunArgs, to: &mut Console<'_>) -> Result<(), Failure> {
         return joint::run(&joint, args, to);
     }
     let loaded = load(&args.scenario, to)?;
-    unbuilt::refuse(&loaded, &args.scenario)?;
+    unbuilt::refuse(&loaded, &args.scenario, to)?;
     let duration_s = loaded.plant.run.duration_s;
     let measured = match &args.measured {
         Some(path) => Some(read_to_compare(path, &loaded.plant, duration_s, to)?),

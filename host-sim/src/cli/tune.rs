@@ -123,7 +123,7 @@ pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> 
     let loaded = load(&args.scenario, to)?;
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
-    unbuilt::refuse(&loaded, &args.scenario)?;
+    unbuilt::refuse(&loaded, &args.scenario, to)?;
     if let Some(port) = args.board.port() {
         warn_of_another_muscle(port, &args.scenario, &loaded, to);
     }

@@ -1,6 +1,6 @@
-//! The message about a plant that cannot be simulated, at the key of its file that makes it so.
+//! The message about a plant that cannot be simulated, or only slowly, at the key of its file that makes it so.
 
-use super::Failure;
+use super::{Console, Failure};
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_joint::{Inputs, JointLoaded, Rig};
@@ -19,18 +19,32 @@ const SIZES: [&str; 7] = [
     "table.csv",
 ];
 
-/// Steps that would be too short are found only when the plant is built.
-pub(super) fn refuse(loaded: &Loaded, path: &Path) -> Result<(), Failure> {
-    thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone()).map(drop).map_err(|error| {
-        let reason = error.to_string();
-        let document = read_text(path).and_then(|text| Document::parse(&text, path)).ok();
-        let entry = keys(&reason).find_map(|key| document.as_ref()?.plant.get(key)).or_else(|| {
-            let mut entries = document.as_ref()?.plant.iter();
-            entries.find(|entry| reason.starts_with(entry.key.name))
-        });
-        let given = entry.map(|entry| (entry.line, entry.path(), entry.written.clone()));
-        located(path, given, reason).into()
-    })
+/// Below this integration step, a hundredth of the usual one, a simulation takes longer than the time it simulates, or
+/// nearly so \[s\].
+const SLOW_STEP_S: f64 = 1.0e-6;
+
+/// Steps that would be too short are found only when the plant is built. Warns of those that are short.
+pub(super) fn refuse(loaded: &Loaded, path: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
+    let plant = thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
+        .map_err(|error| of_one_chamber(path, error.to_string()))?;
+    if let Some((step_s, because)) = plant.shortest_step().filter(|step| step.0 < SLOW_STEP_S) {
+        let why = format!(
+            "{because}: its integration steps of {step_s:.1e} s make the simulation slow; it is fast with \
+             {SLOW_STEP_S:.0e} s or more"
+        );
+        to.warn(&[of_one_chamber(path, why)]);
+    }
+    Ok(())
+}
+
+fn of_one_chamber(path: &Path, reason: String) -> InputError {
+    let document = read_text(path).and_then(|text| Document::parse(&text, path)).ok();
+    let entry = keys(&reason).find_map(|key| document.as_ref()?.plant.get(key)).or_else(|| {
+        let mut entries = document.as_ref()?.plant.iter();
+        entries.find(|entry| reason.starts_with(entry.key.name))
+    });
+    let given = entry.map(|entry| (entry.line, entry.path(), entry.written.clone()));
+    located(path, given, reason)
 }
 
 /// The same for a joint.
