@@ -183,6 +183,15 @@ fn a_recording_is_judged_by_its_reference() {
 }
 
 #[test]
+fn a_recording_too_short_for_figures_is_refused_with_what_it_takes() {
+    let folder = Folder::new();
+    let columns = "time_s,estimate_k,estimate_sd_k,sensor_gas_k,reference_gas_k";
+    let file = folder.file("trace.csv", &format!("{columns}\n0,300,1,299,300\n20,300,1,299,300\n"));
+    thermyo(&["evaluate", "estimator", "--recording", &file])
+        .refused("column reference_gas_k: must have 50 values or more from 10 s on, and has 1");
+}
+
+#[test]
 fn a_port_that_is_not_there_is_named() {
     let folder = Folder::new();
     let file = folder.scenario("");

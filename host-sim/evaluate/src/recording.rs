@@ -5,12 +5,17 @@ use super::{CaseFigures, Figure};
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
+use thermyo_record::measured::{TIME, check_distances, check_rising};
 use thermyo_scenario::schema::Limits;
 
 /// Column of the reference sensor, and one of its standard deviation, which it may have.
 const REFERENCE: &str = "reference_gas_k";
 const REFERENCE_SD: &str = "reference_sd_k";
 const SETTLING_S: f64 = 10.0;
+/// Largest usual distance of rows, a fifth of the fastest stroke that is recorded \[s\].
+const MOST_DISTANCE_S: f64 = 0.2;
+/// Rows with a reference that figures need: a share of rows is known to some per cent.
+const FEWEST_ROWS: u32 = 50;
 /// Largest RMS error \[K\], and least fraction of the rows within two stated deviations: the targets of
 /// the simulation. One record repeats its errors, so that all of its rows may lie within.
 const ERROR_K: f64 = 0.5;
@@ -22,13 +27,13 @@ const POSSIBLE: Limits = Limits { min: 100.0, max: 1000.0, unit: "K" };
 /// sensor.
 ///
 /// # Errors
-/// When a column is missing or has impossible values, or the reference has no value after the first
-/// ten seconds.
+/// When a column is missing or has impossible values, times are in another unit, or the reference has fewer than
+/// [`FEWEST_ROWS`] values after the first ten seconds.
 pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, InputError> {
-    let times_s = recording.filled("time_s")?;
-    if let Some(row) = (1..times_s.len()).find(|row| times_s[*row] <= times_s[row - 1]) {
-        let allowed = format!("more than {:?}, the time of the row before", times_s[row - 1]);
-        return Err(recording.cell_error(row, "time_s", &allowed));
+    let times_s = recording.filled(TIME)?;
+    check_rising(recording, &times_s)?;
+    if times_s.len() >= FEWEST_ROWS as usize {
+        check_distances(recording, &times_s, (MOST_DISTANCE_S, "to show a stroke"))?;
     }
     let temperatures_k = |name: &str| -> Result<&[Option<f64>], InputError> {
         let cells = recording.column(name)?;
@@ -68,11 +73,13 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
     let unusable = |why: String| {
         recording.header_error(Problem::UnusableColumn { column: REFERENCE.to_owned(), why })
     };
-    if rows == 0 {
-        return Err(unusable(format!("has no value from {from_s} s on")));
-    }
-    if bare_square == 0.0 {
+    if rows > 0 && bare_square == 0.0 {
         return Err(unusable("is the sensor's own reading: must be another sensor's".to_owned()));
+    }
+    if rows < FEWEST_ROWS {
+        let why =
+            format!("must have {FEWEST_ROWS} values or more from {from_s} s on, and has {rows}");
+        return Err(unusable(why));
     }
     let rows = f64::from(rows);
     let (rms_k, bare_k) = ((square / rows).sqrt(), (bare_square / rows).sqrt());
@@ -133,15 +140,18 @@ mod tests {
 
     #[test]
     fn errors_count_from_ten_seconds_on_where_there_is_a_reference() {
-        let rows = "5,300,0.1,280,300\n14.9,310,0.1,280,300\n15,301,0.5,303,300\n16,299,0.4,297,\n\
-                    17,297,1,300,298\n18,301,2,296,300\n";
-        let figures = judged(rows, 0.0).unwrap();
+        let block = ["301,0.5,303,300", "299,0.4,297,", "297,1,300,298", "301,2,296,300"];
+        let later: String = (0..80)
+            .map(|row| format!("{:.1},{}\n", 15.0 + 0.1 * f64::from(row), block[row as usize % 4]))
+            .collect();
+        let rows = format!("5,300,0.1,280,300\n14.9,310,0.1,280,300\n{later}");
+        let figures = judged(&rows, 0.0).unwrap();
         let expected =
             [1.0, 1.0, 1.0 / (29.0_f64 / 3.0).sqrt(), (29.0_f64 / 3.0).sqrt(), 1.0 / 3.0, 1.0, 0.0];
         for (figure, expected) in figures.iter().zip(expected) {
             assert!((figure - expected).abs() < 1e-12, "{figures:?}");
         }
-        let invalid = rows.replace("17,297,1,", "17,297,0.49,");
+        let invalid = rows.replace(",297,1,", ",297,0.49,");
         assert!((judged(&invalid, 0.0).unwrap()[1] - 2.0 / 3.0).abs() < 1e-12);
     }
 
@@ -149,8 +159,14 @@ mod tests {
     #[test]
     fn a_record_within_two_deviations_is_good_and_an_overconfident_one_is_not() {
         let missed = |sd_k: f64| {
-            let row = |i: u32| format!("{i},300,{sd_k},290,{}\n", 300.0 + 0.1 * f64::from(i % 4));
-            let rows: String = (0..50).map(row).collect();
+            let row = |i: u32| {
+                format!(
+                    "{},300,{sd_k},290,{}\n",
+                    0.2 * f64::from(i),
+                    300.0 + 0.1 * f64::from(i % 4)
+                )
+            };
+            let rows: String = (0..100).map(row).collect();
             let table = Table::parse(&format!("{COLUMNS}{rows}"), "trace.csv".as_ref()).unwrap();
             let figures = evaluate(&table, 0.0).unwrap().figures;
             let missed = figures.into_iter().filter(|figure| !figure.holds());
@@ -177,6 +193,16 @@ mod tests {
     }
 
     #[test]
+    fn a_record_in_milliseconds_is_refused() {
+        let rows: String = (0..60).map(|row| format!("{row},300,0.1,290,300\n")).collect();
+        assert_eq!(
+            judged(&rows, 0.0).unwrap_err(),
+            "trace.csv:3: column time_s = 1.0: must be at most 0.200 s after the row before it, to show a stroke: is \
+             this ms, or are rows left out?"
+        );
+    }
+
+    #[test]
     fn unusable_recordings_are_named() {
         for (rows, expected) in [
             (
@@ -185,7 +211,7 @@ mod tests {
             ),
             (
                 "0,300,0.1,300,300\n0,300,0.1,300,300\n",
-                "trace.csv:3: column time_s = 0.0: must be more than 0.0",
+                "trace.csv:3: column time_s = 0.0: must be later than the row before it, at 0.0 s",
             ),
             (
                 "0,300,-1,300,300\n",
@@ -194,7 +220,11 @@ mod tests {
             ("0,,0.1,300,300\n", "trace.csv:2: column estimate_k"),
             (
                 "0,300,0.1,300,300\n20,300,0.1,300,\n",
-                "trace.csv: column reference_gas_k: has no value from 10 s on",
+                "trace.csv: column reference_gas_k: must have 50 values or more from 10 s on, and has 0",
+            ),
+            (
+                "0,300,0.1,300,300\n20,300,0.1,299,300.1\n",
+                "trace.csv: column reference_gas_k: must have 50 values or more from 10 s on, and has 1",
             ),
             (
                 "0,300,0.1,300,300\n20,301,0.1,300,300\n",
