@@ -2,7 +2,7 @@
 
 use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Instead, Problem, nearest, quoted};
-use thermyo_files::number::significant;
+use thermyo_files::number::{short, significant};
 use thermyo_files::table::Table;
 use thermyo_scenario::profile::LEAST_DISTANCE_S;
 use thermyo_scenario::schema::Limits;
@@ -170,6 +170,18 @@ pub fn check_distances(
     }
 }
 
+/// From this distance of its rows on a record may be one of milliseconds \[s\].
+const DOUBTFUL_S: f64 = 1.0;
+
+/// A question about the unit of times whose rows are usually seconds apart. A slow logger's are too.
+pub fn doubt(table: &Table) -> Option<InputError> {
+    let usual_s = usual_distance(&table.filled(TIME).ok()?);
+    (usual_s >= (1.0 - ROUNDING) * DOUBTFUL_S).then(|| {
+        let why = format!("its rows are {} s apart: is it in ms?", short(usual_s));
+        table.header_error(Problem::UnusableColumn { column: TIME.to_owned(), why })
+    })
+}
+
 /// Time since the first row, to the nanosecond, so that its rounding decides nothing \[s\].
 pub fn since_s(time_s: f64, first_s: f64) -> f64 {
     ((time_s - first_s) * 1.0e9).round() / 1.0e9
@@ -307,6 +319,17 @@ mod tests {
             column("pressure_pa", &[(0.2, 768_830.0), (3.58, 5e5)], &[2, 4]),
         ];
         assert_eq!(read(text), Ok(Measured { columns }));
+    }
+
+    #[test]
+    fn rows_that_are_seconds_apart_raise_a_question() {
+        let asked = |text: &str| {
+            doubt(&Table::parse(text, "m.csv".as_ref()).unwrap()).map(|error| error.to_string())
+        };
+        let question = "m.csv: column time_s: its rows are 10 s apart: is it in ms?";
+        assert_eq!(asked("time_s\n0\n10\n20\n").as_deref(), Some(question));
+        assert!(asked("time_s\n0\n0.5\n1\n").is_none());
+        assert!(asked("length_m\n0.3\n").is_none());
     }
 
     #[test]

@@ -490,6 +490,7 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
         say_damage(&table, to);
     }
     let against = args.against.as_deref().map(table::read_table).transpose()?;
+        to.warn(measured::doubt(&table).as_slice());
     interrupt::watch();
     // Created before the search, which takes minutes: an unwritable folder fails at once.
     let mut out = args.output.create("identify")?;
