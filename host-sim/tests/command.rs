@@ -773,6 +773,17 @@ fn a_unit_that_exists_is_left_before_anything_is_built() {
     assert_eq!(folder.read("muscle.fmu"), "mine");
 }
 
+/// No folder can be made in /proc, by the superuser neither.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_unit_that_cannot_be_written_is_named() {
+    let folder = Folder::new();
+    let file = folder.scenario("");
+    let output = command(&["fmu", &file, "-o", "muscle.fmu"]).current_dir("/proc").output();
+    let said = Said::of("fmu in /proc", output.unwrap());
+    said.refused("thermyo: muscle.fmu: cannot be written: ").in_one_line();
+}
+
 #[test]
 fn a_run_that_would_not_end_does_not_begin() {
     let folder = Folder::new();

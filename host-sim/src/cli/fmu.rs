@@ -5,7 +5,7 @@ use clap::Args;
 use std::path::{Path, PathBuf};
 use thermyo_cosimulation::Kind;
 use thermyo_cosimulation::scenario::Scenario;
-use thermyo_files::input::{is_new, write_new};
+use thermyo_files::input::{InputError, is_new, write_new};
 use thermyo_files::output::OutputDir;
 
 #[derive(Debug, Args)]
@@ -38,7 +38,11 @@ pub(super) fn run(args: &FmuArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     // Checked first: in a checkout the library takes long to build.
     is_new(&args.out)?;
     let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
-    drop(OutputDir::open(folder.unwrap_or_else(|| Path::new(".")))?);
+    let opened = OutputDir::open(folder.unwrap_or_else(|| Path::new(".")));
+    drop(opened.map_err(|error| match folder {
+        Some(_) => error,
+        None => InputError { file: args.out.clone(), ..error },
+    })?);
     let kind = if args.with_core { Kind::WithCore } else { Kind::Plant };
     let library = library::library().map_err(|error| Failure::Usage(error.to_string()))?;
     let name = title_of(&args.scenario);
