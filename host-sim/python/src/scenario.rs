@@ -107,7 +107,7 @@ impl Source {
         } else {
             let kind = given.get_type().name()?;
             let allowed = "a path, a text that ends with .toml, the TOML itself or a dict";
-            let text = format!("a {kind} is no scenario: must be {allowed}");
+            let text = format!("a scenario of type {kind}: must be {allowed}");
             return Err(ScenarioError::new_err(text));
         };
         Ok(Self { text, origin, from_dict: false })

@@ -158,3 +158,8 @@ def test_columns_beside_a_file_and_paths_in_a_dict(tmp_path):
     missing = pathlib.Path("missing.csv")
     with pytest.raises(thermyo.ScenarioError, match="^scenario: drive.profile_csv: missing.csv: no such file"):
         thermyo.check({"drive": {"kind": "pressure", "profile_csv": missing}})
+
+
+def test_another_type_is_named():
+    with pytest.raises(thermyo.ScenarioError, match="^a scenario of type int: must be a path, "):
+        thermyo.run(3)
