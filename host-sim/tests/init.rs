@@ -118,6 +118,14 @@ fn a_missing_or_wrong_answer_is_named_and_nothing_is_written() {
             &[&FLAGS[..10], &["7"]].concat(),
             "--supply must be absolute, and above the 101325 Pa of the air; 7 bar is 7bar",
         ),
+        (
+            &[&FLAGS[..10], &["700"]].concat(),
+            "--supply must be absolute, and above the 101325 Pa of the air; 700 kPa is 700kPa",
+        ),
+        (
+            &["init", "--muscle", "none", "--rest-length", "250"][..],
+            "--rest-length must be a number from 0.005 to 10 m; for 250 mm use 0.25 or 250mm",
+        ),
         (&["init", "--muscle", "none"][..], "--rest-length is missing: a number from 0.005"),
     ] {
         thermyo(&folder, arguments).refused(message);

@@ -12,6 +12,7 @@ use thermyo_setup::{contraction_held, highest_pa};
 
 /// Contraction that is driven where the rig reaches it \[-\].
 const USUAL_CONTRACTION: f64 = 0.1;
+const MM_PER_M: f64 = 1000.0;
 
 #[derive(Debug, Args)]
 pub(super) struct InitArgs {
@@ -159,14 +160,22 @@ impl Answers<'_> {
             {
                 dimensions.push((question.key, self.number(question, *given)?));
             }
-            let table = muscle_table(muscle, &dimensions);
-            match thermyo_setup::parse(&table, &args.out) {
-                Ok(_) => return Ok(dimensions),
-                Err(error) if is_typed => {
-                    let _ = writeln!(self.stderr, "{}", error.problem);
-                }
-                Err(error) => return Err(Failure::Usage(error.problem.to_string())),
+            let parsed = |dimensions: &[(&str, f64)]| {
+                thermyo_setup::parse(&muscle_table(muscle, dimensions), &args.out)
+            };
+            let Err(error) = parsed(&dimensions) else { return Ok(dimensions) };
+            let mut message = error.problem.to_string();
+            if let Some(place) = dimensions.iter().position(|(key, _)| *key == DIAMETER.key) {
+                let diameter_mm = dimensions[place].1;
+                dimensions[place].1 /= MM_PER_M;
+                let hint =
+                    parsed(&dimensions).map_or_else(|_| String::new(), |_| in_mm(diameter_mm));
+                message += &hint;
             }
+            if !is_typed {
+                return Err(Failure::Usage(message));
+            }
+            let _ = writeln!(self.stderr, "{message}");
         }
     }
 }
@@ -174,15 +183,29 @@ impl Answers<'_> {
 fn allowed(key: &str, number: f64) -> Result<f64, String> {
     let limits = schema::limits(key);
     if !limits.contains(number) {
-        return Err(format!("must be {limits}"));
+        let is_mm = limits.unit == "m" && limits.contains(number / MM_PER_M);
+        let hint = if is_mm { in_mm(number) } else { String::new() };
+        return Err(format!("must be {limits}{hint}"));
     }
     let ambient_pa = Scenario::default().ambient.pressure_pa;
     if key == SUPPLY.key && number <= ambient_pa {
-        let bar = Some(number).filter(|bar| (1.0..100.0).contains(bar));
-        let meant = bar.map_or_else(String::new, |bar| format!("; {bar} bar is {bar}bar"));
-        return Err(format!("must be absolute, and above the {ambient_pa} Pa of the air{meant}"));
+        let unit = match number {
+            1.0..100.0 => Some("bar"),
+            200.0..3000.0 => Some("kPa"),
+            _ => None,
+        };
+        let hint =
+            unit.map_or_else(String::new, |unit| format!("; {number} {unit} is {number}{unit}"));
+        return Err(format!("must be absolute, and above the {ambient_pa} Pa of the air{hint}"));
     }
     Ok(number)
+}
+
+/// How a length that was meant in mm is given.
+fn in_mm(length_mm: f64) -> String {
+    // To the micrometre: 13.9/1000 is 0.013900000000000001.
+    let length_m = (length_mm * 1.0e3).round() / 1.0e6;
+    format!("; for {length_mm} mm use {length_m} or {length_mm}mm")
 }
 
 /// A number that was typed, which may have a unit as a flag's has.
@@ -351,6 +374,7 @@ mod tests {
         let flags = InitArgs { rest_length: Some(0.25), diameter: Some(13.9), ..args };
         let Err(Failure::Usage(why)) = dimensions(b"", &flags).0 else { panic!() };
         assert!(why.starts_with("muscle.diameter_m = 13.9: must be a number from "), "{why}");
+        assert!(why.ends_with("; for 13.9 mm use 0.0139 or 13.9mm"), "{why}");
     }
 
     #[test]
