@@ -356,6 +356,15 @@ fn keys_have_to_fit_each_other() {
              at least four periods of valve.pwm_hz, two a stroke",
         ),
         (
+            "drive.kind = \"pressure\"\ndrive.shape = \"sine\"\ndrive.amplitude = 1e4\ndrive.period_s = 0.001",
+            "4: drive.period_s = 0.001: must be a number from 0.004 to 86400 s, at least four times run.step_s",
+        ),
+        (
+            "drive.kind = \"pressure\"\ndrive.shape = \"chirp\"\ndrive.amplitude = 1e4\ndrive.period_s = 0.05",
+            "4: drive.period_s = 0.05: must be a number from 0.064 to 86400 s, \
+             at least 64 times run.step_s, of which the end takes four",
+        ),
+        (
             "[load]\nkind = \"isometric\"\nlength_m = 0.31",
             "3: load.length_m = 0.31: must be a number from 0.188164 to 0.3 m, \
              between its shortest and its longest length",

@@ -7,8 +7,7 @@ use thermyo_scenario::fault_rules;
 use thermyo_scenario::schema::{Limits, fittable, fittable_paths, limits};
 use thermyo_scenario::violation::{Violation, within};
 use thermyo_scenario::{
-    Drive, DriveKind, HeatModel, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Shape, Tube,
-    ValveKind,
+    DriveKind, HeatModel, LoadKind, Muscle, PlantKind, PlantModel, Scenario, Shape, Tube, ValveKind,
 };
 use thermyo_scenario::{number, short};
 
@@ -183,7 +182,7 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
         let allowed = "another kind: with load.kind = \"isometric\" nothing moves".to_owned();
         return Err(Violation::value("drive.kind", "\"contraction\"", allowed));
     }
-    check_shape(drive)?;
+    check_shape(scenario)?;
     match (&drive.profile_csv, drive.kind) {
         (Some(path), DriveKind::Discharge | DriveKind::Fill | DriveKind::Closed) => {
             let path_text = format!("{:?}", path.display().to_string());
@@ -221,10 +220,15 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
     }
 }
 
-fn check_shape(drive: &Drive) -> Result<(), Violation> {
-    if drive.shape == Shape::Constant {
-        return Ok(());
-    }
+fn check_shape(scenario: &Scenario) -> Result<(), Violation> {
+    let drive = &scenario.drive;
+    // Steps with which the fastest cycle of a shape has all its turns.
+    let (steps, why) = match drive.shape {
+        Shape::Constant => return Ok(()),
+        Shape::Sine | Shape::Step => (4.0, "at least four times run.step_s"),
+        Shape::Staircase => (8.0, "at least eight times run.step_s, one a hold"),
+        Shape::Chirp => (64.0, "at least 64 times run.step_s, of which the end takes four"),
+    };
     let shape = format!("{:?}", drive.shape.word());
     if !matches!(drive.kind, DriveKind::Pressure | DriveKind::Contraction) {
         let allowed =
@@ -239,7 +243,8 @@ fn check_shape(drive: &Drive) -> Result<(), Violation> {
         let why = "a shape needs its amplitude, in the set point's unit";
         return Err(Violation::missing("drive.amplitude", "drive.shape", why));
     }
-    Ok(())
+    let allowed = (steps * scenario.run.step_s, limits("drive.period_s").max);
+    within("drive.period_s", drive.period_s, allowed, why)
 }
 
 /// Allowed set points of the drive, and the reason.
