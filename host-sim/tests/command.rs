@@ -824,6 +824,28 @@ fn a_slow_simulation_is_warned_of_at_its_key() {
 }
 
 #[test]
+fn a_trace_that_fills_a_disk_is_announced() {
+    let folder = Folder::new();
+    let taken = folder.file("taken", "a file");
+    for (name, more, rows) in [
+        ("muscle.toml", "", "the trace will have 100000001 rows, about 44 GB; with a larger run."),
+        (
+            "joint.toml",
+            "[joint]\n",
+            "the trace will have 100000001 rows, about 84 GB; with a larger run.",
+        ),
+    ] {
+        let text = format!("[run]\nduration_s = 1e5\nlog_every = 1\n{more}");
+        let file = folder.file(name, &text);
+        let output = thermyo(&["run", &file, "--out", &taken]);
+        let warning = format!("thermyo: warning: {file}:3: run.log_every = 1: {rows}");
+        output.refused("taken: is a file").says(&warning);
+        folder.file(name, &text.replace("= 1e5", "= 1e3"));
+        thermyo(&["run", &file, "--out", &taken]).refused("taken: is a file").in_one_line();
+    }
+}
+
+#[test]
 fn a_diverging_plant_stops_with_time_and_state() {
     let folder = Folder::new();
     // A vessel whose piston compresses the gas to a thousandth: the temperature leaves every range.

@@ -1,7 +1,7 @@
 //! `thermyo run` and `thermyo check` of a joint of two muscles.
 
 use super::progress::Bar;
-use super::{Console, Failure, RunArgs, interrupt, pretty, stopped, title_of, unbuilt};
+use super::{Console, Failure, RunArgs, interrupt, pretty, stopped, title_of, trace_size, unbuilt};
 use std::io;
 use std::path::Path;
 use thermyo_files::output::OutputDir;
@@ -43,6 +43,7 @@ pub(super) fn run(
         return Err(Failure::Usage(message.to_owned()));
     }
     unbuilt::refuse_joint(loaded, &args.scenario)?;
+    trace_size::warn(&loaded.muscles[0].plant.run, COLUMNS.len(), &args.scenario, to);
     let mut out = args.output.create("run")?;
     let mut recorder = PageRecorder::default();
     let summary = match record(loaded, (args, &logs), &mut out, &mut recorder) {

@@ -31,6 +31,7 @@ mod serve;
 mod set;
 mod shell;
 mod sweep;
+mod trace_size;
 mod tune;
 mod unbuilt;
 
@@ -441,6 +442,7 @@ fn run_command(args: &RunArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     };
     let logs = args.log.wanted();
     logs.check()?;
+    trace_size::warn(&loaded.plant.run, COLUMNS.len(), &args.scenario, to);
     let mut board = args.board.open()?;
     let mut recorder = RunRecorder::new(&loaded);
     let mut out = args.output.create("run")?;
@@ -488,9 +490,9 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     // Without times it is refused for that, however far it goes.
     if table.column(measured::TIME).is_ok() || Readings::are_in(&table) {
         say_damage(&table, to);
+        to.warn(measured::doubt(&table).as_slice());
     }
     let against = args.against.as_deref().map(table::read_table).transpose()?;
-        to.warn(measured::doubt(&table).as_slice());
     interrupt::watch();
     // Created before the search, which takes minutes: an unwritable folder fails at once.
     let mut out = args.output.create("identify")?;

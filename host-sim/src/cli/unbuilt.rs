@@ -73,9 +73,9 @@ fn keys(reason: &str) -> impl Iterator<Item = &str> {
     sizes.chain(paths_in(reason))
 }
 
-type Given = (Option<u64>, String, String);
+pub(super) type Given = (Option<u64>, String, String);
 
-fn located(path: &Path, given: Option<Given>, why: String) -> InputError {
+pub(super) fn located(path: &Path, given: Option<Given>, why: String) -> InputError {
     match given {
         Some((line, key, value)) => InputError {
             file: path.to_path_buf(),
