@@ -95,8 +95,9 @@ def run(name):
     return done.stdout
 
 
-def line(row, figure):
-    return f"| {row['what']} | {row['target']} | {figure} | {row['command']} | {row.get('by_hand', '')} |"
+def line(row, values):
+    target, figure = (row[part].format(**values) for part in ("target", "figure"))
+    return f"| {row['what']} | {target} | {figure} | {row['command']} | {row.get('by_hand', '')} |"
 
 
 def same(new, old):
@@ -124,8 +125,7 @@ def main():
     for row in TABLE["row"]:
         specs = row.get("value", {})
         if all(spec["from"] in outputs for spec in specs.values()):
-            figure = row["figure"].format(**{key: value(spec, outputs) for key, spec in specs.items()})
-            text = line(row, figure)
+            text = line(row, {key: value(spec, outputs) for key, spec in specs.items()})
             if row["what"] not in old or not same(text, old[row["what"]]):
                 differs.append(text)
                 old[row["what"]] = text
