@@ -634,6 +634,12 @@ fn implausible_values_are_reported() {
              that nothing is filled; pressures are absolute, in Pa",
         ),
         (
+            "[drive]\nkind = \"fill\"",
+            "2: drive.kind = \"fill\": the inlet stays open: the gas goes on to supply.pressure_pa = 700000.0, and \
+             above 689500 Pa, by sensor.pressure.range_pa, the core vents with the fault \"overpressure\", unless the \
+             run ends before",
+        ),
+        (
             "[muscle]\nzones = 3\n[plant]\nkind = \"vessel\"",
             "2: [muscle] is not used: plant.kind is another one",
         ),
@@ -797,7 +803,7 @@ fn implausible_values_are_reported() {
             "2: [believed.sensor.mpr] is not used: sensor.pressure.kind is not \"mpr\"",
         ),
         (
-            "[drive]\nkind = \"fill\"\n[controller]\nlength_gain = 0.5",
+            "[drive]\nkind = \"closed\"\n[controller]\nlength_gain = 0.5",
             "4: [controller] is not used: with this drive.kind nothing is controlled",
         ),
     ] {

@@ -19,6 +19,7 @@ pub(super) fn unlikely(loaded: &Loaded) -> Vec<Unrest> {
     let all = [
         cold_sensor(plant),
         starved_by_regulator(loaded),
+        filled_too_far(loaded),
         out_of_reach(plant).or_else(|| too_heavy(plant)),
         late_profile(loaded),
         other_start(loaded),
@@ -61,6 +62,19 @@ fn starved_by_regulator(loaded: &Loaded) -> Option<Unrest> {
             1e3 * believed_kg_s
         );
         ("supply.droop_pa_s_kg", format!("{droop:?}"), why)
+    })
+}
+
+/// An inlet that stays open fills to the supply's pressure.
+fn filled_too_far(loaded: &Loaded) -> Option<Unrest> {
+    let supply_pa = loaded.plant.supply.pressure_pa;
+    let limit_pa = pressure_limit_pa(&loaded.believed);
+    (loaded.plant.drive.kind == DriveKind::Fill && supply_pa > limit_pa).then(|| {
+        let why = format!(
+            "the inlet stays open: the gas goes on to supply.pressure_pa = {supply_pa:?}, and above {limit_pa:.0} Pa, by \
+             sensor.pressure.range_pa, the core vents with the fault \"overpressure\", unless the run ends before"
+        );
+        ("drive.kind", "\"fill\"".to_owned(), why)
     })
 }
 
