@@ -413,6 +413,8 @@ fn a_monitor_without_a_screen_records() {
     assert!(gaps.contains("`thermyo monitor PORT --every 1`"), "{gaps}");
 
     let child = start("thermyo monitor emulated --json --out out/monitor");
+    let taken = bench.refused("thermyo board emulated plug");
+    assert!(taken.contains("emulated: another program has it open: close that one"), "{taken}");
     bench.ok("thermyo board emulated unplug");
     let json = end(child).ends(2).says("the line to the board is gone").json();
     assert!(json["rows"].as_u64().unwrap() > 20, "{json}");

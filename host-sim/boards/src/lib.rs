@@ -9,6 +9,7 @@ pub mod line;
 pub mod link;
 pub mod live;
 pub mod live_joint;
+pub mod plug;
 pub mod port;
 #[cfg(unix)]
 pub mod pty;

@@ -83,7 +83,7 @@ fn plugged_in() -> Option<TcpStream> {
 }
 
 /// Plugs in a board with an image and the muscle or joint of a scenario file, replacing an earlier one.
-pub fn plug(image: Variant, scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
+pub(super) fn plug(image: Variant, scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
     // Prepared here, so that the caller gets the errors.
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(image)?);
     unplug();
@@ -116,7 +116,7 @@ pub fn is_plugged_in() -> bool {
 
 /// Plugs in a board that runs in a thread of this process, with the muscle of a scenario, replacing
 /// an earlier one: for programs that cannot be started again as the board's process.
-pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
+pub(super) fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
     let board = thread::spawn(move || serve_muscle([&scripts, &image, &file()], &loaded));

@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 use thermyo_boards::live::{LiveBoard, VIEW_DIVIDER};
+use thermyo_boards::plug::plug_into_this_process;
 use thermyo_boards::port::EMULATED;
 use thermyo_boards::service;
 use thermyo_boards::subject::Subject;
@@ -66,7 +67,7 @@ impl Board {
             if port == EMULATED && (muscle.is_some() || !service::is_plugged_in()) {
                 let nominal = || parse("", Path::new("the nominal muscle"));
                 let muscle = muscle.map_or_else(nominal, Ok).map_err(error::input)?;
-                service::plug_into_this_process(muscle).map_err(error::board)?;
+                plug_into_this_process(muscle).map_err(error::board)?;
             }
             LiveBoard::open(port).map_err(error::board)
         })?;

@@ -6,7 +6,7 @@ use thermyo_boards::image::Variant;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_boards::subject::Subject;
-use thermyo_boards::{port, service};
+use thermyo_boards::{plug, port, service};
 use thermyo_files::input::{InputError, read_text};
 use thermyo_joint::JointLoaded;
 use thermyo_protocol::Refusal;
@@ -38,16 +38,6 @@ pub enum OpenError {
     Board(#[from] BoardError),
 }
 
-/// Plugs in the emulated board with a scenario at its pins, unless another program has it open.
-fn plug(image: Variant, scenario: &Path) -> Result<(), BoardError> {
-    if service::is_plugged_in()
-        && let Err(taken @ BoardError::Taken { .. }) = LiveBoard::open(port::EMULATED)
-    {
-        return Err(taken);
-    }
-    service::plug(image, Some(scenario)).map(drop)
-}
-
 impl Target {
     /// Parses the argument of the command.
     pub fn new(text: &OsStr) -> Self {
@@ -65,7 +55,7 @@ impl Target {
     pub fn open(&self) -> Result<Opened, OpenError> {
         let Self::Scenario(path) = self else { return self.open_either() };
         if let Some(joint) = thermyo_joint::load(path)? {
-            plug(Variant::Joint, path)?;
+            plug::plug(Variant::Joint, Some(path))?;
             let mut board = LiveJoint::open(port::EMULATED)?;
             board.configure(&joint.config(), &self.muscle_name())?;
             return Ok(Opened::Joint(Box::new(board)));
@@ -73,7 +63,7 @@ impl Target {
         let document = Document::parse(&read_text(path)?, path)?;
         let muscle = assemble(&document)?;
         refuse_vessel(&document, &muscle, "at a board's page")?;
-        plug(Variant::Standard, path)?;
+        plug::plug(Variant::Standard, Some(path))?;
         let mut board = LiveBoard::open(port::EMULATED)?;
         board.configure(&core_config(&muscle.believed), &self.muscle_name())?;
         Ok(Opened::Muscle(Box::new(board)))

@@ -114,7 +114,7 @@ fn plug(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(), Failure
                 }
             }
             let (image, words) = plugged;
-            service::plug(image, scenario.as_deref())?;
+            thermyo_boards::plug::plug(image, scenario.as_deref())?;
             to.done(&json!({ "plugged": true }), words)
         }
         _ => {
