@@ -65,17 +65,20 @@ pub fn minimize(
         xtol: tolerance,
         // The library requires a value above 0.
         gtol: f64::MIN_POSITIVE,
+        // Of the first step, in the parameters' own coordinates.
+        step_factor: 1.0,
         max_iter: usize::MAX,
         max_fev: MPMaxFev::Limited(patience * (start.len() + 1)),
         ..MPConfig::new()
     };
     let slopes = || MPPar { side: MPSide::User, ..MPPar::new() };
     let parameters = (0..start.len()).map(|_| slopes()).collect();
-    let mut search = Search { problem, place: start.clone(), residuals, config, parameters };
-    let mut place = start.clone();
-    match search.mpfit(place.as_mut_slice()) {
+    let mut search =
+        Search { problem, start: &start, place: start.clone(), residuals, config, parameters };
+    let mut way = DVector::repeat(start.len(), 1.0);
+    match search.mpfit(way.as_mut_slice()) {
         Ok(status) => Found {
-            place,
+            place: search.at(way.as_slice()),
             // The library's own norm may be that of a step that it has not taken.
             cost: DVector::from_vec(status.resid).norm_squared(),
             converged: status.success != MPSuccess::MaxIter,
@@ -89,6 +92,7 @@ pub fn minimize(
 
 struct Search<'a> {
     problem: &'a dyn LeastSquares,
+    start: &'a DVector<f64>,
     /// Point evaluated last, and the residuals there.
     place: DVector<f64>,
     residuals: DVector<f64>,
@@ -96,14 +100,23 @@ struct Search<'a> {
     parameters: Vec<MPPar>,
 }
 
+impl Search<'_> {
+    /// The library's first step is a share of the distance to 0, which says nothing here: it gets the way from the
+    /// start, and 1.
+    fn at(&self, way: &[f64]) -> DVector<f64> {
+        self.start + DVector::from_row_slice(way).add_scalar(-1.0)
+    }
+}
+
 impl MPFitter for Search<'_> {
-    fn eval(&mut self, place: &[f64], residuals: &mut [f64]) -> MPResult<()> {
+    fn eval(&mut self, way: &[f64], residuals: &mut [f64]) -> MPResult<()> {
         if self.problem.stopped() {
             return Err(MPError::Eval);
         }
-        if self.place.as_slice() != place {
-            self.place.copy_from_slice(place);
-            self.residuals = self.problem.weighted(&self.place);
+        let place = self.at(way);
+        if self.place != place {
+            self.residuals = self.problem.weighted(&place);
+            self.place = place;
         }
         residuals.copy_from_slice(self.residuals.as_slice());
         Ok(())
@@ -111,11 +124,11 @@ impl MPFitter for Search<'_> {
 
     fn jacobian(
         &mut self,
-        place: &[f64],
+        way: &[f64],
         residuals: &mut [f64],
         slopes: &mut [Option<Vec<f64>>],
     ) -> MPResult<()> {
-        self.eval(place, residuals)?;
+        self.eval(way, residuals)?;
         let columns = self.problem.slopes(&self.place, &self.residuals);
         for (slope, column) in slopes.iter_mut().zip(columns.column_iter()) {
             if let Some(slope) = slope {
@@ -170,6 +183,31 @@ mod tests {
             assert!(found.converged && !found.stopped, "{found:?}");
             assert!((found.cost - floor).abs() < 1e-9, "{found:?}");
             assert!((&found.place - DVector::from_element(2, 1.0)).norm() < 1e-3, "{found:?}");
+        }
+    }
+
+    /// Points of a search for 1000, by steps that hardly change anything.
+    struct Flat(std::cell::RefCell<Vec<f64>>);
+
+    impl LeastSquares for Flat {
+        fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
+            self.0.borrow_mut().push(place[0]);
+            DVector::from_vec(vec![1.0 - 0.001 * place[0], 1.0])
+        }
+
+        fn slopes(&self, _: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {
+            DMatrix::from_row_slice(2, 1, &[-0.001, 0.0])
+        }
+    }
+
+    #[test]
+    fn the_first_step_is_no_leap_wherever_the_search_starts() {
+        for start in [-20.0, 0.0, 0.3, 20.0] {
+            let flat = Flat(Vec::new().into());
+            let found = minimize(&flat, DVector::from_element(1, start), 1e-8, 30);
+            let first = flat.0.borrow()[1] - start;
+            assert!((0.5..1.5).contains(&first), "{start}: {first}");
+            assert!((found.place[0] - 1000.0).abs() < 1.0, "{start}: {found:?}");
         }
     }
 

@@ -65,6 +65,17 @@ fn noisy_record(loaded: &Loaded, points: Vec<(f64, f64)>, noise_pa: f64) -> Stri
     text
 }
 
+/// Values of [`other`].
+const TRUTHS: [(&str, f64); 7] = [
+    ("muscle.slip_force_n", 9.0),
+    ("muscle.slip_stiffness_n_m", 4500.0),
+    ("muscle.creep_fast_n_m", 1800.0),
+    ("muscle.creep_slow_n_m", 2100.0),
+    ("muscle.creep_fast_s", 0.7),
+    ("muscle.creep_slow_s", 15.0),
+    ("muscle.bladder_saturation_n", 230.0),
+];
+
 /// Another muscle than the scenario's.
 fn other() -> Loaded {
     shipped_scenario().with(|scenario| {
@@ -90,15 +101,7 @@ fn a_muscle_is_found_from_its_own_plan() {
     let findings = &found.findings;
     println!("{}", findings.text());
     assert!(findings.holds && findings.open.is_empty(), "{findings:?}");
-    for (key, truth) in [
-        ("muscle.slip_force_n", 9.0),
-        ("muscle.slip_stiffness_n_m", 4500.0),
-        ("muscle.creep_fast_n_m", 1800.0),
-        ("muscle.creep_fast_s", 0.7),
-        ("muscle.creep_slow_n_m", 2100.0),
-        ("muscle.creep_slow_s", 15.0),
-        ("muscle.bladder_saturation_n", 230.0),
-    ] {
+    for (key, truth) in TRUTHS {
         let Fitted { value, standard_error, .. } = findings.parameters[key];
         assert!((value / truth - 1.0).abs() < 0.1, "{key}: {value} for {truth}");
         let off = (value - truth).abs() / standard_error.unwrap();
@@ -119,13 +122,8 @@ fn a_noisy_pressure_leaves_the_slip_as_stiff_as_it_is() {
     let found =
         identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), None, &()).unwrap().findings;
     println!("{}", found.text());
-    for (key, truth) in [
-        ("muscle.slip_force_n", 9.0),
-        ("muscle.slip_stiffness_n_m", 4500.0),
-        ("muscle.creep_fast_n_m", 1800.0),
-        ("muscle.creep_slow_n_m", 2100.0),
-    ] {
-        let ratio = found.parameters[key].value / truth;
+    for (key, truth) in &TRUTHS[..4] {
+        let ratio = found.parameters[*key].value / truth;
         assert!((0.85..1.15).contains(&ratio), "{key}: {ratio} of {truth}");
     }
 }
@@ -139,13 +137,8 @@ fn viscous_friction_is_no_creep() {
     let configured = viscous(shipped_scenario());
     let found = identify(&configured, CONFIG.as_ref(), &table(&text), None, &()).unwrap().findings;
     println!("{}", found.text());
-    for (key, truth) in [
-        ("muscle.slip_force_n", 9.0),
-        ("muscle.slip_stiffness_n_m", 4500.0),
-        ("muscle.creep_fast_n_m", 1800.0),
-        ("muscle.creep_fast_s", 0.7),
-    ] {
-        let ratio = found.parameters[key].value / truth;
+    for (key, truth) in &TRUTHS[..5] {
+        let ratio = found.parameters[*key].value / truth;
         assert!((0.93..1.07).contains(&ratio), "{key}: {ratio} of {truth}");
     }
 }
