@@ -195,14 +195,15 @@ fn a_recording_too_short_for_figures_is_refused_with_what_it_takes() {
 fn a_hold_in_milliseconds_is_doubted() {
     let folder = Folder::new();
     let file = folder.scenario(
-        "[plant]\ninitial_pressure_pa = 3e5\n[leak]\nconductance_m3_s_pa = 1e-13\n[drive]\nkind = \"closed\"\n[identify]\n\
+        "[plant]\nkind = \"vessel\"\ninitial_pressure_pa = 3e5\n[leak]\nconductance_m3_s_pa = 1e-13\n[drive]\nkind = \"closed\"\n[identify]\n\
          parameters = [\"leak.conductance_m3_s_pa\"]\nstarts = 1\n",
     );
-    let rows: String = (0..20).map(|i| format!("{},{}\n", 10 * i, 300_000 - 50 * i)).collect();
+    let rows: String = (0..401).map(|i| format!("{},{}\n", 10 * i, 300_000 - 50 * i)).collect();
     let data = folder.file("hold.csv", &format!("time_s,pressure_pa\n{rows}"));
     let out = folder.name("out");
     let said = thermyo(&["identify", "--config", &file, &data, "--quiet", "--out", &out]);
-    said.says("warning: ").says("hold.csv: column time_s: its rows are 10 s apart: is it in ms?");
+    said.says("warning: ")
+        .says("hold.csv: column time_s: it lasts 4000 s, with 10 s a row: is it in ms?");
 }
 
 #[test]

@@ -170,14 +170,17 @@ pub fn check_distances(
     }
 }
 
-/// From this distance of its rows on a record may be one of milliseconds \[s\].
-const DOUBTFUL_S: f64 = 1.0;
+/// From this distance of its rows and this length on a record may be one of milliseconds \[s\].
+const DOUBTFUL_ROWS_S: f64 = 1.0;
+const DOUBTFUL_LENGTH_S: f64 = 3600.0;
 
-/// A question about the unit of times whose rows are usually seconds apart. A slow logger's are too.
+/// A question about the unit of times that last for hours. A slow logger's do too.
 pub fn doubt(table: &Table) -> Option<InputError> {
-    let usual_s = usual_distance(&table.filled(TIME).ok()?);
-    (usual_s >= (1.0 - ROUNDING) * DOUBTFUL_S).then(|| {
-        let why = format!("its rows are {} s apart: is it in ms?", short(usual_s));
+    let times = table.filled(TIME).ok()?;
+    let (usual_s, last_s) = (usual_distance(&times), since_s(*times.last()?, times[0]));
+    (usual_s >= (1.0 - ROUNDING) * DOUBTFUL_ROWS_S && last_s >= DOUBTFUL_LENGTH_S).then(|| {
+        let why =
+            format!("it lasts {} s, with {} s a row: is it in ms?", short(last_s), short(usual_s));
         table.header_error(Problem::UnusableColumn { column: TIME.to_owned(), why })
     })
 }
@@ -322,13 +325,18 @@ mod tests {
     }
 
     #[test]
-    fn rows_that_are_seconds_apart_raise_a_question() {
+    fn rows_that_last_for_hours_raise_a_question() {
         let asked = |text: &str| {
             doubt(&Table::parse(text, "m.csv".as_ref()).unwrap()).map(|error| error.to_string())
         };
-        let question = "m.csv: column time_s: its rows are 10 s apart: is it in ms?";
-        assert_eq!(asked("time_s\n0\n10\n20\n").as_deref(), Some(question));
-        assert!(asked("time_s\n0\n0.5\n1\n").is_none());
+        let rows = |distance_s: f64, number: u32| {
+            let times = (0..=number).map(|row| format!("{}\n", distance_s * f64::from(row)));
+            format!("time_s\n{}", times.collect::<String>())
+        };
+        let question = "m.csv: column time_s: it lasts 4000 s, with 10 s a row: is it in ms?";
+        assert_eq!(asked(&rows(10.0, 400)).as_deref(), Some(question));
+        assert!(asked(&rows(10.0, 300)).is_none());
+        assert!(asked(&rows(0.5, 8000)).is_none());
         assert!(asked("length_m\n0.3\n").is_none());
     }
 
