@@ -4,6 +4,8 @@
 use serde_json::json;
 use std::fs;
 use std::net::{TcpListener, TcpStream};
+use std::path::PathBuf;
+use std::process::Child;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::thread;
@@ -290,6 +292,42 @@ fn commands_to_a_board_print_json_on_request() {
     assert_eq!(bench.ok("thermyo board emulated plug --quiet"), "");
     assert_eq!(bench.ok("thermyo board emulated stop --quiet"), "");
     assert!(bench.ok("thermyo board emulated info --quiet").contains("faults:"));
+}
+
+/// Cargo builds every image under the same name. This cargo takes each from the images of the bench, and a while
+/// longer, in which the other command builds.
+#[cfg(unix)]
+#[test]
+fn images_that_two_commands_build_at_once_are_not_mistaken() {
+    let images = [Variant::Standard, Variant::Joint].map(|variant| firmware(variant).unwrap());
+    let bench = Bench::new();
+    let (cargo, target) = (bench.path("cargo"), bench.path("target"));
+    let built = target.join("firmware/thumbv6m-none-eabi/release");
+    fs::create_dir_all(&built).unwrap();
+    let [standard, joint] = images.each_ref().map(|image| image.display());
+    let built = built.display();
+    let script = format!(
+        "#!/bin/sh\ncase \"$*\" in\n*joint*) cp {joint} {built}/firmware ;;\n*) cp {standard} {built}/firmware ;;\n\
+         esac\nsleep 0.5\n"
+    );
+    fs::write(&cargo, script).unwrap();
+    fs::set_permissions(&cargo, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
+    let flash = |drive: &str, options: &str| {
+        let drive = bench.path(drive);
+        fs::create_dir_all(&drive).unwrap();
+        fs::write(drive.join("INFO_UF2.TXT"), "Board-ID: RPI-RP2\n").unwrap();
+        let mut command = bench.command(&format!("thermyo flash {} {options}", drive.display()));
+        (command.env("CARGO", &cargo).env("CARGO_TARGET_DIR", &target).spawn().unwrap(), drive)
+    };
+    let written = |(mut command, drive): (Child, PathBuf)| {
+        assert!(command.wait().unwrap().success());
+        fs::read(drive.join("thermyo.uf2")).unwrap()
+    };
+    let alone =
+        [("one", ""), ("two", "--joint")].map(|(drive, joint)| written(flash(drive, joint)));
+    let both = [("three", ""), ("four", "--joint")].map(|(drive, joint)| flash(drive, joint));
+    assert!(alone[0] != alone[1]);
+    assert!(both.map(written) == alone, "an image is that of the other command");
 }
 
 /// A scenario with a joint brings the joint's image, two muscles and their arm.

@@ -3,7 +3,7 @@
 
 use crate::checkout::{self, Begins, Build, watched, workspace};
 use crate::inside;
-use std::fs;
+use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::Mutex;
@@ -89,14 +89,19 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         command: "build",
         arguments: &arguments,
     };
+    // The variants share a target folder, and so their dependencies, and the name of the image. Each is copied to a
+    // name of its own, and appears there complete; another process builds its own only then.
+    let lock = fs::create_dir_all(&target_folder)
+        .and_then(|()| File::create(target_folder.join("images.lock")))
+        .and_then(|file| file.lock().map(|()| file))
+        .map_err(|error| build.failed(&format!("{}: {error}", target_folder.display())))?;
     build.run()?;
-    // The variants share a target folder, and so their dependencies. Each image is copied to a name
-    // of its own, and appears there complete.
     let image = target_folder.join(variant.file());
     let copy = image.with_extension(format!("{}.part", std::process::id()));
     fs::copy(target_folder.join(variant.target()).join("release").join("firmware"), &copy)
         .and_then(|_| fs::rename(&copy, &image))
         .map_err(|error| build.failed(&error.to_string()))?;
+    drop(lock);
     Ok(image)
 }
 
