@@ -357,8 +357,9 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     rig.board.discard();
     rig.board.write(&[0]);
     rig.board.take_telemetry();
-    // It may ask a few things at once again, after the saves that were accepted: up to 0.3 s.
-    rig.pass(400);
+    // It may ask a few things at once again, after the saves that were accepted.
+    let saves = matches!(flood, Flood::Of(HostCommand::Save | HostCommand::Forget) | Flood::Mixed);
+    rig.pass(if saves { 400 } else { 80 });
     let faults = rig.board.take_telemetry().last().map(|telemetry| telemetry.faults);
     assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
 }
