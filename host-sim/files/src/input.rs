@@ -80,6 +80,8 @@ pub enum Problem {
         "is a spreadsheet or an archive: must be text; export the sheet as CSV (UTF-8, with commas)"
     )]
     Spreadsheet,
+    #[error("is an MCAP file: name the CSV file beside it")]
+    Mcap,
     /// The parser's message.
     #[error("not valid TOML: {0}")]
     Syntax(String),
@@ -383,8 +385,12 @@ fn similar(path: &Path) -> Option<PathBuf> {
 pub(crate) fn not_text(bytes: &[u8]) -> Option<Problem> {
     const ZIP: &[u8] = b"PK\x03\x04";
     const OLD_EXCEL: &[u8] = &[0xd0, 0xcf, 0x11, 0xe0];
+    const MCAP: &[u8] = b"\x89MCAP0\r\n";
     if bytes.starts_with(ZIP) || bytes.starts_with(OLD_EXCEL) {
         return Some(Problem::Spreadsheet);
+    }
+    if bytes.starts_with(MCAP) {
+        return Some(Problem::Mcap);
     }
     is_utf16(bytes).then_some(Problem::Utf16)
 }

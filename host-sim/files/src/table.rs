@@ -517,13 +517,14 @@ mod tests {
 
     /// It was "not UTF-8 text".
     #[test]
-    fn the_file_of_a_spreadsheet_is_named() {
-        for bytes in
-            [&b"PK\x03\x04\x14\0\x06\0\x08\0\xe9"[..], b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0"]
-        {
-            let message = "t.csv: is a spreadsheet or an archive: must be text; export the sheet as CSV \
-                           (UTF-8, with commas)";
-            assert_eq!(record(bytes), Err(message.to_owned()));
+    fn the_file_of_another_program_is_named() {
+        let sheet = "a spreadsheet or an archive: must be text; export the sheet as CSV (UTF-8, with commas)";
+        for (bytes, what) in [
+            (&b"PK\x03\x04\x14\0\x06\0\x08\0\xe9"[..], sheet),
+            (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0", sheet),
+            (b"\x89MCAP0\r\n\x01", "an MCAP file: name the trace.csv beside it"),
+        ] {
+            assert_eq!(record(bytes), Err(format!("t.csv: is {what}")));
         }
     }
 
