@@ -110,7 +110,10 @@ fn poor_data_is_refused_and_nothing_written() {
         (fault("pressure = \"open\""), "pressure sensor, overpressure"),
         (fault("pressure = \"frozen\""), "faults during the experiment: pressure sensor"),
         ("[sensor.pressure]\nnoise_pa = 60_000.0\n".to_owned(), "experiment: pressure sensor"),
-        ("[valve]\npwm_hz = 10.0\n".to_owned(), "at most 9.7 kPa are allowed"),
+        (
+            "[valve]\npwm_hz = 10.0\n".to_owned(),
+            "at most 9.7 kPa are allowed: is the valve configured wrong",
+        ),
         ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "experiment: length sensor"),
         ("[believed.valve]\nconductance_m3_s_pa = 4e-10\n".to_owned(), "friction stands out of"),
         // Slip and creep hold back what nothing lengthens.

@@ -144,7 +144,7 @@ pub enum Refusal {
     },
     #[error(
         "the pressure loop does not follow the ramps: {:.1} kPa RMS from the set point, at most {:.1} kPa \
-         are allowed",
+         are allowed: is the valve configured wrong, or too small for them?",
         rms_pa / 1e3, limit_pa / 1e3
     )]
     LoopOpen { rms_pa: f64, limit_pa: f64 },
@@ -177,7 +177,7 @@ pub enum Refusal {
         rms_n: f64,
     },
     #[error(
-        "no step kept the {valve} open for 30 ms: it is too large for this muscle to tell its conductance"
+        "no step kept the {valve} open for 30 ms: it is too large for this chamber to tell its conductance"
     )]
     NoSteps { valve: &'static str },
     #[error("{path} came out as {value:.4e}: must be {allowed}")]
