@@ -214,6 +214,27 @@ fn published_data_that_are_damaged_are_refused() {
             "_5050.csv: column time_s: 0 rows before its last 9.0 s, which are compared: must be 10 or more",
         ),
         (
+            vessel_csv,
+            "time_s,pressure_pa\n0,7e5\n15000,6.9e5\n30000,6.8e5\n".to_owned(),
+            "a.csv:3: column time_s = 15000.0: must be at most 10.0 s after the row before it, which shows a leak: is \
+             this ms, or are rows left out?",
+        ),
+        (
+            "hyddown/air_discharge.csv",
+            "time_s,pressure_pa\n0,8e5\n1,7e5\n2,6e5\n".to_owned(),
+            "air_discharge.csv: column sensor_gas_k is missing, or empty in every row",
+        ),
+        (
+            spring_csv,
+            "time_s,pressure_pa,volume_m3\n0,8e5,\n1,7e5,\n2,6e5,\n".to_owned(),
+            "2022-01-28.csv: column volume_m3 is missing, or empty in every row",
+        ),
+        (
+            "dynamic/cylinder_o-ring257_1bar.csv",
+            "length_m,pressure_pa,force_n\n0,2e5,1\n1,2e5,2\n2,2e5,3\n".to_owned(),
+            "cylinder_o-ring257_3bar.csv: no such file",
+        ),
+        (
             "notes.txt",
             String::new(),
             "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv,",
@@ -225,6 +246,16 @@ fn published_data_that_are_damaged_are_refused() {
         let output = thermyo(&["evaluate", "truth", &folder.name(""), "--quiet"]);
         output.refused(message).in_one_line();
     }
+    let folder = Folder::new();
+    fs::create_dir(folder.path("dynamic")).unwrap();
+    let in_and_out: String = [0, 1, 2, 3, 2, 1, 0].map(|m| format!("{m},201325,1\n")).concat();
+    for bar in [1, 3, 5, 7] {
+        let text = format!("length_m,pressure_pa,force_n\n{in_and_out}");
+        folder.file(&format!("dynamic/cylinder_o-ring257_{bar}bar.csv"), &text);
+    }
+    thermyo(&["evaluate", "truth", &folder.name("")])
+        .refused("_7bar.csv: column pressure_pa: 100000 Pa above ambient in the mean: must be above the 100000 Pa")
+        .in_one_line();
     let folder = Folder::new();
     fs::create_dir(folder.path("motion")).unwrap();
     folder.file("motion.csv", "");

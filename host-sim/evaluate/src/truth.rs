@@ -158,13 +158,19 @@ fn strokes(loaded: &Loaded) -> [f64; 2] {
     })
 }
 
-fn measured(file: &Path) -> Result<Measured, InputError> {
-    Measured::new(&read_whole(file)?, &COLUMNS)
+fn measured(file: &Path, needed: [&str; 2]) -> Result<Measured, InputError> {
+    let measured = Measured::new(&read_whole(file)?, &COLUMNS)?;
+    let is_there = |name: &str| measured.columns.iter().any(|column| column.name == name);
+    match needed.into_iter().find(|name| !is_there(name)) {
+        Some(name) => Err(InputError::file(file, Problem::NoValues { column: name.to_owned() })),
+        None => Ok(measured),
+    }
 }
 
 fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError> {
     let (loaded, config) = shipped("gas_spring.toml")?;
-    let identified = thermyo_identify::identify(&loaded, &config, &measured(file)?, file, watch)?;
+    let measured = measured(file, ["pressure_pa", "volume_m3"])?;
+    let identified = thermyo_identify::identify(&loaded, &config, &measured, file, watch)?;
     let pressure_pa = identified.findings.rmse.pressure_pa.unwrap_or(f64::NAN);
     Ok(CaseFigures {
         case: "gas spring, nitrogen".to_owned(),
@@ -178,7 +184,7 @@ fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError>
 
 fn air_discharge(file: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
     let (loaded, config) = shipped("air_discharge.toml")?;
-    let measured = measured(file)?;
+    let measured = measured(file, ["pressure_pa", "sensor_gas_k"])?;
     let mut observer = |_: &Row| Ok(());
     let summary = run::run(&loaded, &mut CoreBoard::default(), Some(&measured), &mut observer)?;
     let rmse = |name: &str| {

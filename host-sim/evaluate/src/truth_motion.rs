@@ -11,7 +11,7 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::shipped;
 use thermyo_files::table::{Table, read_whole};
 use thermyo_identify::motion::{LawLeft, laws};
-use thermyo_record::measured::{check_pressures, check_rising};
+use thermyo_record::measured::{check_distances, check_pressures, check_rising};
 
 /// Smallest coefficient of determination of what a pair does, from the commanded force alone.
 const PAIR_R2: f64 = 0.97;
@@ -31,6 +31,8 @@ const SHUT_S: f64 = 15.0;
 /// Share of a vessel's record that is fitted \[-\].
 const FITTED: f64 = 0.6;
 const FEWEST: usize = 10;
+/// Largest distance of its rows \[s\].
+const MOST_S: f64 = 10.0;
 /// Largest error of a vessel's pressure in the rest, of the pressure at the start \[%\].
 const VESSEL_PERCENT: f64 = 1.0;
 
@@ -44,7 +46,7 @@ pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, InputError> {
     }
     for seal in SEALS {
         let files = BARS.map(|bar| dynamic.join(format!("cylinder_{seal}_{bar}bar.csv")));
-        if files.iter().all(|file| file.exists()) {
+        if files.iter().any(|file| file.exists()) {
             lines.push(seal_of(seal, &files)?);
         }
     }
@@ -117,11 +119,15 @@ fn unusable(table: &Table, column: &str, why: String) -> InputError {
 }
 
 fn seal_of(seal: &str, files: &[PathBuf; 4]) -> Result<CaseFigures, InputError> {
-    let mut widths = Vec::new();
-    for file in files {
-        widths.push(half_width(&read_whole(file)?)?);
-    }
+    let tables = files.iter().map(|file| read_whole(file)).collect::<Result<Vec<_>, _>>()?;
+    let widths = tables.iter().map(half_width).collect::<Result<Vec<_>, _>>()?;
     let ((first_n, first_pa), (last_n, last_pa)) = (widths[0], widths[3]);
+    if last_pa <= first_pa {
+        let why = format!(
+            "{last_pa:.0} Pa above ambient in the mean: must be above the {first_pa:.0} Pa of the file of 1 bar"
+        );
+        return Err(unusable(&tables[3], "pressure_pa", why));
+    }
     let slope = (last_n - first_n) / (last_pa - first_pa);
     let at = |pressure_pa: f64| first_n + slope * (pressure_pa - first_pa);
     let mean_n = 0.5 * (first_n + last_n);
@@ -169,6 +175,7 @@ fn vessel_of(file: &Path) -> Result<CaseFigures, InputError> {
     let (mut times, mut pressures) = (table.filled("time_s")?, table.filled("pressure_pa")?);
     check_rising(&table, &times)?;
     check_pressures(&table, "pressure_pa", AMBIENT_PA)?;
+    check_distances(&table, &times, (MOST_S, "which shows a leak"))?;
     let begins = times.partition_point(|time| *time < SHUT_S);
     times.drain(..begins);
     pressures.drain(..begins);
