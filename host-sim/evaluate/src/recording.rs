@@ -28,7 +28,7 @@ const POSSIBLE: Limits = Limits { min: 100.0, max: 1000.0, unit: "K" };
 ///
 /// # Errors
 /// When a column is missing or has impossible values, times are in another unit, or the reference has fewer than
-/// [`FEWEST_ROWS`] values after the first ten seconds.
+/// 50 values after the first ten seconds.
 pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, InputError> {
     let times_s = recording.filled(TIME)?;
     check_rising(recording, &times_s)?;

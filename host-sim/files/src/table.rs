@@ -522,7 +522,7 @@ mod tests {
         for (bytes, what) in [
             (&b"PK\x03\x04\x14\0\x06\0\x08\0\xe9"[..], sheet),
             (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1\0\0", sheet),
-            (b"\x89MCAP0\r\n\x01", "an MCAP file: name the trace.csv beside it"),
+            (b"\x89MCAP0\r\n\x01", "an MCAP file: name the CSV file beside it"),
         ] {
             assert_eq!(record(bytes), Err(format!("t.csv: is {what}")));
         }
