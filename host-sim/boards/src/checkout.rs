@@ -3,7 +3,7 @@
 //! Each build adds the compiler target that it needs, and prints progress while it takes minutes.
 
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
@@ -15,6 +15,8 @@ use thermyo_simulation::board::BoardError;
 
 /// Interval of the progress messages.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
+/// Interval at which a lock is looked at.
+const LOOK: Duration = Duration::from_millis(20);
 
 /// Folder of this crate; empty in a release build, whose bytes must not depend on where it was
 /// built.
@@ -118,8 +120,7 @@ pub fn add_target(target: &str, folder: &Path) -> Result<(), NotBuilt> {
     let add = format!("rustup target add {target}");
     let not_added = |why: String| missing(format!("`{add}` failed: {}", why.trim()));
     // rustup does not lock against a second rustup, and tests call this in parallel.
-    let lock = File::create(Path::new(home.trim()).join("thermyo.lock"))
-        .and_then(|file| file.lock().map(|()| file))
+    let lock = alone(&Path::new(home.trim()).join("thermyo.lock"), &add)
         .map_err(|error| not_added(format!("{}: {error}", home.trim())))?;
     if !has_target(target, folder) {
         say(&format!("adding the compiler's target {target}: {add}"));
@@ -156,6 +157,33 @@ fn output(program: OsString, arguments: &[&str], folder: &Path) -> Result<String
         .map_err(|error| error.to_string())?;
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
+}
+
+/// Waits until no other process and no other thread holds this lock. A message reports a wait that lasts.
+pub fn alone(lock: &Path, doing: &str) -> io::Result<File> {
+    alone_by(lock, doing, SIGN_OF_LIFE, &mut say)
+}
+
+fn alone_by(
+    lock: &Path,
+    doing: &str,
+    interval: Duration,
+    say: &mut dyn FnMut(&str),
+) -> io::Result<File> {
+    fs::create_dir_all(lock.parent().unwrap_or(lock))?;
+    let file = File::create(lock)?;
+    let (began, mut sign_due) = (Instant::now(), interval);
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::WouldBlock) => thread::sleep(LOOK),
+            Err(TryLockError::Error(error)) => return Err(error),
+        }
+        if began.elapsed() >= sign_due {
+            say(&format!("{doing}: {} s, waiting for another build", began.elapsed().as_secs()));
+            sign_due += interval;
+        }
+    }
 }
 
 /// When the work of a program begins.
@@ -282,6 +310,26 @@ mod tests {
         let (_, message) = watched_by(shell, "building it", begins, interval, &mut keep).unwrap();
         messages.dedup();
         (messages, message)
+    }
+
+    #[test]
+    fn a_wait_for_another_build_is_said_if_it_lasts() {
+        let folder = tempfile::tempdir().unwrap();
+        let lock = folder.path().join("target/images.lock");
+        let silent = &mut |line: &str| panic!("{line}");
+        let held = alone_by(&lock, "building it", Duration::MAX, silent).unwrap();
+        let (sender, lines) = mpsc::channel();
+        let waits = thread::spawn({
+            let lock = lock.clone();
+            move || {
+                let say = &mut |line: &str| sender.send(line.to_owned()).unwrap();
+                alone_by(&lock, "building it", Duration::ZERO, say).map(drop)
+            }
+        });
+        assert_eq!(lines.recv().unwrap(), "building it: 0 s, waiting for another build");
+        drop(held);
+        waits.join().unwrap().unwrap();
+        alone_by(&lock, "building it", Duration::MAX, silent).unwrap();
     }
 
     #[test]

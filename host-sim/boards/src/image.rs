@@ -1,12 +1,11 @@
 //! The firmware's images and the emulator's files: built in, or from the checkout, built when
 //! stale.
 
-use crate::checkout::{self, Begins, Build, watched, workspace};
+use crate::checkout::{self, Begins, Build, alone, watched, workspace};
 use crate::inside;
-use std::fs::{self, File};
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Mutex;
 use thermyo_simulation::board::BoardError;
 
 const RP2040: &str = "thumbv6m-none-eabi";
@@ -15,8 +14,7 @@ const RP2350: &str = "thumbv8m.main-none-eabihf";
 /// Oldest Node.js that runs the emulator.
 const NODE_MAJOR: u32 = 18;
 
-/// Allows one build of the firmware at a time.
-static BUILD: Mutex<()> = Mutex::new(());
+const FETCHING: &str = "fetching Node.js packages";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Variant {
@@ -76,7 +74,6 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     if let Some(folder) = inside::emulator()? {
         return Ok(folder.join(variant.file()));
     }
-    let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     // A separate folder: the cargo of a test holds the lock of the usual one.
     let target_folder = checkout::target_folder().join("firmware");
     let mut arguments = vec!["--release"];
@@ -90,10 +87,8 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         arguments: &arguments,
     };
     // The variants share a target folder, and so their dependencies, and the name of the image. Each is copied to a
-    // name of its own, and appears there complete; another process builds its own only then.
-    let lock = fs::create_dir_all(&target_folder)
-        .and_then(|()| File::create(target_folder.join("images.lock")))
-        .and_then(|file| file.lock().map(|()| file))
+    // name of its own, and appears there complete; another one is built only then.
+    let lock = alone(&target_folder.join("images.lock"), &format!("building {}", variant.name()))
         .map_err(|error| build.failed(&format!("{}: {error}", target_folder.display())))?;
     build.run()?;
     let image = target_folder.join(variant.file());
@@ -130,9 +125,10 @@ fn check_node() -> Result<(), BoardError> {
 
 /// Prepares a folder's scripts: checks Node.js and installs the packages of the lock file.
 pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
-    let _one_at_a_time = BUILD.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
     check_node()?;
     let npm_error = |message: String| BoardError::Npm { message };
+    let _one_at_a_time = alone(&checkout::target_folder().join("node.lock"), FETCHING)
+        .map_err(|error| npm_error(error.to_string()))?;
     let lock = fs::read(folder.join("package-lock.json")).map_err(|e| npm_error(e.to_string()))?;
     // npm keeps no copy of the lock file that it installed from; this is one.
     let installed = folder.join("node_modules").join(".installed-lock.json");
@@ -142,7 +138,7 @@ pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
     let npm = if cfg!(windows) { "npm.cmd" } else { "npm" };
     let mut npm = Command::new(npm);
     npm.args(["ci", "--no-audit", "--no-fund"]).current_dir(folder);
-    let (status, message) = watched(&mut npm, "fetching Node.js packages", Begins::AtOnce)
+    let (status, message) = watched(&mut npm, FETCHING, Begins::AtOnce)
         .map_err(|error| npm_error(error.to_string()))?;
     if !status.success() {
         return Err(npm_error(message));
