@@ -2,7 +2,7 @@
 //! host's request, and records events. A board without a store remembers events until it loses
 //! power.
 
-use crate::kind::{Config, MAX_VALUE, checksum};
+use crate::kind::{Config, MAX_VALUE};
 use crate::link::{Identity, configure, done};
 use crate::shared::{Answer, Requester, Shared, StoreRequest};
 use crate::store::{AnnouncedFlash, Buffer, HEAD, Key, Loaded, Store, Unwritable};
@@ -107,8 +107,8 @@ impl<F: NorFlash> Keeper<F> {
         self.may_write()?;
         let Status { config_checksum, config_name: name, .. } = self.shared.status();
         // Another one may be prepared, and wait for this one to be written.
-        let active = self.shared.config().filter(|config| checksum(config) == config_checksum);
-        let saved = Saved { config: active.ok_or(Refusal::NotConfigured)?, name };
+        let active = self.shared.with_prepared(config_checksum, |core| Ok(*core.config()));
+        let saved = Saved { config: active.map_err(|_| Refusal::NotConfigured)?, name };
         self.write(Key::Config, &saved).await?;
         self.shared.change_status(|status| status.config_source = ConfigSource::Flash);
         Ok(())

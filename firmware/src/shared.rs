@@ -302,12 +302,8 @@ impl Shared {
     ) -> Result<T, Refusal> {
         let next = self.next_core.try_lock().map_err(|_| Refusal::NotConfigured)?;
         match &*next {
-            Some(next) if next.core.is_configured() => {
-                if next.checksum != checksum {
-                    return Err(Refusal::Overtaken);
-                }
-                with(next.core)
-            }
+            Some(next) if next.core.is_configured() && next.checksum == checksum => with(next.core),
+            Some(next) if next.core.is_configured() => Err(Refusal::Overtaken),
             _ => Err(Refusal::NotConfigured),
         }
     }
