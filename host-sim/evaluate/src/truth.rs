@@ -160,11 +160,10 @@ fn strokes(loaded: &Loaded) -> [f64; 2] {
 
 fn measured(file: &Path, needed: [&str; 2]) -> Result<Measured, InputError> {
     let measured = Measured::new(&read_whole(file)?, &COLUMNS)?;
-    let is_there = |name: &str| measured.columns.iter().any(|column| column.name == name);
-    match needed.into_iter().find(|name| !is_there(name)) {
-        Some(name) => Err(InputError::file(file, Problem::NoValues { column: name.to_owned() })),
-        None => Ok(measured),
+    for name in needed {
+        measured.needed(file, name)?;
     }
+    Ok(measured)
 }
 
 fn gas_spring(file: &Path, watch: &dyn Watch) -> Result<CaseFigures, TruthError> {

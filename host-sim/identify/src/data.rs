@@ -138,7 +138,7 @@ impl Data {
         let observed = observed(measured, path, scenario)?;
         let input = columns.input(scenario, &observed)?;
         let is_vessel = scenario.plant.kind == PlantKind::Vessel;
-        let volume = find(measured, "volume_m3");
+        let volume = measured.column("volume_m3");
         let volume = volume.filter(|column| is_vessel && varies(&column.points));
         let volume = volume.map(|column| columns.profile(&column.name)).transpose()?;
         let holes = recorded_holes(measured, path, &input, volume.as_ref())?;
@@ -180,7 +180,7 @@ struct Columns<'a> {
 impl Columns<'_> {
     /// The columns that drive the plant which is compared with `observed`.
     fn input(&self, scenario: &Scenario, observed: &[Observed]) -> Result<Input, InputError> {
-        let has = |name: &str| find(self.measured, name).is_some();
+        let has = |name: &str| self.measured.column(name).is_some();
         let is_vessel = scenario.plant.kind == PlantKind::Vessel;
         let free = match scenario.drive.kind {
             DriveKind::Closed => true,
@@ -213,8 +213,8 @@ impl Columns<'_> {
     }
 
     fn pair(&self, names: [&str; 2]) -> Result<Vec<(f64, [f64; 2])>, InputError> {
-        let inlet = find_needed(self.measured, self.path, names[0])?;
-        let outlet = find_needed(self.measured, self.path, names[1])?;
+        let inlet = self.measured.needed(self.path, names[0])?;
+        let outlet = self.measured.needed(self.path, names[1])?;
         if !times(&inlet.points).eq(times(&outlet.points)) {
             return Err(self.unusable(names[1], &format!("must be filled where {} is", names[0])));
         }
@@ -223,7 +223,7 @@ impl Columns<'_> {
     }
 
     fn profile(&self, name: &str) -> Result<Profile, InputError> {
-        let Column { points, lines, .. } = find_needed(self.measured, self.path, name)?;
+        let Column { points, lines, .. } = self.measured.needed(self.path, name)?;
         Profile::new(points.clone()).map_err(|error| match error {
             ProfileError::NotIncreasing { row } => {
                 let problem = Problem::Cell {
@@ -247,19 +247,6 @@ fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
     points.iter().map(|(time_s, _)| *time_s)
 }
 
-fn find<'a>(measured: &'a Measured, name: &str) -> Option<&'a Column> {
-    measured.columns.iter().find(|column| column.name == name)
-}
-
-fn find_needed<'a>(
-    measured: &'a Measured,
-    path: &Path,
-    name: &str,
-) -> Result<&'a Column, InputError> {
-    let problem = || Problem::NoValues { column: name.to_owned() };
-    find(measured, name).ok_or_else(|| InputError::file(path, problem()))
-}
-
 /// The columns to compare: those that the scenario names, or the usual ones.
 fn observed(
     measured: &Measured,
@@ -271,9 +258,9 @@ fn observed(
     let named: Vec<&Column> = if asked.is_empty() {
         let usual = [Quantity::Pressure, Quantity::Length, Quantity::SensorGas];
         let usual = usual.into_iter().filter(|q| !(is_vessel && *q == Quantity::Length));
-        usual.filter_map(|quantity| find(measured, quantity.column())).collect()
+        usual.filter_map(|quantity| measured.column(quantity.column())).collect()
     } else {
-        asked.iter().map(|name| find_needed(measured, path, name)).collect::<Result<_, _>>()?
+        asked.iter().map(|name| measured.needed(path, name)).collect::<Result<_, _>>()?
     };
     let observed: Vec<Observed> = named
         .into_iter()

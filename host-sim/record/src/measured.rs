@@ -1,5 +1,6 @@
 //! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
 
+use std::path::Path;
 use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Instead, Problem, nearest, quoted};
 use thermyo_files::number::{short, significant};
@@ -235,6 +236,20 @@ impl Measured {
     /// As [`Self::new`], with times since the first row, which may be any.
     pub fn since_first(table: &Table, known: &[&str]) -> Result<Self, InputError> {
         Self::read(table, known, true)
+    }
+
+    /// The column of that name, if it has a value.
+    pub fn column(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|column| column.name == name)
+    }
+
+    /// The same of a column that is needed, of the file at `path`.
+    ///
+    /// # Errors
+    /// If it is missing, or empty.
+    pub fn needed(&self, path: &Path, name: &str) -> Result<&Column, InputError> {
+        let problem = || Problem::NoValues { column: name.to_owned() };
+        self.column(name).ok_or_else(|| InputError::file(path, problem()))
     }
 
     fn read(table: &Table, known: &[&str], anywhere: bool) -> Result<Self, InputError> {
