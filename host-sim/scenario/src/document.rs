@@ -76,6 +76,9 @@ pub struct Entries {
     list: Vec<Entry>,
 }
 
+/// Line, path and value of a key that a file has.
+pub type Given = (Option<u64>, String, String);
+
 #[derive(Debug, Clone, PartialEq)]
 pub struct Entry {
     pub table: String,
@@ -92,6 +95,10 @@ impl Entry {
     /// Path, such as "muscle.zones".
     pub fn path(&self) -> String {
         format!("{}.{}", self.table, self.key.name)
+    }
+
+    pub fn given(&self) -> Given {
+        (self.line, self.path(), self.written.clone())
     }
 }
 

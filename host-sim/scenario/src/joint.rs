@@ -11,7 +11,7 @@
 
 use super::declare::{choice, table};
 use super::document::{
-    Document, Entry, allowed_instead, checked, toml_of, unknown_table, value_of,
+    Document, Entry, Given, allowed_instead, checked, toml_of, unknown_table, value_of,
 };
 use super::key::{Allowed, Key, Table};
 use super::schema;
@@ -355,7 +355,7 @@ impl JointDocument {
     }
 
     /// Line, path and value of a key that the file has, of the joint or of a muscle, by its whole path.
-    pub fn given(&self, full_path: &str) -> Option<(Option<u64>, String, String)> {
+    pub fn given(&self, full_path: &str) -> Option<Given> {
         let path = full_path.to_owned();
         if let Some((_, line)) = self.given.iter().find(|(given, _)| given == full_path) {
             let (joint, plain) = match full_path.strip_prefix("believed.") {

@@ -5,7 +5,7 @@ use super::unbuilt::located;
 use std::path::Path;
 use thermyo_files::input::read_text;
 use thermyo_scenario::Run;
-use thermyo_scenario::document::Document;
+use thermyo_scenario::document::{Document, Entry};
 use thermyo_scenario::joint::{JointDocument, is_joint};
 
 const KEY: &str = "run.log_every";
@@ -26,8 +26,7 @@ pub(super) fn warn(run: &Run, columns: usize, path: &Path, to: &mut Console<'_>)
         JointDocument::parse(&text, path).ok().and_then(|document| document.given(KEY))
     } else {
         let document = Document::parse(&text, path).ok();
-        let entry = document.as_ref().and_then(|document| document.plant.get(KEY));
-        entry.map(|entry| (entry.line, entry.path(), entry.written.clone()))
+        document.and_then(|document| document.plant.get(KEY).map(Entry::given))
     };
     let given = given.unwrap_or_else(|| (None, KEY.to_owned(), run.log_every.to_string()));
     let why = format!(

@@ -4,7 +4,7 @@ use super::{Console, Failure};
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem, read_text};
 use thermyo_joint::{Inputs, JointLoaded, Rig};
-use thermyo_scenario::document::Document;
+use thermyo_scenario::document::{Document, Entry, Given};
 use thermyo_scenario::joint::JointDocument;
 use thermyo_setup::{Loaded, paths_in};
 
@@ -43,8 +43,7 @@ fn of_one_chamber(path: &Path, reason: String) -> InputError {
         let mut entries = document.as_ref()?.plant.iter();
         entries.find(|entry| reason.starts_with(entry.key.name))
     });
-    let given = entry.map(|entry| (entry.line, entry.path(), entry.written.clone()));
-    located(path, given, reason)
+    located(path, entry.map(Entry::given), reason)
 }
 
 /// The same for a joint.
@@ -54,8 +53,7 @@ pub(super) fn refuse_joint(loaded: &JointLoaded, path: &Path) -> Result<(), Fail
         let document = read_text(path).and_then(|text| JointDocument::parse(&text, path)).ok();
         let given = keys(&reason).find_map(|key| document.as_ref()?.given(key)).or_else(|| {
             let mut entries = document.as_ref()?.muscles.iter().flat_map(|one| one.plant.iter());
-            let entry = entries.find(|entry| reason.starts_with(entry.key.name))?;
-            Some((entry.line, entry.path(), entry.written.clone()))
+            entries.find(|entry| reason.starts_with(entry.key.name)).map(Entry::given)
         });
         // An allowed range behind its key, and a reason otherwise.
         let of_inertia = |(_, key, _): &Given| key == "joint.inertia_kg_m2";
@@ -72,8 +70,6 @@ fn keys(reason: &str) -> impl Iterator<Item = &str> {
     let sizes = SIZES.into_iter().filter(|_| reason.contains("smallest volume"));
     sizes.chain(paths_in(reason))
 }
-
-pub(super) type Given = (Option<u64>, String, String);
 
 pub(super) fn located(path: &Path, given: Option<Given>, why: String) -> InputError {
     match given {
