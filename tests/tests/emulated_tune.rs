@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use thermyo_boards::emulated::EmulatedBoard;
-use thermyo_evaluate::tune::{ALL_WRONG, configured, error_percent};
+use thermyo_evaluate::tune::{ALL_WRONG, configured, off};
 use thermyo_studies::tune::{HIGHEST_PA, tune};
 
 #[test]
@@ -18,7 +18,7 @@ fn a_board_is_tuned() {
         ("valve.conductance_m3_s_pa", plant.valve.conductance_m3_s_pa, (-9.0, -4.0)),
         ("valve.switch_time_s", plant.valve.switch_time_s, (-15.0, -5.0)),
     ] {
-        let error = error_percent(&tuned, truth, path);
+        let error = off(&tuned, truth, path).percent;
         assert!((low..=high).contains(&error), "{path}: {error} %, allowed {low} to {high}");
     }
     let check = tuned.findings.check;

@@ -2,7 +2,7 @@
 //! refuses. Bounds on both sides: a figure far better than it can be is a broken measurement.
 
 use thermyo_evaluate::control::sine;
-use thermyo_evaluate::tune::{ALL_WRONG, configured, error_percent, tuned};
+use thermyo_evaluate::tune::{ALL_WRONG, configured, off, tuned};
 use thermyo_simulation::board::CoreBoard;
 
 use std::fs;
@@ -17,7 +17,6 @@ fn a_muscle_configured_wrong_is_found() {
     let turns = plant.muscle.turns;
     for (path, truth, bounds) in [
         ("friction.force_n", plant.friction.force_n, (-2.0, 2.0)),
-        ("friction.viscous_n_s_m", plant.friction.viscous_n_s_m, (-20.0, -5.0)),
         // Twice as far off as without slip and creep, like the two above and below.
         ("muscle.turns", turns, (-0.5, 0.5)),
         ("muscle.bladder_stiffness_n_m", plant.muscle.bladder_stiffness_n_m, (-3.0, 1.5)),
@@ -28,10 +27,10 @@ fn a_muscle_configured_wrong_is_found() {
         // 1 ms, and the pressure sensor's lag of 0.5 ms.
         ("valve.dead_time_s", plant.valve.dead_time_s + 0.0005, (-5.0, 20.0)),
     ] {
-        println!("{path}: {:.2} %", error_percent(&tuned, truth, path));
-        assert_within(&format!("{path}, error %"), error_percent(&tuned, truth, path), bounds);
+        println!("{path}: {:.2} %", off(&tuned, truth, path).percent);
+        assert_within(&format!("{path}, error %"), off(&tuned, truth, path).percent, bounds);
         let error = findings.value(path).unwrap().standard_error.unwrap();
-        assert_within(&format!("{path}, standard error"), error / truth, (1e-5, 0.25));
+        assert_within(&format!("{path}, standard error"), error / truth, (0.01, 0.4));
     }
     // The rule gives the muscle back the gains that were found by hand.
     for (path, bounds) in [
@@ -41,7 +40,9 @@ fn a_muscle_configured_wrong_is_found() {
     ] {
         assert_within(path, findings.value(path).unwrap().after, bounds);
     }
-    assert!(findings.value("friction.softening_per_k").unwrap().remark.starts_with("kept"));
+    for path in ["friction.softening_per_k", "friction.viscous_n_s_m"] {
+        assert!(findings.value(path).unwrap().remark.starts_with("kept"), "{path}");
+    }
     let rms = |loaded| sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap().rms_percent;
     assert_within("error before, %", rms(&loaded), (0.25, 0.45));
     assert_within("error after, %", rms(&tuned.scenario), (0.05, 0.15));

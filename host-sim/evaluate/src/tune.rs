@@ -38,18 +38,30 @@ pub fn tuned(loaded: &Loaded) -> Result<Tuned, TuneError> {
     tune::tune(loaded, Path::new("the nominal scenario"), HIGHEST_PA, &mut CoreBoard::default())
 }
 
-/// Relative error of a tuned value against the plant's \[%\].
-pub fn error_percent(tuned: &Tuned, truth: f64, path: &str) -> f64 {
+/// Error of a tuned value.
+pub struct Off {
+    /// Relative to the plant's value, with its sign \[%\].
+    pub percent: f64,
+    /// Size, over the stated error \[-\].
+    pub stated: f64,
+}
+
+pub fn off(tuned: &Tuned, truth: f64, path: &str) -> Off {
     let value = tuned.findings.value(path).map_or(f64::NAN, |parameter| parameter.after);
-    (value / truth - 1.0) * 100.0
+    let stated = tuned.findings.value(path).and_then(|parameter| parameter.standard_error);
+    Off {
+        percent: (value / truth - 1.0) * 100.0,
+        stated: (value - truth).abs() / stated.unwrap_or(f64::NAN),
+    }
 }
 
 fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, TuneError> {
     let loaded = configured(nominal, change);
     let tuned = tuned(&loaded)?;
     let plant = &loaded.plant;
-    let turns = plant.muscle.turns;
-    let error = |truth, path| error_percent(&tuned, truth, path).abs();
+    let friction = off(&tuned, plant.friction.force_n, "friction.force_n");
+    let turns = off(&tuned, plant.muscle.turns, "muscle.turns");
+    let conductance = off(&tuned, plant.valve.conductance_m3_s_pa, "valve.conductance_m3_s_pa");
     let rms = |loaded: &Loaded| {
         sine(loaded, 0.5, 0.15, &mut CoreBoard::default()).map(|slow| slow.rms_percent)
     };
@@ -59,18 +71,13 @@ fn line(nominal: &Loaded, name: &str, change: Change) -> Result<CaseFigures, Tun
     Ok(CaseFigures {
         case: name.to_owned(),
         figures: vec![
-            Figure::at_most(
-                "friction_error_%",
-                error(plant.friction.force_n, "friction.force_n"),
-                3.0,
-            ),
+            Figure::at_most("friction_error_%", friction.percent.abs(), 3.0),
             // The force area is proportional to the turns squared.
-            Figure::at_most("area_error_%", 2.0 * error(turns, "muscle.turns"), 1.0),
-            Figure::at_most(
-                "conductance_error_%",
-                error(plant.valve.conductance_m3_s_pa, "valve.conductance_m3_s_pa"),
-                8.0,
-            ),
+            Figure::at_most("area_error_%", 2.0 * turns.percent.abs(), 1.0),
+            Figure::at_most("conductance_error_%", conductance.percent.abs(), 8.0),
+            Figure::at_most("friction_in_stated", friction.stated, 2.0),
+            Figure::at_most("area_in_stated", turns.stated, 2.0),
+            Figure::at_most("conductance_in_stated", conductance.stated, 2.0),
             Figure::at_least("sine_before_%", rms(&loaded)?, 0.0),
             Figure::at_most("sine_after_%", rms(&tuned.scenario)?, 0.2),
             Figure::at_least("rest_before_%", at_rest(&loaded)?, 0.0),

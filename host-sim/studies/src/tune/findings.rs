@@ -99,7 +99,7 @@ impl Parts<'_> {
                 Some(found) => {
                     self.measured("friction.viscous_n_s_m", found, "fast ramps against slow ones")
                 }
-                None => self.kept("friction.viscous_n_s_m", "lost in the scatter"),
+                None => self.kept("friction.viscous_n_s_m", "its error is more than half of it"),
             });
             let why = "friction builds up within a few steps of the length's code";
             all.push(self.kept("friction.presliding_stiffness_n_m", why));
@@ -119,7 +119,7 @@ impl Parts<'_> {
                     error: configured * (power * area.value.powf(power - 1.0)).abs() * area.error,
                 },
                 &format!(
-                    "force area and volume, {} of the configured ones",
+                    "force area and volume, {} of the configured ones; as wrong as the load",
                     significant(area.value, 4)
                 ),
             ),
@@ -129,9 +129,13 @@ impl Parts<'_> {
 
     fn valves(&self) -> Vec<Parameter> {
         let [inlet, outlet] = &self.steps;
+        // It follows from the volume, which is as wrong as the force area.
+        let area = self.force.area_scale;
+        let conductance = inlet.conductance.between(outlet.conductance);
+        let by_volume = conductance.value * area.error / area.value;
         let mut all = vec![self.measured(
             "valve.conductance_m3_s_pa",
-            inlet.conductance.between(outlet.conductance),
+            Measure { error: conductance.error.hypot(by_volume), ..conductance },
             &format!(
                 "inlet {}, outlet {}",
                 significant(inlet.conductance.value, 4),

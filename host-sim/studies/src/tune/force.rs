@@ -13,9 +13,9 @@
 
 use super::Refusal;
 use super::experiment::{Plan, Record, configured};
-use super::regression::{Measure, least_squares};
+use super::regression::{Fit, Measure, least_squares};
 use model_core::config::Config;
-use model_core::physics::chamber::{Chamber, ChamberConfig};
+use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
 use model_core::physics::hysteresis::{Held, Law};
 use thermyo_compute::math::ends;
 
@@ -37,8 +37,30 @@ const SOFTENING_SPAN_K: f64 = 10.0;
 const LARGEST_ERROR: f64 = 0.5;
 /// Standard errors within which a value may be negative.
 const ERRORS: f64 = 3.0;
-/// Least ratio of friction to its standard error.
-pub const LEAST_SIGNAL: f64 = 20.0;
+/// Least ratio of friction to the standard error of the scatter, a fifth.
+pub const LEAST_SIGNAL: f64 = 5.0;
+
+/// What the balance takes as configured, and by how much it is off.
+#[derive(Debug, Clone, Copy)]
+struct Altered {
+    /// Over the configured ones \[-\].
+    load: f64,
+    hysteresis: f64,
+    /// Added to the measured pressure \[Pa\].
+    offset_pa: f64,
+}
+
+impl Altered {
+    const NOT: Self = Self { load: 1.0, hysteresis: 1.0, offset_pa: 0.0 };
+}
+
+/// Errors that the stated ones allow for: of a load that was weighed, of slip and creep as configured, and of the
+/// pressure sensor. Assumed; the last two as for a joint.
+const LAWS: [Altered; 3] = [
+    Altered { load: 1.01, ..Altered::NOT },
+    Altered { hysteresis: 1.2, ..Altered::NOT },
+    Altered { offset_pa: 3.0e3, ..Altered::NOT },
+];
 
 /// Results of even motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,13 +166,77 @@ fn sliding(bins: &[Bin], rest_m: f64) -> Vec<(Bin, f64)> {
     found
 }
 
-/// Load and configured elastic force beside the stiffness that is fitted, slip and creep \[N\].
-fn held_n(chamber: &impl Chamber, load_n: f64, stiffness_n_m: f64, bin: &Bin) -> f64 {
-    let way_m = f64::from(chamber.rest_length_m()) - bin.length_m;
-    let elastic_n = f64::from(chamber.force_n(0.0, bin.length_m as f32));
-    let held_n = load_n - elastic_n - stiffness_n_m * way_m + bin.hysteresis_n;
-    // The core's force is rounded: without load and preload there is nothing to fit.
-    if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
+/// The balance of forces as configured.
+struct Balance<'a> {
+    config: &'a Config,
+    chamber: &'a AnyChamber,
+    load_n: f64,
+    stiffness_n_m: f64,
+}
+
+impl Balance<'_> {
+    /// Load and configured elastic force beside the stiffness that is fitted, slip and creep \[N\].
+    fn held_n(&self, bin: &Bin, altered: Altered) -> f64 {
+        let elastic_n = f64::from(self.chamber.force_n(0.0, bin.length_m as f32));
+        let held_n = self.load_n * altered.load - elastic_n - self.stiffness_n_m * self.way_m(bin)
+            + bin.hysteresis_n * altered.hysteresis;
+        // The core's force is rounded: without load and preload there is nothing to fit.
+        if held_n.abs() < 1.0e-3 { 0.0 } else { held_n }
+    }
+
+    fn way_m(&self, bin: &Bin) -> f64 {
+        f64::from(self.chamber.rest_length_m()) - bin.length_m
+    }
+
+    fn gauge_pa(&self, bin: &Bin) -> f64 {
+        bin.pressure_pa - f64::from(self.config.ambient.pressure_pa)
+    }
+
+    /// Pull of a gas with that gauge pressure, with the configured area \[N\].
+    fn pull_n(&self, bin: &Bin, gauge_pa: f64) -> f64 {
+        -gauge_pa * f64::from(self.chamber.volume_slope_m2(bin.length_m as f32))
+    }
+
+    /// Columns of load, way, direction and speed, and the pull.
+    fn rows(
+        &self,
+        sliding: &[(Bin, f64)],
+        softening_per_k: f64,
+        altered: Altered,
+    ) -> Vec<([f64; 4], f64)> {
+        let friction = &self.config.friction;
+        let reference_k = f64::from(friction.reference_temperature_k);
+        let row = |(bin, v): &(Bin, f64)| {
+            let soft = (-softening_per_k * (bin.wall_k - reference_k)).exp();
+            let gauge_pa = self.gauge_pa(bin) + altered.offset_pa;
+            let coulomb = soft * f64::from(friction.at_pressure(gauge_pa as f32)) * v.signum();
+            let columns = [self.held_n(bin, altered), self.way_m(bin), coulomb, soft * v];
+            (columns, self.pull_n(bin, gauge_pa))
+        };
+        sliding.iter().map(row).collect()
+    }
+}
+
+/// The fit as configured, and one for each of [`LAWS`].
+struct Fits {
+    configured: Fit<4>,
+    laws: Vec<Fit<4>>,
+}
+
+impl Fits {
+    fn new(rows: impl Fn(Altered) -> Vec<([f64; 4], f64)>) -> Option<Self> {
+        let fit = |altered| least_squares(&rows(altered));
+        let laws = LAWS.into_iter().map(fit).collect::<Option<_>>()?;
+        Some(Self { configured: fit(Altered::NOT)?, laws })
+    }
+
+    /// With the errors of the scatter and of what is configured.
+    fn measure(&self, of: impl Fn(&[f64; 4]) -> f64) -> Measure {
+        let Measure { value, error } = self.configured.measure(&of);
+        let off = |law: &Fit<4>| law.measure(&of).value - value;
+        let error = self.laws.iter().map(off).fold(error, f64::hypot);
+        Measure { value, error }
+    }
 }
 
 /// Fits the balance of forces to the ramps.
@@ -159,59 +245,48 @@ fn held_n(chamber: &impl Chamber, load_n: f64, stiffness_n_m: f64, bin: &Bin) ->
 /// When there is too little even sliding, or friction does not exceed the scatter.
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
     let (chamber, load_n) = configured(config)?;
-    let rest_m = f64::from(chamber.rest_length_m());
-    let stiffness_n_m = match config.chamber {
+    let stiffness_n_m = f64::from(match config.chamber {
         ChamberConfig::Muscle(muscle) => muscle.bladder_stiffness_n_m,
         ChamberConfig::Cylinder(cylinder) => cylinder.spring_stiffness_n_m,
         ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
-    };
-    let held_n = |bin: &Bin| held_n(&chamber, load_n, f64::from(stiffness_n_m), bin);
-    let ambient_pa = f64::from(config.ambient.pressure_pa);
+    });
+    let balance = Balance { config, chamber: &chamber, load_n, stiffness_n_m };
     // Slip and creep remember all before the ramps.
     let mut bins = held_back(bins(records, f64::from(config.step_s)), config);
     bins.retain(|bin| plan.ramps_s.contains(&bin.time_s));
-    let sliding = sliding(&bins, rest_m);
-    let area_m2 = |bin: &Bin| -f64::from(chamber.volume_slope_m2(bin.length_m as f32));
-    let pull_n = |bin: &Bin| (bin.pressure_pa - ambient_pa) * area_m2(bin);
-    let rows = |softening_per_k: f64| -> Vec<([f64; 4], f64)> {
-        let reference_k = f64::from(config.friction.reference_temperature_k);
-        let row = |(bin, v): &(Bin, f64)| {
-            let soft = (-softening_per_k * (bin.wall_k - reference_k)).exp();
-            let gauge_pa = (bin.pressure_pa - ambient_pa) as f32;
-            let coulomb = soft * f64::from(config.friction.at_pressure(gauge_pa)) * v.signum();
-            ([held_n(bin), rest_m - bin.length_m, coulomb, soft * v], pull_n(bin))
-        };
-        sliding.iter().map(row).collect()
-    };
-    let told_per_k = f64::from(config.friction.softening_per_k);
+    let sliding = sliding(&bins, f64::from(chamber.rest_length_m()));
+    let configured_per_k = f64::from(config.friction.softening_per_k);
     let wall_k = ends(sliding.iter().map(|(bin, _)| bin.wall_k));
-    let softening_per_k = softening_per_k(&rows(told_per_k), &sliding, told_per_k, wall_k);
-    let rows = rows(softening_per_k.map_or(told_per_k, |found| found.value));
-    let fit = least_squares(&rows).ok_or(Refusal::TooFew { points: rows.len() })?;
-    let area_scale = fit.measure(|c| 1.0 / c[0]);
-    let coulomb_n = fit.measure(|c| c[2] / c[0]);
+    let rows = balance.rows(&sliding, configured_per_k, Altered::NOT);
+    let softening_per_k = softening_per_k(&rows, &sliding, configured_per_k, wall_k);
+    let soft_per_k = softening_per_k.map_or(configured_per_k, |found| found.value);
+    let fits = Fits::new(|altered| balance.rows(&sliding, soft_per_k, altered))
+        .ok_or(Refusal::TooFew { points: sliding.len() })?;
+    let scattered = &fits.configured;
+    let area_scale = fits.measure(|c| 1.0 / c[0]);
     let alone_n = if config.friction.force_n > 0.0 { 0.0 } else { mean_held_n(&sliding) };
+    let coulomb_n = scattered.measure(|c| c[2] / c[0]);
     let signal = (coulomb_n.value + alone_n) / coulomb_n.error;
     if !(signal >= LEAST_SIGNAL && area_scale.value > 0.0) {
-        return Err(Refusal::Noisy { signal, rms_n: fit.rms() * area_scale.value });
+        return Err(Refusal::Noisy { signal, rms_n: scattered.rms() * area_scale.value });
     }
     let point = |((bin, speed_m_s), residual_n): (&(Bin, f64), &f64)| Point {
         time_s: bin.time_s,
-        contraction: 1.0 - bin.length_m / rest_m,
+        contraction: balance.way_m(bin) / f64::from(chamber.rest_length_m()),
         speed_m_s: *speed_m_s,
-        pull_n: pull_n(bin) * area_scale.value,
+        pull_n: balance.pull_n(bin, balance.gauge_pa(bin)) * area_scale.value,
         residual_n: residual_n * area_scale.value,
     };
     Ok(Force {
         area_scale,
-        stiffness_n_m: not_below_zero(fit.measure(|c| c[1] / c[0])),
-        coulomb_n: not_below_zero(coulomb_n),
+        stiffness_n_m: not_below_zero(fits.measure(|c| c[1] / c[0])),
+        coulomb_n: not_below_zero(fits.measure(|c| c[2] / c[0])),
         signal,
-        viscous_n_s_m: certain(fit.measure(|c| c[3] / c[0])),
+        viscous_n_s_m: certain(fits.measure(|c| c[3] / c[0])),
         softening_per_k,
         wall_k,
-        rms_n: fit.rms() * area_scale.value,
-        points: sliding.iter().zip(&fit.residuals).map(point).collect(),
+        rms_n: scattered.rms() * area_scale.value,
+        points: sliding.iter().zip(&scattered.residuals).map(point).collect(),
     })
 }
 
@@ -231,7 +306,7 @@ fn not_below_zero(found: Measure) -> Measure {
 fn softening_per_k(
     rows: &[([f64; 4], f64)],
     sliding: &[(Bin, f64)],
-    told_per_k: f64,
+    configured_per_k: f64,
     [coldest_k, hottest_k]: [f64; 2],
 ) -> Option<Measure> {
     if hottest_k - coldest_k < SOFTENING_SPAN_K {
@@ -245,7 +320,7 @@ fn softening_per_k(
             ([*load, *way, *direction, *speed, direction * (bin.wall_k - middle_k)], *y)
         })
         .collect();
-    certain(least_squares(&rows)?.measure(|c| told_per_k - c[4] / c[2]))
+    certain(least_squares(&rows)?.measure(|c| configured_per_k - c[4] / c[2]))
 }
 
 fn certain(found: Measure) -> Option<Measure> {
@@ -256,6 +331,7 @@ fn certain(found: Measure) -> Option<Measure> {
 mod tests {
     use super::*;
     use model_core::Faults;
+    use model_core::config::Load;
     use model_core::physics::hysteresis::Hysteresis;
 
     /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
@@ -312,5 +388,28 @@ mod tests {
         let cold = fit(&records(&plan, &config, 295.0), &plan, &config).unwrap();
         assert_eq!(cold.softening_per_k, None);
         assert!((cold.coulomb_n.value - 12.0).abs() < 1.0, "{:?}", cold.coulomb_n);
+    }
+
+    #[test]
+    fn the_stated_errors_allow_for_what_is_configured_wrong() {
+        let right = Config { hysteresis: Hysteresis::NONE, ..Config::default() };
+        let plan = Plan::new(&right, 4.0e5).unwrap();
+        let records = records(&plan, &right, 295.0);
+        let Load::Isotonic { force_n } = right.load else { panic!("{:?}", right.load) };
+        let load =
+            |factor: f32| Config { load: Load::Isotonic { force_n: factor * force_n }, ..right };
+        let mut low = right;
+        low.ambient.pressure_pa -= 2.0e3;
+        for (name, config) in [("load", load(0.99)), ("load", load(1.01)), ("pressure", low)] {
+            let found = fit(&records, &plan, &config).unwrap();
+            for (measure, truth) in
+                [(found.area_scale, 0.9), (found.stiffness_n_m, 600.0), (found.coulomb_n, 12.0)]
+            {
+                let off = (measure.value - truth).abs() / measure.error;
+                assert!(off < 1.5 && measure.error < 0.25 * truth, "{name}: {measure:?}, {truth}");
+            }
+            let scale = found.area_scale;
+            assert!(scale.error > 0.005, "{name}: {scale:?}");
+        }
     }
 }

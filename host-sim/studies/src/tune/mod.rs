@@ -168,7 +168,8 @@ pub enum Refusal {
     },
     #[error(
         "too noisy: friction stands out of the scatter by {signal:.1} standard errors, at least \
-         {:.0} are needed (residual force {rms_n:.1} N RMS)",
+         {:.0} are needed (residual force {rms_n:.1} N RMS): slip and creep of another muscle leave some \
+         newtons too, and `thermyo tune --plan motion` finds them",
         force::LEAST_SIGNAL
     )]
     Noisy {
