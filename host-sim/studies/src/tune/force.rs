@@ -40,7 +40,7 @@ const ERRORS: f64 = 3.0;
 /// Least ratio of friction to the standard error of the scatter, a fifth.
 pub const LEAST_SIGNAL: f64 = 5.0;
 
-/// What the balance takes as configured, and by how much it is off.
+/// Errors of what the balance takes as configured.
 #[derive(Debug, Clone, Copy)]
 struct Altered {
     /// Over the configured ones \[-\].
