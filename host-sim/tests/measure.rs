@@ -22,7 +22,7 @@ fn a_muscle_shows_its_gas_temperature_and_its_heat_transfer() {
         let of = |name: &str| stop[name].as_f64().unwrap();
         let error_k = of("gas_k") - of("truth_k");
         assert!(error_k.abs() < 3.0 * of("gas_sd_k"), "{stop}");
-        assert!((0.1..1.0).contains(&of("gas_sd_k")), "{stop}");
+        assert!((0.1..1.2).contains(&of("gas_sd_k")), "{stop}");
     }
     let still = summary["heat"]["still_w_m2_k"]["value"].as_f64().unwrap();
     assert!((9.9..12.1).contains(&still), "{still} W/(m2 K)");
@@ -114,6 +114,24 @@ fn a_small_muscle_shows_its_gas_temperature_beside_its_tube() {
     let summary = measured(&folder, scenario, &["--stops", "5"]).ok().json();
     let off_k = summary["rms_k"]["plant"].as_f64().unwrap();
     assert!((0.05..0.4).contains(&off_k), "{off_k} K");
+}
+
+/// Gas that warms the wall of a wide muscle twice as fast warms its middle, where the foil is, least: the end was stated
+/// to 0.2 K where it was 0.6 K off.
+#[test]
+fn a_wall_that_is_warmer_than_its_foil_is_stated() {
+    let folder = Folder::new();
+    let scenario = "[plant]\nmodel = \"full\"\n[load]\nforce_n = 76.0\n\
+        [muscle]\nrest_length_m = 0.358\ndiameter_m = 0.0215\nbraid_angle_deg = 20.8\n\
+        [valve]\nconductance_m3_s_pa = 1.3e-8\n[heat]\nscale = 2.0\n[believed.heat]\nscale = 1.0\n";
+    let summary = measured(&folder, scenario, &["--stops", "5"]).ok().json();
+    let [off_k, stated_k] =
+        ["plant", "stated"].map(|name| summary["rms_k"][name].as_f64().unwrap());
+    assert!(
+        (0.3..0.9).contains(&off_k) && off_k < 2.0 * stated_k,
+        "{off_k} K, stated {stated_k} K"
+    );
+    assert!(stated_k < 0.6, "{stated_k} K");
 }
 
 /// The argument had to be UTF-8, also where it is a file.

@@ -20,6 +20,8 @@ pub struct Row {
     pub sensor_k: f64,
     pub estimate_k: Option<f64>,
     pub estimate_sd_k: Option<f64>,
+    /// The core's estimate of the mean wall temperature \[K\].
+    pub wall_k: Option<f64>,
     pub mass_kg: Option<f64>,
     /// Of a simulated plant \[K\].
     pub truth_k: Option<f64>,
@@ -71,6 +73,7 @@ impl Rows {
             cells.map_or_else(|| vec![None; time_s.len()], <[Option<f64>]>::to_vec)
         };
         let (estimate_k, estimate_sd_k) = (maybe("estimate_k"), maybe("estimate_sd_k"));
+        let wall_k = maybe("wall_estimate_k");
         let (truth_k, mass_kg) = (maybe("gas_temperature_k"), maybe("mass_estimate_kg"));
         let rows = (0..time_s.len()).map(|i| Row {
             time_s: time_s[i],
@@ -79,6 +82,7 @@ impl Rows {
             sensor_k: sensor_k[i],
             estimate_k: estimate_k[i],
             estimate_sd_k: estimate_sd_k[i],
+            wall_k: wall_k[i],
             mass_kg: mass_kg[i],
             truth_k: truth_k[i],
             shut: inlet[i] == 0.0 && outlet[i] == 0.0,

@@ -69,7 +69,7 @@ const COOL_SD: f64 = 0.144;
 /// Error of a calibrated foil \[K\]: a tenth of a kelvin of the reference instrument.
 const SENSOR_OFF_K: f64 = 0.1;
 /// A wall that has warmed has not warmed evenly: how much it differs at the foil from its mean, as a
-/// share of its distance to ambient. The paper's Fig. 2 spans as much as it warms (uniform).
+/// share of the distance to ambient, of foil or mean. The paper's Fig. 2 spans as much as it warms (uniform).
 const UNEVEN: f64 = 0.29;
 /// Error of the configured lag where the stops do not show it: a fifth.
 const LAG_OFF: f64 = 0.2;
@@ -539,7 +539,9 @@ fn causes(
     let sensor = &config.sensors.pressure;
     let offset_pa = PRESSURE_OFF * f64::from(sensor.range_pa);
     let by_offset = offset_pa * (1.0 / first.pressure_pa - 1.0 / last.pressure_pa);
-    let warmer_k = read.end_k - f64::from(config.ambient.temperature_k);
+    // A foil where the wall is coolest shows little of what the mean has warmed.
+    let warmer_k = |k: f64| (k - f64::from(config.ambient.temperature_k)).abs();
+    let warmer_k = last.wall_k.map_or(0.0, warmer_k).max(warmer_k(read.end_k));
     Causes {
         pressure_k: gas_k * by_offset.hypot(by_noise),
         volume_k: gas_k * by_length.hypot(by_dead).hypot(closed.cool_sd),

@@ -56,6 +56,7 @@ fn row(time_s: f64, pressure_pa: f64, length_m: f64, sensor_k: f64, truth_k: Opt
         sensor_k,
         estimate_k,
         estimate_sd_k,
+        wall_k: None,
         mass_kg,
         truth_k,
         shut,

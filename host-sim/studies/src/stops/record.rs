@@ -41,6 +41,7 @@ impl Record {
             sensor_k: row.sensor_gas_k,
             estimate_k: Some(f64::from(telemetry.estimate.gas_k)),
             estimate_sd_k: Some(f64::from(telemetry.estimate.gas_sd_k)),
+            wall_k: Some(f64::from(telemetry.estimate.wall_k)),
             mass_kg: Some(f64::from(telemetry.estimate.mass_kg)),
             truth_k: known(row.truth.gas_temperature_k),
             shut: duties.iter().all(|duty| duty.share() == 0.0)
