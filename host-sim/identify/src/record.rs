@@ -3,7 +3,7 @@
 use super::data::begins_anywhere;
 use super::motion;
 use super::static_map::{self, Readings};
-use super::stops;
+use super::stops::{self, LENGTHS, PRESSURES};
 use super::valves;
 use super::{Fitted, Identified, IdentifyError, identify, page};
 use serde::Serialize;
@@ -69,10 +69,12 @@ pub fn identify_table(
     let config_of_core = core_config(&loaded.believed);
     valves::check(table, &config_of_core)?;
     if loaded.plant.plant.kind != PlantKind::Vessel {
-        check_pressures(table, "pressure_pa", loaded.plant.ambient.pressure_pa)?;
+        let ambient_pa = loaded.plant.ambient.pressure_pa;
+        PRESSURES.iter().try_for_each(|column| check_pressures(table, column, ambient_pa))?;
     }
     if loaded.plant.plant.kind == PlantKind::Muscle {
-        motion::check_lengths(table, loaded.plant.muscle.rest_length_m)?;
+        let rest_m = loaded.plant.muscle.rest_length_m;
+        LENGTHS.iter().try_for_each(|column| motion::check_lengths(table, column, rest_m))?;
     }
     let begins_anywhere = begins_anywhere(&loaded.plant, table);
     if begins_anywhere || stops::would_do(loaded) {

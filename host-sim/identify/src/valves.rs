@@ -3,6 +3,7 @@
 //! Gas flows in while the inlet alone is open, so that P V rises; while the outlet alone is, it falls. It does not rise
 //! faster than the open inlet lets gas in.
 
+use super::stops::{LENGTHS, PRESSURES};
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
 use model_core::physics::valve::REFERENCE_PRESSURE_PA;
@@ -28,8 +29,8 @@ const RISE_ROWS: usize = 5;
 /// P V of the gas at each row \[J\]; none for a record without pressure or length.
 fn energies_j(table: &Table, config: &Config) -> Option<Vec<Option<f64>>> {
     let any = |names: [&str; 2]| names.into_iter().find_map(|name| table.column(name).ok());
-    let pressures = any(["measured_pressure_pa", "pressure_pa"])?;
-    let lengths = any(["measured_length_m", "length_m"])?;
+    let pressures = any(PRESSURES)?;
+    let lengths = any(LENGTHS)?;
     let chamber = AnyChamber::new(&config.chamber);
     let energy = |(pressure, length): (&Option<f64>, &Option<f64>)| {
         Some((*pressure)? * f64::from(chamber.volume_m3((*length)? as f32)))

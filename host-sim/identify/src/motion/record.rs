@@ -67,7 +67,7 @@ impl Record {
             return Err(table.header_error(Problem::UnusableColumn { column, why }));
         }
         check_times(table, &times)?;
-        check_lengths(table, scenario.muscle.rest_length_m)?;
+        check_lengths(table, COLUMNS[1], scenario.muscle.rest_length_m)?;
         check_speeds(table, &times, &lengths, scenario.muscle.rest_length_m)?;
         check_pressures(table, COLUMNS[2], scenario.ambient.pressure_pa)?;
         match &forces {
@@ -191,11 +191,9 @@ fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
     }
 }
 
-/// Refuses lengths that the muscle cannot have, if the table has them.
-pub fn check_lengths(table: &Table, rest_m: f64) -> Result<(), InputError> {
-    let Some(own) = table.columns().iter().find(|own| own.name == COLUMNS[1]) else {
-        return Ok(());
-    };
+/// Refuses lengths that the muscle cannot have, if the table has the column.
+pub fn check_lengths(table: &Table, column: &str, rest_m: f64) -> Result<(), InputError> {
+    let Some(own) = table.columns().iter().find(|own| own.name == column) else { return Ok(()) };
     let [low, high] = LENGTHS.map(|share| share * rest_m);
     let mut rows = own.cells.iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
     let Some((row, length)) = rows.find(|(_, length)| !(low..=high).contains(length)) else {
@@ -209,7 +207,7 @@ pub fn check_lengths(table: &Table, rest_m: f64) -> Result<(), InputError> {
     };
     let allowed =
         format!("a length from {low} to {high} m, by muscle.rest_length_m = {rest_m:?}{unit}");
-    Err(table.cell_error(row, COLUMNS[1], &allowed))
+    Err(table.cell_error(row, column, &allowed))
 }
 
 /// Refuses a record in minutes of a muscle that pressure and length drive; its columns may have times of their own.

@@ -398,10 +398,15 @@ fn a_record_of_a_gas_sensor_in_other_units_is_named() {
                 (length(0.23 - 0.015 * swing), pressure_unit * (2.0e5 + 9.0e4 * swing));
             text += &format!("{},{length_m},{pressure_pa},298,0,0\n", time_unit * time_s);
         }
-        let data = Path::new("motion.csv");
-        identify_table(&loaded, CONFIG.as_ref(), &table(&text), data, None, &())
-            .unwrap_err()
-            .to_string()
+        let said = |text: &str| {
+            let data = Path::new("motion.csv");
+            let found = identify_table(&loaded, CONFIG.as_ref(), &table(text), data, None, &());
+            found.unwrap_err().to_string()
+        };
+        // So are the columns that stops are found from.
+        let measured = said(&text.replace("length_m,p", "measured_length_m,measured_p"));
+        assert!(time_unit < 1.0 || measured == said(&text).replace("column ", "column measured_"));
+        said(&text)
     };
     for (error, end) in [
         (

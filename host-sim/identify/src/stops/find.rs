@@ -45,8 +45,8 @@ pub struct Hold {
 }
 
 /// Columns of measurements; a simulated trace has the plant's own values in the second ones.
-const PRESSURES: [&str; 2] = ["measured_pressure_pa", "pressure_pa"];
-const LENGTHS: [&str; 2] = ["measured_length_m", "length_m"];
+pub const PRESSURES: [&str; 2] = ["measured_pressure_pa", "pressure_pa"];
+pub const LENGTHS: [&str; 2] = ["measured_length_m", "length_m"];
 
 /// Whether a table is a record with at least one stop, by the columns that it has.
 pub fn are_in(table: &Table, config: &Config) -> bool {

@@ -31,7 +31,7 @@ mod relaxation;
 mod tests;
 mod thermometer;
 
-pub use find::{Row, Rows, SHORTEST_S};
+pub use find::{LENGTHS, PRESSURES, Row, Rows, SHORTEST_S};
 pub use identified::{
     Findings, Identified, analyse_with, are_asked_for, identify, refusals, would_do,
 };
