@@ -27,6 +27,8 @@ const LEAST_START_K: f64 = 2.0;
 /// A stop counts until the difference has fallen to this share, or to this \[K\].
 const LEFT: f64 = 0.08;
 const LEFT_K: f64 = 0.5;
+/// Rows are averaged up to this far from each, two at most: more takes heat from the start of a stop \[s\].
+const ABOUT_S: f64 = 0.025;
 /// Decay times that are tried \[s\], logarithmically. Stirring that lasts longer than a second looks like
 /// still gas whose coefficient falls with the difference of temperatures.
 const DECAYS: [f64; 2] = [0.05, 1.0];
@@ -100,8 +102,9 @@ fn heat(closed: &Closed, stop: &Stop, known: &Known, chamber: &AnyChamber) -> Op
     let config = known.config;
     let capacity_j_k = stop.mass_kg * f64::from(config.gas.cv_j_kg_k());
     let wall_j_k = f64::from(config.wall.heat_capacity_j_k);
-    let gas_k = smooth(&stop.curve_k);
     let (rows, volume_m3) = (closed.rows, &closed.volume_m3);
+    let half = (ABOUT_S * rows.len() as f64 / closed.wait_s()).min(2.0) as usize;
+    let gas_k = smooth(&stop.curve_k, half);
     let mut work_j = 0.0;
     let mut given_j = vec![0.0];
     for row in 1..rows.len() {
@@ -137,9 +140,9 @@ fn heat(closed: &Closed, stop: &Stop, known: &Known, chamber: &AnyChamber) -> Op
     .filter(|heat| heat.time_s.len() > 10)
 }
 
-/// Means of five rows about each.
-fn smooth(values: &[f64]) -> Vec<f64> {
-    let about = |row: usize| &values[row.saturating_sub(2)..(row + 3).min(values.len())];
+/// Means of the rows about each, `half` of them to either side.
+fn smooth(values: &[f64], half: usize) -> Vec<f64> {
+    let about = |row: usize| &values[row.saturating_sub(half)..(row + half + 1).min(values.len())];
     (0..values.len()).map(|row| about(row).iter().sum::<f64>() / about(row).len() as f64).collect()
 }
 
