@@ -27,7 +27,7 @@ const POSSIBLE: [(&str, Limits); 10] = [
 /// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
 pub const NOT_ABSOLUTE: f64 = 0.8;
 /// A record with no pressure above this one is in another unit \[Pa\].
-const LEAST_PRESSURE_PA: f64 = 2.0e4;
+pub const LEAST_PRESSURE_PA: f64 = 2.0e4;
 /// As that of `supply.pressure_pa` \[Pa\].
 const MOST_PRESSURE_PA: f64 = 3.0e6;
 /// Distances of times from the file are rounded by less \[-\].
@@ -59,14 +59,15 @@ pub fn unit_of_length(length: f64, [low, high]: [f64; 2]) -> Option<&'static str
     units.iter().find(|(metres, _)| (low..=high).contains(&(metres * length))).map(|unit| unit.1)
 }
 
-/// The unit in which the highest pressure of a muscle is a number as small as this.
-pub fn unit_of_highest(pressure: f64) -> &'static str {
+/// The question about a highest pressure of a muscle that is a number as small as this.
+pub fn question_of_highest(pressure: f64) -> &'static str {
     match pressure {
-        ..2.0 => "MPa",
-        ..50.0 => "bar",
-        ..450.0 => "kPa, or psi",
-        ..3000.0 => "kPa",
-        _ => "mbar",
+        ..0.0 => "is its sign reversed?",
+        ..2.0 => "is this MPa?",
+        ..50.0 => "is this bar?",
+        ..450.0 => "is this kPa, or psi?",
+        ..3000.0 => "is this kPa?",
+        _ => "is this mbar?",
     }
 }
 
@@ -88,9 +89,9 @@ pub fn check_pressures(table: &Table, column: &str, ambient_pa: f64) -> Result<(
         let allowed = format!("at most {MOST_PRESSURE_PA:?} Pa");
         return Err(table.cell_error(row, column, &allowed));
     }
-    let unit = unit_of_highest(pressure);
+    let question = question_of_highest(pressure);
     let allowed =
-        format!("absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
+        format!("absolute and in Pa, and at least {LEAST_PRESSURE_PA} somewhere: {question}");
     Err(table.cell_error(row, column, &allowed))
 }
 
@@ -433,6 +434,8 @@ mod tests {
         assert_eq!(checked("time_s,pressure_pa\n0,2e5\n1,0\n"), Err(gauge.to_owned()));
         assert_eq!(checked("time_s,pressure_pa\n0,2e5\n1,\n2,1e5\n"), Ok(()));
         assert_eq!(checked("time_s,length_m\n0,0.2\n"), Ok(()));
+        let reversed = checked("time_s,pressure_pa\n0,-2e5\n1,-1e5\n").unwrap_err();
+        assert!(reversed.ends_with("is its sign reversed?"), "{reversed}");
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use thermyo_files::input::{InputError, Instead, Problem, quoted};
 use thermyo_files::table::Table;
-use thermyo_record::measured::{unit_of_highest, unit_of_length};
+use thermyo_record::measured::{question_of_highest, unit_of_length};
 
 pub const COLUMNS: [&str; 4] = ["rest_length_m", "gauge_pressure_pa", "length_m", "force_n"];
 /// Optional column: the direction from which each reading was approached.
@@ -195,8 +195,8 @@ fn in_pascals(
     else {
         return Ok(());
     };
-    let unit = unit_of_highest(pressure);
-    let allowed = format!("in Pa, and at least {LEAST_PRESSURE_PA} somewhere: is this {unit}?");
+    let question = question_of_highest(pressure);
+    let allowed = format!("in Pa, and at least {LEAST_PRESSURE_PA} somewhere: {question}");
     Err(table.cell_error(row, COLUMNS[1], &allowed))
 }
 

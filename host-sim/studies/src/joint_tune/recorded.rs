@@ -9,15 +9,13 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_joint::JointLoaded;
-use thermyo_record::measured::{check_distances, unit_of_highest};
+use thermyo_record::measured::{LEAST_PRESSURE_PA, check_distances, question_of_highest};
 
 /// Angles of a joint are below a turn either way \[rad\].
 const MOST_RAD: f64 = 6.3;
 /// Absolute pressures that a vented and a filled muscle may have \[Pa\]: gauge pressures and bar are below.
 const PRESSURES_PA: [f64; 2] = [5.0e4, MOST_PA];
 const MOST_PA: f64 = 2.0e6;
-/// Above it no pressure of a muscle is a number of kPa \[kPa\].
-const MOST_KPA: f64 = 3000.0;
 /// Longer distances of two rows are gaps \[s\].
 const GAP_S: f64 = 0.1;
 /// Columns of muscle a's pressure: the first is of this project's own records, which are absolute.
@@ -76,7 +74,7 @@ pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, Recor
 /// The other unit or zero that explains a wrong pressure, by the highest of its column.
 fn pressure_unit(highest: f64) -> String {
     match highest {
-        ..MOST_KPA => format!(": is this {}?", unit_of_highest(highest)),
+        ..LEAST_PRESSURE_PA => format!(": {}", question_of_highest(highest)),
         ..=MOST_PA => ": is this gauge pressure?".to_owned(),
         _ => String::new(),
     }

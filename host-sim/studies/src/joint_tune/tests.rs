@@ -166,6 +166,7 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
         ("0,0,3.1,3.2\n", " from 50000 to 2e6 Pa: is this bar?"),
         ("0,0,3e5,310\n", "column b_pressure_pa = 310.0: must be an absolute pressure"),
         ("0,0,3e5,310\n", " from 50000 to 2e6 Pa: is this kPa, or psi?"),
+        ("0,0,3e5,3100\n", " from 50000 to 2e6 Pa: is this mbar?"),
         ("0,0,3e5,2e5\n1,0,0,2e5\n", "a_pressure_pa = 0.0: must be an absolute pressure from"),
         ("0,0,3e5,2e5\n1,0,0,2e5\n", "2e6 Pa: is this gauge pressure?"),
         ("0,0,3e5,2e5\n0.001,0,3e5,1e3\n", "j.csv:3: column b_pressure_pa = 1000.0: must be an"),
