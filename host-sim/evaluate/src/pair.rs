@@ -12,13 +12,17 @@ use nalgebra::{DMatrix, DVector};
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::table::Table;
 use thermyo_identify::search::{self, LeastSquares, central_slopes};
-use thermyo_record::measured::check_rising;
+use thermyo_record::measured::{check_distances, check_pressures, check_rising, unit_of_length};
 
 const COLUMNS: [&str; 6] =
     ["time_s", "force_command_n", "length_1_m", "length_2_m", "pressure_1_pa", "pressure_2_pa"];
 /// Last part of the record, which is not fitted \[s\].
 const HELD_OUT_S: f64 = 9.0;
 const FEWEST: usize = 10;
+/// Largest distance of its rows \[s\].
+const MOST_S: f64 = 0.2;
+/// Lengths of such muscles \[m\].
+const LENGTHS_M: [f64; 2] = [0.01, 2.0];
 /// Step of the differences.
 const DIFFERENCE: f64 = 1.0e-4;
 
@@ -86,15 +90,22 @@ impl LeastSquares for Problem<'_> {
 /// Fits all but the last part of a record, and compares with that.
 ///
 /// # Errors
-/// For missing columns, empty cells, times that do not rise, and a record without a part to fit.
-pub fn pair(table: &Table) -> Result<Pair, InputError> {
+/// For missing columns, empty cells, times that do not rise, other units, pressures that are constant, and a record
+/// without a part to fit.
+pub fn pair(table: &Table, ambient_pa: f64) -> Result<Pair, InputError> {
     let [times, forces, first, second, pressure_1, pressure_2] =
         COLUMNS.map(|name| table.filled(name));
     let (times, forces) = (times?, forces?);
     check_rising(table, &times)?;
-    let ways: Vec<f64> =
-        first?.iter().zip(&second?).map(|(first, second)| 0.5 * (second - first)).collect();
+    check_distances(table, &times, (MOST_S, "which shows slip"))?;
+    let (first, second) =
+        (lengths(table, COLUMNS[2], first?)?, lengths(table, COLUMNS[3], second?)?);
     let pressures = [pressure_1?, pressure_2?];
+    for column in &COLUMNS[4..] {
+        check_pressures(table, column, ambient_pa)?;
+    }
+    let ways: Vec<f64> =
+        first.iter().zip(&second).map(|(first, second)| 0.5 * (second - first)).collect();
     let end_s = times.last().copied().unwrap_or_default();
     let cut = times.partition_point(|time| *time < end_s - HELD_OUT_S);
     if cut < FEWEST {
@@ -103,6 +114,13 @@ pub fn pair(table: &Table) -> Result<Pair, InputError> {
         );
         let column = COLUMNS[0].to_owned();
         return Err(table.header_error(InputProblem::UnusableColumn { column, why }));
+    }
+    for (column, cells) in COLUMNS[4..].iter().zip(&pressures) {
+        if cells[cut..].iter().all(|cell| *cell == cells[cut]) {
+            let why = format!("is the same in its last {HELD_OUT_S:?} s, which are compared");
+            let column = (*column).to_owned();
+            return Err(table.header_error(InputProblem::UnusableColumn { column, why }));
+        }
     }
     let of = |slips: bool| {
         let problem = Problem { forces: &forces[..cut], ways: &ways[..cut], slips };
@@ -117,6 +135,20 @@ pub fn pair(table: &Table) -> Result<Pair, InputError> {
     };
     let ([stiffness_n_m, _, slip_n, slip_n_m], r2) = of(true);
     Ok(Pair { r2, frictionless_r2: of(false).1, slip_n, slip_n_m, stiffness_n_m })
+}
+
+/// Refuses lengths that are in another unit.
+fn lengths(table: &Table, column: &str, cells: Vec<f64>) -> Result<Vec<f64>, InputError> {
+    let [low, high] = LENGTHS_M;
+    match cells.iter().position(|length_m| !(low..=high).contains(length_m)) {
+        Some(row) => {
+            let unit = unit_of_length(cells[row], LENGTHS_M);
+            let unit = unit.map_or_else(String::new, |unit| format!(": is this {unit}?"));
+            let allowed = format!("a length from {low} to {high} m{unit}");
+            Err(table.cell_error(row, column, &allowed))
+        }
+        None => Ok(cells),
+    }
 }
 
 /// Offset and slope of the line through points.
@@ -154,10 +186,52 @@ mod tests {
             let (p1, p2) = (4.7e5 - 1.1e7 * way, 4.6e5 + 1.2e7 * way);
             text += &format!("{time_s},{force},{first},{second},{p1},{p2}\n");
         }
-        let found = pair(&Table::parse(&text, "pair.csv".as_ref()).unwrap()).unwrap();
+        let found = pair(&Table::parse(&text, "pair.csv".as_ref()).unwrap(), 1.0e5).unwrap();
         assert!(found.r2.iter().all(|r2| *r2 > 0.9999), "{found:?}");
         assert!((found.slip_n / 40.0 - 1.0).abs() < 1e-2, "{found:?}");
         assert!((found.stiffness_n_m / 1.5e5 - 1.0).abs() < 1e-2, "{found:?}");
         assert!(found.frictionless_r2.iter().all(|r2| (0.5..0.97).contains(r2)), "{found:?}");
+    }
+
+    /// R2 hides a unit of the pressures, and of one of the lengths nearly.
+    #[test]
+    fn a_pair_in_other_units_is_refused() {
+        let refused = |changed: usize, change: &dyn Fn(f64) -> f64| {
+            let mut text = COLUMNS.join(",") + "\n";
+            for i in 0..3000 {
+                let swing = (0.006 * f64::from(i)).sin();
+                let row =
+                    [0.01 * f64::from(i), 140.0 * swing, 0.2 - 1e-3 * swing, 0.2 + 1e-3 * swing]
+                        .into_iter()
+                        .chain([-1.0, 1.0].map(|sign| 4.7e5 + 1e4 * sign * swing));
+                let cells: Vec<String> = row
+                    .enumerate()
+                    .map(|(column, cell)| {
+                        if column == changed { change(cell) } else { cell }.to_string()
+                    })
+                    .collect();
+                text += &(cells.join(",") + "\n");
+            }
+            pair(&Table::parse(&text, "pair.csv".as_ref()).unwrap(), 1.0e5).unwrap_err().to_string()
+        };
+        for (column, unit, end) in [
+            (0, 1000.0, "is this ms, or are rows left out?"),
+            (
+                2,
+                1000.0,
+                "column length_1_m = 200.0: must be a length from 0.01 to 2 m: is this mm?",
+            ),
+            (3, -1.0, "column length_2_m = -0.2: must be a length from 0.01 to 2 m"),
+            (4, 1e-3, "is this kPa?"),
+            (5, -1.0, "is its sign reversed?"),
+            (5, 1e-5, "is this bar?"),
+        ] {
+            let error = refused(column, &|cell| unit * cell);
+            assert!(error.ends_with(end), "{error}");
+        }
+        let constant = refused(5, &|_| 4.7e5);
+        let expected =
+            "pair.csv: column pressure_2_pa: is the same in its last 9.0 s, which are compared";
+        assert_eq!(constant, expected);
     }
 }

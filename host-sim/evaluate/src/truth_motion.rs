@@ -4,6 +4,7 @@
 use super::{CaseFigures, Figure};
 use crate::pair::pair;
 use std::f64::consts::PI;
+use std::iter;
 use std::path::{Path, PathBuf};
 use thermyo_compute::math::ends;
 use thermyo_compute::parallel;
@@ -74,7 +75,7 @@ fn stem(file: &Path) -> String {
 }
 
 fn pair_of(file: &Path) -> Result<CaseFigures, InputError> {
-    let found = pair(&read_whole(file)?)?;
+    let found = pair(&read_whole(file)?, AMBIENT_PA)?;
     let names = ["r2_way", "r2_pressure_1", "r2_pressure_2"];
     let mut figures: Vec<Figure> = names
         .into_iter()
@@ -190,8 +191,8 @@ fn vessel_of(file: &Path) -> Result<CaseFigures, InputError> {
     };
     let fitted =
         |leak: [f64; 2]| left(&leaked(&times[..cut], pressures[0], leak), &pressures[..cut]);
-    // From a hundred thousandth to a tenth of the gas per second, in steps of 1 %.
-    let rates = (0..926).map(|i| 1.0e-5 * 1.01_f64.powi(i));
+    // None, and from a hundred thousandth to a tenth of the gas per second, in steps of 1 %.
+    let rates = iter::once(0.0).chain((0..926).map(|i| 1.0e-5 * 1.01_f64.powi(i)));
     let all: Vec<[f64; 2]> =
         rates.flat_map(|rate| [0.1, 0.2, 0.3, 0.4, 0.5].map(|critical| [rate, critical])).collect();
     let lefts = parallel::map(&all, |leak| fitted(*leak));
