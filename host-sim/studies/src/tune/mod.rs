@@ -96,7 +96,7 @@ fn more(needed_pa: f64, usable_pa: f64) -> String {
     // Rounded up to a tenth of a bar.
     let asked_bar = (needed_pa / 1e4).ceil() / 10.0;
     if asked_bar * 1e5 <= usable_pa {
-        format!("--max-pressure {asked_bar}bar allows it")
+        format!("--max-pressure {asked_bar}bar or more, the more its friction takes")
     } else {
         format!(
             "85 % of supply.pressure_pa, and 90 % of the pressure at which the core vents, are no more than \
@@ -149,14 +149,16 @@ pub enum Refusal {
     )]
     LoopOpen { rms_pa: f64, limit_pa: f64 },
     #[error(
-        "the muscle moved by {:.1} mm on a ramp, at least {:.1} mm are needed: is the load too heavy, or \
-         too light to lengthen the muscle again, or the length sensor stuck?",
-        moved_m * 1e3, needed_m * 1e3
+        "the muscle moved by {:.1} mm on a ramp, at least {:.1} mm are needed: are {:.0} kPa too little for load and \
+         friction (--max-pressure), or is the load too light to lengthen the muscle again, or the length sensor stuck?",
+        moved_m * 1e3, needed_m * 1e3, highest_pa / 1e3
     )]
     NotMoved {
         /// Smallest span of the measured length on a ramp \[m\].
         moved_m: f64,
         needed_m: f64,
+        /// Highest set point \[Pa\].
+        highest_pa: f64,
     },
     #[error(
         "the balance of forces cannot be fitted to the {points} stretches of 50 ms in which the muscle \
@@ -178,9 +180,15 @@ pub enum Refusal {
         rms_n: f64,
     },
     #[error(
-        "no step kept the {valve} open for 30 ms: it is too large for this chamber to tell its conductance"
+        "no step up to {:.0} kPa kept the {valve} open for 30 ms: allow more (--max-pressure), or the valve is too \
+         large for this chamber to tell its conductance",
+        highest_pa / 1e3
     )]
-    NoSteps { valve: &'static str },
+    NoSteps {
+        valve: &'static str,
+        /// Highest set point \[Pa\].
+        highest_pa: f64,
+    },
     #[error("{path} came out as {value:.4e}: must be {allowed}")]
     OutOfRange { path: &'static str, value: f64, allowed: String },
     #[error(
@@ -297,8 +305,10 @@ fn tried(
     let config = core_config(&scenario.believed);
     let (chamber, _) = experiment::configured(&config)?;
     let gas = Gas::new(&config, &chamber);
-    let steps =
-        |direction, valve| gas.steps(&records, &plan, direction).ok_or(Refusal::NoSteps { valve });
+    let [_, highest_pa] = plan.pressures_pa;
+    let steps = |direction, valve| {
+        gas.steps(&records, &plan, direction).ok_or(Refusal::NoSteps { valve, highest_pa })
+    };
     let [inlet, outlet] = [steps(Direction::In, "inlet")?, steps(Direction::Out, "outlet")?];
     let conductances = [inlet.conductance.value, outlet.conductance.value];
     // Every other plant has ideal valves, and so has the core's configuration.
@@ -361,7 +371,7 @@ fn good_enough(records: &[Record], plan: &Plan, rest_m: f64) -> Result<[f64; 2],
         let [shortest_m, longest_m] = lengths_m(during(records, &ramp.time_s));
         let moved_m = longest_m - shortest_m;
         if moved_m < needed_m {
-            return Err(Refusal::NotMoved { moved_m, needed_m });
+            return Err(Refusal::NotMoved { moved_m, needed_m, highest_pa: high_pa });
         }
     }
     let [shortest_m, longest_m] = lengths_m(ramps);

@@ -108,11 +108,25 @@ fn a_pressure_that_does_not_move_the_muscle_names_one_that_does() {
     let short = "[muscle]\npreset = \"dmsp-10\"\nrest_length_m = 0.2\n[load]\nforce_n = 20\n";
     let more = refused(short, HIGHEST_PA);
     assert!(
-        more.ends_with("at most 400 kPa are allowed: --max-pressure 5.1bar allows it"),
+        more.ends_with(
+            "at most 400 kPa are allowed: --max-pressure 5.1bar or more, the more its friction takes"
+        ),
         "{more}"
     );
     let low = refused(&format!("{short}[supply]\npressure_pa = 5e5\n"), HIGHEST_PA);
     assert!(low.contains("at most 400 kPa are allowed: 85 % of supply.pressure_pa, and "), "{low}");
+    // Enough for the law, and too little for friction and valves: load and sensor were blamed.
+    let lifts = "[plant]\nmodel = \"full\"\n[load]\nkind = \"isotonic\"\nforce_n = 100\n";
+    let stuck = refused(lifts, 1.7e5);
+    assert!(
+        stuck.contains("are 170 kPa too little for load and friction (--max-pressure)"),
+        "{stuck}"
+    );
+    let short = refused(lifts, 2.0e5);
+    assert!(
+        short.starts_with("no step up to 200 kPa kept the inlet open for 30 ms: allow more ("),
+        "{short}"
+    );
 }
 
 /// A length or an actuator that shows nothing is refused before anything moves.
