@@ -115,7 +115,13 @@ impl Bench for Simulated<'_> {
         let step_s = loaded.muscles[0].plant.run.step_s;
         let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
         let mut inputs = Inputs::of(course(0.0));
-        let mut rig = Rig::new(loaded, inputs)?;
+        // A board begins vented; a scenario may begin above what is allowed.
+        let mut allowed = loaded.clone();
+        for muscle in &mut allowed.muscles {
+            let initial_pa = &mut muscle.plant.plant.initial_pressure_pa;
+            *initial_pa = initial_pa.min(self.highest_pa);
+        }
+        let mut rig = Rig::new(&allowed, inputs)?;
         let armed = rig.core().arm(Some(self.highest_pa as f32));
         let set = armed.and_then(|()| rig.core().set(inputs.set_point));
         set.map_err(thermyo_joint::RunError::SetPoint)?;

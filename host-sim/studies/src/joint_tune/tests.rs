@@ -283,8 +283,11 @@ fn loaded(text: &str) -> JointLoaded {
 }
 
 fn tuned(text: &str) -> Result<Tuned, TuneError> {
-    let mut bench = Simulated { highest_pa: 4.0e5, stopped: &|| false };
-    tune_on(&loaded(text), 4.0e5, &mut bench)
+    tuned_up_to(4.0e5, text)
+}
+
+fn tuned_up_to(highest_pa: f64, text: &str) -> Result<Tuned, TuneError> {
+    tune_on(&loaded(text), highest_pa, &mut Simulated { highest_pa, stopped: &|| false })
 }
 
 /// Errors of the values of the plant `full`, whose muscles have 40 N s/m each; each lies within twice its stated one.
@@ -359,6 +362,9 @@ fn what_cannot_be_tuned_is_refused() {
         assert!(matches!(refused, TuneError::Refused(_)), "{refused:?}");
         assert!(refused.to_string().contains(expected), "{refused}");
     }
+    // The joint began above the pressure that was allowed, and vented by overpressure.
+    let low = tuned_up_to(1.5e5, &format!("{lumped}[joint]\ngravity_n_m = 4.9\n")).unwrap_err();
+    assert!(low.to_string().contains("are the pressures too low for its gravity"), "{low}");
 }
 
 /// A slow link loses every second frame: what lies between is interpolated, a longer gap is left.
