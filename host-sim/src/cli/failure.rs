@@ -41,7 +41,7 @@ pub(super) enum Failure {
     Flash(FlashError),
     /// Exit 2.
     Monitor(MonitorError),
-    /// Exit 1.
+    /// Exit 1, or 2 where the board cannot be used, or nothing was run.
     Run(RunError),
     /// Exit 1, or 2 where nothing was run: a joint.
     Joint(thermyo_joint::RunError),
@@ -84,10 +84,13 @@ fn remedy(error: &BoardError) -> &'static str {
         BoardError::EmulatedSilent { .. } => {
             "; try again, or start it afresh: thermyo board emulated plug"
         }
-        BoardError::Vented(_) => ". Remove the cause, then `thermyo board PORT clear` and `arm`",
         BoardError::Restarted => ": `thermyo monitor` shows the reason",
         BoardError::Refused(NotConfigured | SetPoint(Latched(Faults::NOT_CONFIGURED))) => {
             ": `thermyo board PORT config write SCENARIO.toml`"
+        }
+        BoardError::Vented(_)
+        | BoardError::Refused(SetPoint(Latched(_)) | JointSetPoint(JointError::Faults(..))) => {
+            ". Remove the cause, then `thermyo board PORT clear` and `arm`"
         }
         BoardError::Refused(SetPoint(NotArmed) | JointSetPoint(JointError::NotArmed)) => {
             ": `thermyo board PORT arm`, or `--arm`"
@@ -152,6 +155,7 @@ impl Failure {
             Self::Board(BoardError::Interrupted)
             | Self::Run(RunError::Board(BoardError::Interrupted) | RunError::Stopped)
             | Self::Identify(IdentifyError::Stopped { .. }) => STOPPED,
+            Self::Run(RunError::Board(BoardError::Vented(_))) => 1,
             // By the scenario, before any experiment.
             Self::Tune(Refusal::NoPulses)
             | Self::JointTune(joint_tune::Refusal::Muscle(Refusal::NoPulses)) => 2,
@@ -160,6 +164,7 @@ impl Failure {
             | Self::Merge(_)
             | Self::Usage(_)
             | Self::Board(_)
+            | Self::Run(RunError::Board(_))
             | Self::Flash(_)
             | Self::Monitor(_)
             | Self::Identify(IdentifyError::Input(_) | IdentifyError::Build(_))
@@ -175,5 +180,32 @@ impl Failure {
             | Self::Check(_) => 1,
             Self::Interrupted | Self::StoppedAt(_) => STOPPED,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use thermyo_simulation::board::BoardError::Silent;
+
+    /// A board that cannot be used ended `tune` of a muscle with 1, and that of a joint with 2.
+    #[test]
+    fn a_board_that_cannot_be_used_is_exit_code_2_in_every_command() {
+        let silent = || Silent { asked: "status" };
+        assert_eq!(Failure::Board(silent()).exit_code(), 2);
+        assert_eq!(Failure::Run(RunError::Board(silent())).exit_code(), 2);
+        assert_eq!(Failure::Run(RunError::Board(BoardError::Interrupted)).exit_code(), STOPPED);
+        let vented = BoardError::Vented(Faults::PRESSURE_SENSOR);
+        assert_eq!(Failure::Run(RunError::Board(vented)).exit_code(), 1);
+    }
+
+    #[test]
+    fn a_latched_fault_names_what_clears_it() {
+        let latched = BoardError::Refused(SetPoint(SetPointError::Faults(Faults::PRESSURE_SENSOR)));
+        let said = Failure::Board(latched).to_string();
+        assert!(
+            said.ends_with("Remove the cause, then `thermyo board PORT clear` and `arm`"),
+            "{said}"
+        );
     }
 }
