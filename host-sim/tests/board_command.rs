@@ -80,6 +80,16 @@ fn assert_the_limits_are_stated(bench: &Bench) {
     assert!(unnamed.contains("late.csv: column value: of which quantity? Name it "), "{unnamed}");
     let row = bench.refused(&format!("{drive} --kind contraction"));
     assert!(row.contains("late.csv:4: column value = 0.6: must be a number from 0 to 0."), "{row}");
+    fs::write(
+        bench.path("two.csv"),
+        "time_s,contraction,pressure_pa\n0,0.1,120000\n1,0.1,120000\n",
+    )
+    .unwrap();
+    let two = bench.path("two.csv").display().to_string();
+    let two = bench.refused(&format!("thermyo board emulated drive {two} --arm --out out/drive"));
+    let expected =
+        "two.csv: has set points in pressure_pa and in contraction: must have one of them";
+    assert!(two.contains(expected), "{two}");
     assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
     // They were driven for no time, with exit code 0, and without an end.
     for (rows, end) in [("", "0.0"), ("1e300,120000\n", "1e300")] {

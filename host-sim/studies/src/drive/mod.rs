@@ -139,7 +139,13 @@ fn end_s(table: &Table, profile: &Profile, step_s: f64) -> Result<f64, InputErro
 /// The drive of a table: by the name of its column, or `kind` for a column `value`.
 fn kind_of(table: &Table, kind: Option<DriveKind>) -> Result<DriveKind, InputError> {
     let has = |name: &str| table.columns().iter().any(|column| column.name == name);
-    let named = SET_POINT_COLUMNS.iter().find(|(name, _)| has(name)).map(|(_, kind)| *kind);
+    let mut columns = SET_POINT_COLUMNS.iter().filter(|(name, _)| has(name));
+    let named = columns.next();
+    if let (Some((first, _)), Some((other, _))) = (named, columns.next()) {
+        let why = format!("has set points in {first} and in {other}: must have one of them");
+        return Err(table.header_error(Problem::Unusable(why)));
+    }
+    let named = named.map(|(_, kind)| *kind);
     let names = SET_POINT_COLUMNS.map(|(name, _)| name).join(", ");
     named.or(kind).ok_or_else(|| {
         let why = format!("of which quantity? Name it {names}, or give --kind");
