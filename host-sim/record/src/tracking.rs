@@ -62,7 +62,7 @@ pub struct Control {
     /// ended before.
     pub steady_error: Option<f64>,
     /// Largest excess over the largest set point, or below the least one if it falls, relative to
-    /// the set point's range or itself. The way to the first set point does not count.
+    /// the set point's range, or the way to the first one where that is longer; to a constant set point itself.
     pub overshoot: f64,
     /// Amplitude of the value over that of a sine of the set point, after its first period \[-\].
     pub gain: Option<f64>,
@@ -176,6 +176,8 @@ pub(crate) struct Tracking {
     set_points: [f64; 2],
     /// Least value since one was at or above the set point; largest since one was at or below it.
     values: [f64; 2],
+    /// From the first value to the first set point.
+    way: f64,
     /// The set point was below the first value, or below an earlier set point.
     falls: bool,
     /// Sums of set point and value with sine and cosine.
@@ -202,6 +204,7 @@ impl Tracking {
             late_sum: 0.0,
             set_points: [f64::INFINITY, f64::NEG_INFINITY],
             values: [f64::INFINITY, f64::NEG_INFINITY],
+            way: 0.0,
             falls: false,
             sums: [[0.0; 2]; 2],
             before: None,
@@ -227,6 +230,9 @@ impl Tracking {
         let command = row.telemetry.command;
         // A fault, or a board that waits: the open outlet is not the loop's.
         let vents = row.telemetry.mode == Mode::Vent && command == Command::VENT;
+        if self.steps == 0 {
+            self.way = error.abs();
+        }
         let [least, most] = self.set_points;
         self.falls |= set_point < most || (self.steps == 0 && error > 0.0);
         self.set_points = [least.min(set_point), most.max(set_point)];
@@ -337,7 +343,7 @@ impl Tracking {
         self.end_jump();
         let steps = self.steps as f64;
         let [least, most] = self.set_points;
-        let span = if most > least { most - least } else { most.abs() };
+        let span = if most > least { (most - least).max(self.way) } else { most.abs() };
         let [low, high] = self.values;
         let below = if self.falls { least - low } else { 0.0 };
         let [[set_sin, set_cos], [sin, cos]] = self.sums;

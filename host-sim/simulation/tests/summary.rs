@@ -150,6 +150,17 @@ fn an_overshoot_downwards_is_one_and_the_way_there_is_none() {
     assert!((0.03..0.1).contains(&late), "{late}");
 }
 
+/// A course that hardly moves was overshot by many times its range: that of the way to its start.
+#[test]
+fn overshoot_is_of_the_way_to_a_course_that_hardly_moves() {
+    let control = control(
+        "duration_s = 1\n[drive]\nkind = \"pressure\"\nshape = \"sine\"\noffset = \"2.5 bar\"\n\
+         amplitude = \"100 Pa\"\nperiod_s = 10\n",
+    );
+    let overshoot = control["overshoot"].as_f64().unwrap();
+    assert!((0.001..0.1).contains(&overshoot), "{control}");
+}
+
 /// Changes of their command were printed as pulses.
 #[test]
 fn valves_that_open_in_proportion_have_no_pulses() {
