@@ -2,13 +2,12 @@
 //! follows from the energy balance, so that no valve and no flow needs to be known.
 
 use super::data::{Given, holding};
-use super::failed::Failed;
 use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL, hold_back};
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
 use thermyo_compute::parallel::Watch;
-use thermyo_plant::Diverged;
+use thermyo_plant::{BuildError, Diverged};
 use thermyo_scenario::Scenario;
 use thermyo_scenario::profile::Profile;
 use thermyo_setup::core_config::core_config;
@@ -20,6 +19,14 @@ const INTERVAL_STEPS: usize = 5;
 const STARTS: usize = 3;
 /// Time after a pulse during which gas may still flow, as a pulse ends late \[s\].
 const LATE_S: f64 = 0.06;
+
+/// Reason why a set of values has no prediction.
+#[derive(Debug)]
+pub enum Failed {
+    Build(BuildError),
+    Diverged(Diverged),
+    Stopped,
+}
 
 #[derive(Debug, Clone)]
 pub struct Balance {

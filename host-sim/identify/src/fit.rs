@@ -1,7 +1,7 @@
 //! The search: weighted least squares by Levenberg and Marquardt, from several starts.
 
+use super::balance::Failed;
 use super::data::Data;
-use super::failed::Failed;
 use super::parameter::Parameter;
 use super::search::{self, LeastSquares, central_slopes};
 use super::simulate::Experiment;

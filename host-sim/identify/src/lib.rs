@@ -18,7 +18,6 @@ mod balance;
 mod consider;
 pub mod core_model;
 mod data;
-mod failed;
 mod findings;
 mod fit;
 pub mod motion;
@@ -37,8 +36,8 @@ pub use findings::{Findings, Fitted};
 pub use page::page;
 pub use record::{Found, identify_table, known_columns};
 
+use balance::Failed;
 use data::Input;
-use failed::Failed;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
 use parameter::Parameter;

@@ -1,8 +1,7 @@
 //! Simulation of the plant with the recorded inputs, sampled at the measured times.
 
-use super::balance::Balance;
+use super::balance::{Balance, Failed};
 use super::data::{Data, Input, holding};
-use super::failed::Failed;
 use thermyo_compute::parallel::Watch;
 use thermyo_plant::{Actuation, Truth};
 use thermyo_scenario::{PlantKind, Scenario};

@@ -72,8 +72,8 @@ impl Rows {
             let cells = if has(name) { table.column(name).ok() } else { None };
             cells.map_or_else(|| vec![None; time_s.len()], <[Option<f64>]>::to_vec)
         };
-        let (estimate_k, estimate_sd_k) = (maybe("estimate_k"), maybe("estimate_sd_k"));
-        let wall_k = maybe("wall_estimate_k");
+        let [estimate_k, estimate_sd_k, wall_k] =
+            ["estimate_k", "estimate_sd_k", "wall_estimate_k"].map(maybe);
         let (truth_k, mass_kg) = (maybe("gas_temperature_k"), maybe("mass_estimate_kg"));
         let rows = (0..time_s.len()).map(|i| Row {
             time_s: time_s[i],

@@ -103,12 +103,8 @@ pub struct Causes {
 
 impl Causes {
     fn sum_k(&self) -> f64 {
-        let Self { pressure_k, volume_k, sensor_k, leak_k, wait_k } = self;
-        [pressure_k, volume_k, sensor_k, leak_k, wait_k]
-            .into_iter()
-            .map(|k| k * k)
-            .sum::<f64>()
-            .sqrt()
+        let Self { pressure_k, volume_k, sensor_k, leak_k, wait_k } = *self;
+        [pressure_k, volume_k, sensor_k, leak_k, wait_k].into_iter().fold(0.0, f64::hypot)
     }
 }
 

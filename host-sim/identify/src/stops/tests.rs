@@ -48,18 +48,17 @@ fn held() -> Config {
 
 /// A row without an estimate.
 fn row(time_s: f64, pressure_pa: f64, length_m: f64, sensor_k: f64, truth_k: Option<f64>) -> Row {
-    let (estimate_k, estimate_sd_k, mass_kg, shut) = (None, None, None, truth_k.is_some());
     Row {
         time_s,
         pressure_pa,
         length_m,
         sensor_k,
-        estimate_k,
-        estimate_sd_k,
+        estimate_k: None,
+        estimate_sd_k: None,
         wall_k: None,
-        mass_kg,
+        mass_kg: None,
         truth_k,
-        shut,
+        shut: truth_k.is_some(),
     }
 }
 
