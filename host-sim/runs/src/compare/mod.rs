@@ -1,6 +1,6 @@
 //! `thermyo compare`: differences of recorded runs from the first one.
 //!
-//! Rows may lie at different times: each run is interpolated linearly at the times of the first.
+//! Rows may lie at different times: each run is interpolated linearly at the times of the first, but not over gaps.
 
 mod page;
 mod several;
@@ -18,6 +18,8 @@ use thermyo_files::units::UnitSystem;
 
 /// Relative difference up to which two records last equally long \[-\].
 const SAME_LENGTH: f64 = 0.01;
+/// Rows so many usual distances apart have a gap between them \[-\].
+const GAP_ROWS: f64 = 20.0;
 
 #[derive(Debug, Clone)]
 pub struct Run {
@@ -26,6 +28,8 @@ pub struct Run {
     /// `plant.kind` of its scenario, where that is known: a vessel's trace has a length too.
     kind: Option<&'static str>,
     time_s: Vec<f64>,
+    /// Rows further apart have a gap between them \[s\].
+    gap_s: f64,
     /// Columns that have a value in any row; NaN where a cell is empty.
     columns: BTreeMap<&'static str, Vec<f64>>,
 }
@@ -85,14 +89,18 @@ impl Run {
                 column.cells.iter().any(Option::is_some).then_some((name, values))
             })
             .collect();
-        Ok(Self { name: name.to_owned(), subject, kind, time_s, columns })
+        let mut apart_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        apart_s.retain(|apart_s| *apart_s > 0.0);
+        apart_s.sort_by(f64::total_cmp);
+        let gap_s = GAP_ROWS * apart_s.get(apart_s.len() / 2).unwrap_or(&f64::INFINITY);
+        Ok(Self { name: name.to_owned(), subject, kind, time_s, gap_s, columns })
     }
 
     fn column(&self, name: &str) -> Option<&[f64]> {
         self.columns.get(name).map(Vec::as_slice)
     }
 
-    /// Value of a column at a time, linear between rows; none outside of them.
+    /// Value of a column at a time, linear between rows; none outside of them and in a gap.
     fn at(&self, values: &[f64], time_s: f64) -> Option<f64> {
         let after = self.time_s.partition_point(|time| *time < time_s);
         let (end_s, end) = (*self.time_s.get(after)?, values[after]);
@@ -101,6 +109,9 @@ impl Run {
         }
         let before = after.checked_sub(1)?;
         let (start_s, start) = (self.time_s[before], values[before]);
+        if end_s - start_s > self.gap_s {
+            return None;
+        }
         Some(start + (end - start) * (time_s - start_s) / (end_s - start_s))
     }
 
@@ -129,6 +140,13 @@ impl Run {
                 "{own} lasts {own_s} s and {other} {other_s} s: only the common time is compared"
             )
         })
+    }
+
+    /// Says where the first gap is.
+    pub fn gap(&self) -> Option<String> {
+        let gap = self.time_s.windows(2).find(|pair| pair[1] - pair[0] > self.gap_s)?;
+        let [from_s, to_s] = [gap[0], gap[1]].map(short);
+        Some(format!("{} has a gap from {from_s} to {to_s} s: it is not compared there", self.name))
     }
 
     pub fn compared(&self, first: &Self) -> Compared {
@@ -200,6 +218,19 @@ mod tests {
                 .contains("pressure_pa            RMS 0.00300 kPa")
         );
         assert!(text(&[compared], UnitSystem::Si).contains("pressure_pa            RMS 3.00 Pa"));
+    }
+
+    #[test]
+    fn a_gap_is_reported_and_not_compared() {
+        let rows = |from: u32, to: u32| (from..to).map(|row| format!("{row},{row}\n"));
+        let text = |rows: Vec<String>| format!("time_s,pressure_pa\n{}", rows.concat());
+        let whole = run("a", &text(rows(0, 60).collect()));
+        let torn =
+            run("b", &text(rows(0, 5).chain(["26,0\n".to_owned()]).chain(rows(27, 60)).collect()));
+        assert_eq!(whole.gap(), None);
+        assert_eq!(torn.gap().unwrap(), "b has a gap from 4 to 26 s: it is not compared there");
+        assert_eq!(torn.compared(&whole).differences["pressure_pa"].mean, -26.0 / 39.0);
+        assert_eq!(whole.compared(&torn).differences["pressure_pa"].max, 26.0);
     }
 
     #[test]

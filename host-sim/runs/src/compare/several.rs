@@ -103,12 +103,13 @@ impl Comparison {
     /// Reasons why the comparison may mean little.
     pub fn warnings(&self) -> Vec<String> {
         let Some((first, others)) = self.runs.split_first() else { return Vec::new() };
+        let gaps = self.runs.iter().filter_map(Run::gap);
         let unlike = others.iter().filter_map(|run| run.unlike(first));
         let apart = self.compared.iter().filter(|compared| compared.differences.is_empty());
         let apart = apart.map(|Compared { run, with, .. }| {
             format!("{run} and {with} have no column at the same time in common")
         });
-        unlike.chain(apart).collect()
+        unlike.chain(gaps).chain(apart).collect()
     }
 
     pub fn summary(&self) -> String {
