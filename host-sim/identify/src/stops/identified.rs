@@ -242,7 +242,10 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
     let sensor = analysis.sensor.as_ref();
     let relative = |found: &With| found.relative();
     let uncertainties = [
-        ("estimator.heat_scale_sd", heat.map(|heat| heat.still_w_m2_k.relative())),
+        (
+            "estimator.heat_scale_sd",
+            heat.map(|heat| if profiled { heat.scale } else { heat.still_w_m2_k }.relative()),
+        ),
         (
             "estimator.stirring_sd",
             heat.and_then(|heat| heat.stirred_per_flow.as_ref()).map(relative),

@@ -42,6 +42,9 @@ const CHARGING_1_S: f64 = 0.02;
 /// the stops: on the simulated nominal muscle, 3 to 8 stops, a jet that is there moves it by 0.4 and more, one that is not
 /// by 0.06 at most \[-\].
 const MOST_MOVED: f64 = 0.1;
+/// Relative error with which a law of free convection holds over pressures and differences, and one factor on it for
+/// walls that are not evenly warm \[-\]. Assumption: such correlations are trusted to 10 to 25 %.
+const LAW: f64 = 0.1;
 /// Stops after an inflow that show a jet: without any of them two are left for a mean.
 pub(super) const CHARGED: usize = 3;
 
@@ -251,9 +254,10 @@ pub(super) fn fit(
         true => found,
         false => With { standard_error: found.standard_error.hypot(moved(law, &found)), ..found },
     };
+    let scale = widened(true, law);
     Some(Relaxation {
         still_w_m2_k: widened(false, constant),
-        scale: widened(true, law),
+        scale: With { standard_error: scale.standard_error.hypot(LAW * scale.value), ..scale },
         parted,
         charged: heats.iter().filter(|heat| heat.charged).count(),
         stirred_w_m2_k: jet.as_ref().map(|jet| jet.added_w_m2_k),
