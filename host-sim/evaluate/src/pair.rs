@@ -11,7 +11,7 @@
 use nalgebra::{DMatrix, DVector};
 use thermyo_files::input::{InputError, Problem as InputProblem};
 use thermyo_files::table::Table;
-use thermyo_identify::search::{self, LeastSquares, central_slopes};
+use thermyo_fit::search::{self, LeastSquares, central_slopes};
 use thermyo_record::measured::{check_distances, check_pressures, check_rising, unit_of_length};
 
 const COLUMNS: [&str; 6] =

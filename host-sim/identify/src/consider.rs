@@ -8,8 +8,8 @@
 
 use super::data::Input;
 use super::fit::Problem;
-use super::search::LeastSquares;
 use nalgebra::{DMatrix, DVector};
+use thermyo_fit::search::LeastSquares;
 use thermyo_scenario::{PlantModel, number, with_numbers};
 
 const HOUSING: &str = "sensor.gas.housing_time_constant_s";

@@ -7,7 +7,8 @@ use super::uncertainty::Misfit;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use std::collections::BTreeMap;
-use thermyo_files::number::{of_column, significant, with_error};
+use thermyo_files::number::{of_column, significant};
+use thermyo_fit::Fitted;
 
 /// Correlation from which on two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
@@ -25,36 +26,6 @@ const LASTING_ROWS: f64 = 5.0;
 const LARGE: f64 = 5.0;
 /// Most holes of a record that a remark lists.
 const NAMED_HOLES: usize = 5;
-
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Fitted {
-    /// Value \[unit\].
-    pub value: f64,
-    /// Standard error \[unit\]; none where the data leave the value open, or it is at a limit.
-    pub standard_error: Option<f64>,
-    /// Unit, as the SI writes it; empty for a ratio.
-    pub unit: &'static str,
-}
-
-impl Fitted {
-    fn is_open(&self, most: f64) -> bool {
-        self.standard_error.is_none_or(|error| error > most * self.value)
-    }
-
-    /// Value with its standard error, and unit.
-    pub fn text(&self) -> String {
-        let value = match self.standard_error {
-            Some(error) => with_error(self.value, error),
-            None => format!("{} ± open", significant(self.value, 6)),
-        };
-        format!("{value} {}", self.unit).trim_end().to_owned()
-    }
-
-    /// A line for a terminal.
-    pub fn line(&self, path: &str) -> String {
-        format!("{path:<34} {}\n", self.text())
-    }
-}
 
 /// Root-mean-square residuals, by measured quantity.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]

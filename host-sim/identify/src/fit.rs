@@ -3,7 +3,6 @@
 use super::balance::Failed;
 use super::data::Data;
 use super::parameter::Parameter;
-use super::search::{self, LeastSquares, central_slopes};
 use super::simulate::Experiment;
 use nalgebra::{DMatrix, DVector};
 use rand_distr::{Distribution, Uniform};
@@ -11,6 +10,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use thermyo_compute::parallel;
 use thermyo_compute::parallel::Watch;
+use thermyo_fit::search::{self, LeastSquares, central_slopes};
 use thermyo_scenario::{Scenario, with_numbers};
 
 /// Step of the differences in ln x: far above the integrators' rounding, far below a curvature.

@@ -24,7 +24,6 @@ pub mod motion;
 mod page;
 mod parameter;
 mod record;
-pub mod search;
 mod simulate;
 pub mod static_map;
 pub mod stops;
@@ -32,7 +31,7 @@ mod uncertainty;
 mod valves;
 
 pub use data::Data;
-pub use findings::{Findings, Fitted};
+pub use findings::Findings;
 pub use page::page;
 pub use record::{Found, identify_table, known_columns};
 
@@ -52,7 +51,6 @@ use thermyo_scenario::schema::fittable;
 use thermyo_scenario::{HeatModel, PlantModel, Scenario, number, with_numbers};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::Effective;
-pub use uncertainty::correlation_rows;
 use uncertainty::{Misfit, covariance};
 
 /// Share of a jet's stirring that acts on the mean of the gas, where a model has one zone: fresh gas, at the wall's

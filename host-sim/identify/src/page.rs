@@ -2,10 +2,10 @@
 
 use super::Identified;
 use super::data::{Observed, Quantity};
-use super::findings::Fitted;
 use std::collections::BTreeMap;
 use thermyo_files::number::{MISSING, fixed, significant};
 use thermyo_files::units::Unit;
+use thermyo_fit::Fitted;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table, Tile};

@@ -15,6 +15,7 @@
 
 use super::data::Observed;
 use nalgebra::{DMatrix, DVector};
+use thermyo_fit::correlation_rows;
 
 /// Statistics of the residuals of one measured column.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,21 +42,6 @@ impl Misfit {
             inflation: (chi_square * correlation_rows).max(1.0),
         }
     }
-}
-
-/// 1 + 2 (rho_1 + rho_2 + ...), up to the first correlation that is not positive, beyond which
-/// there is only noise (Geyer, Statist. Sci. 7, 1992). About zero, not about the mean: a bias is an
-/// error too.
-pub fn correlation_rows(residuals: &[f64]) -> f64 {
-    let square: f64 = residuals.iter().map(|r| r * r).sum();
-    if square == 0.0 {
-        return 1.0;
-    }
-    let correlation = |lag: usize| -> f64 {
-        residuals.iter().zip(&residuals[lag..]).map(|(a, b)| a * b).sum::<f64>() / square
-    };
-    let positive = (1..residuals.len()).map(correlation).take_while(|rho| *rho > 0.0);
-    1.0 + 2.0 * positive.sum::<f64>()
 }
 
 /// Covariance of the logarithms of the parameters. `None` where the data leave some combination of

@@ -11,10 +11,10 @@
 
 use super::law::{Law, Start};
 use super::record::{Record, Row};
-use crate::search::{self, Found, LeastSquares, central_slopes};
-use crate::uncertainty::correlation_rows;
 use nalgebra::{DMatrix, DVector};
 use thermyo_compute::parallel::{Watch, map_watched};
+use thermyo_fit::correlation_rows;
+use thermyo_fit::search::{self, Found, LeastSquares, central_slopes};
 use thermyo_scenario::preset::MusclePreset;
 use thermyo_scenario::{Scenario, at_rest, number, with_numbers};
 

@@ -19,7 +19,6 @@ pub use page::{page, plot};
 pub use plan::{check_plan, plan, profile};
 pub use record::{Record, check_lengths, check_pace};
 
-use super::findings::Fitted;
 use fit::{FACTOR, MOTION, Parameter, Problem, Value, adopt, residuals};
 use law::{Law, Start};
 use serde::Serialize;
@@ -29,6 +28,7 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::InputError;
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
+use thermyo_fit::Fitted;
 use thermyo_scenario::{LoadKind, PlantKind, Scenario};
 use thermyo_setup::Loaded;
 

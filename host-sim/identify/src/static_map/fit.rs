@@ -12,8 +12,8 @@
 //! is expected to grow with the diameter, as the bladder does.
 
 use super::readings::{Reading, Readings};
-use crate::search::{self, Found, LeastSquares, central_slopes};
 use nalgebra::{DMatrix, DVector};
+use thermyo_fit::search::{self, Found, LeastSquares, central_slopes};
 use thermyo_plant::chamber::Chamber;
 use thermyo_plant::chamber::braid;
 use thermyo_scenario::{Muscle, at_rest};

@@ -8,8 +8,6 @@ mod readings;
 pub use page::{page, plot};
 pub use readings::{COLUMNS, DIRECTION, FEWEST, Reading, Readings};
 
-use super::findings::Fitted;
-use crate::search::central_slopes;
 use fit::{DIFFERENCE, Problem};
 use nalgebra::DVector;
 use plan::{LEAST_STROKE, instead, places, surely_pulls};
@@ -18,6 +16,8 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_fit::Fitted;
+use thermyo_fit::search::central_slopes;
 use thermyo_scenario::preset::MusclePreset;
 use thermyo_scenario::{Muscle, PlantKind, Scenario};
 use thermyo_setup::{Loaded, highest_pa};

@@ -1,7 +1,7 @@
 //! Linear least squares with standard errors that account for correlated residuals.
 
 use nalgebra::{DMatrix, DVector};
-pub use thermyo_identify::correlation_rows;
+use thermyo_fit::correlation_rows;
 
 /// Smallest eigenvalue of the scaled normal matrix: below it the measurements do not determine some
 /// combination of the coefficients.
