@@ -11,7 +11,7 @@
 //! scenario with the model `full` gets the effective parameters that the core works with.
 //!
 //! A record with stops, both valves shut for seconds, has the gas temperature in itself: see
-//! [`stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
+//! [`thermyo_stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
 //! [`static_map`].
 
 mod balance;
@@ -26,7 +26,6 @@ mod parameter;
 mod record;
 mod simulate;
 pub mod static_map;
-pub mod stops;
 mod uncertainty;
 mod valves;
 

@@ -3,7 +3,6 @@
 //! Gas flows in while the inlet alone is open, so that P V rises; while the outlet alone is, it falls. It does not rise
 //! faster than the open inlet lets gas in.
 
-use super::stops::{LENGTHS, PRESSURES};
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
 use model_core::physics::valve::REFERENCE_PRESSURE_PA;
@@ -11,6 +10,7 @@ use thermyo_files::input::InputError;
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_record::measured::TIME;
+use thermyo_stops::{LENGTHS, PRESSURES};
 
 const INLET: &str = "duty_in";
 const OUTLET: &str = "duty_out";
