@@ -1,8 +1,10 @@
-//! Fitting: least squares, the correlation of residuals, and values with their standard errors.
+//! Fitting: least squares, the correlation of residuals, values with their standard errors, and the fit that needs no
+//! simulation: the gas temperature from [`stops`].
 
 mod correlation;
 mod fitted;
 pub mod search;
+pub mod stops;
 
 pub use correlation::correlation_rows;
 pub use fitted::Fitted;

@@ -11,7 +11,7 @@
 //! scenario with the model `full` gets the effective parameters that the core works with.
 //!
 //! A record with stops, both valves shut for seconds, has the gas temperature in itself: see
-//! [`thermyo_stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
+//! [`thermyo_fit::stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
 //! [`static_map`].
 
 mod balance;

@@ -12,12 +12,12 @@ use thermyo_compute::parallel::Watch;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_fit::Fitted;
+use thermyo_fit::stops::{LENGTHS, PRESSURES};
 use thermyo_record::board_trace::every_column;
 use thermyo_record::measured::{Measured, check_possible, check_pressures, ordered};
 use thermyo_scenario::PlantKind;
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
-use thermyo_stops::{LENGTHS, PRESSURES};
 
 fn named<K: AsRef<str>>(parameters: &BTreeMap<K, Fitted>) -> Vec<(&str, &Fitted)> {
     parameters.iter().map(|(path, fitted)| (path.as_ref(), fitted)).collect()
@@ -27,7 +27,7 @@ fn named<K: AsRef<str>>(parameters: &BTreeMap<K, Fitted>) -> Vec<(&str, &Fitted)
 pub enum Found {
     Record(Identified),
     Map(static_map::Identified),
-    Stops(thermyo_stops::Identified),
+    Stops(thermyo_fit::stops::Identified),
     Motion(motion::Identified),
 }
 
@@ -78,13 +78,13 @@ pub fn identify_table(
         LENGTHS.iter().try_for_each(|column| motion::check_lengths(table, column, rest_m))?;
     }
     let begins_anywhere = begins_anywhere(&loaded.plant, table);
-    if begins_anywhere || thermyo_stops::would_do(loaded) {
+    if begins_anywhere || thermyo_fit::stops::would_do(loaded) {
         motion::check_pace(table, &loaded.plant)?;
         valves::check_pace(table, &config_of_core)?;
     }
-    if thermyo_stops::are_asked_for(loaded, table) {
+    if thermyo_fit::stops::are_asked_for(loaded, table) {
         check_possible(table, true)?;
-        return whole(Found::Stops(thermyo_stops::identify(loaded, table, data)?), watch);
+        return whole(Found::Stops(thermyo_fit::stops::identify(loaded, table, data)?), watch);
     }
     let known = [every_column(), REFERENCE.to_vec()].concat();
     let measured = if begins_anywhere {
@@ -131,7 +131,7 @@ impl Found {
         enum Either<'a> {
             Record(&'a super::Findings),
             Map(&'a static_map::Findings),
-            Stops(&'a thermyo_stops::Findings),
+            Stops(&'a thermyo_fit::stops::Findings),
             Motion(&'a motion::Findings),
         }
         match self {

@@ -9,8 +9,8 @@ use model_core::physics::valve::REFERENCE_PRESSURE_PA;
 use thermyo_files::input::InputError;
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
+use thermyo_fit::stops::{LENGTHS, PRESSURES};
 use thermyo_record::measured::TIME;
-use thermyo_stops::{LENGTHS, PRESSURES};
 
 const INLET: &str = "duty_in";
 const OUTLET: &str = "duty_out";

@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! pressure /\/\/\----/\/\/\/\-----   both valves shut at random phases of the cycle, and a wait
-//! record --thermyo_stops--> T at each stop, heat transfer, lags --> trace, summary, page
+//! record --stops--> T at each stop, heat transfer, lags --> trace, summary, page
 //! ```
 //!
-//! The physics is in [`thermyo_stops`].
+//! The physics is in [`thermyo_fit::stops`].
 
 mod plan;
 mod record;
@@ -18,8 +18,8 @@ use thermyo_files::input::InputError;
 use thermyo_files::number::fixed;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
+use thermyo_fit::stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
 use thermyo_setup::Loaded;
-use thermyo_stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
 
 /// Time after a stop for which the record has the measured temperature as a reference \[s\]: while
 /// the gas is far from its wall.

@@ -10,13 +10,13 @@ use std::io::{self, Write};
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::subject::Subject;
 use thermyo_files::rows::Rows as Lines;
+use thermyo_fit::stops::{Row, Rows, Stop};
 use thermyo_protocol::Status;
 use thermyo_record::board_trace::{every_column, more_cells, row};
 use thermyo_record::trace;
 use thermyo_simulation::board::{Board, BoardError};
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
-use thermyo_stops::{Row, Rows, Stop};
 
 /// Distance of the recorded rows \[s\].
 const ROW_S: f64 = 0.01;

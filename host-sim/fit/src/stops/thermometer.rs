@@ -15,11 +15,11 @@
 
 use super::leak::{self, Leak};
 use super::{Closed, LAG_OFF};
+use crate::correlation_rows;
+use crate::search::{LeastSquares, central_slopes, minimize};
 use model_core::Config;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use thermyo_fit::correlation_rows;
-use thermyo_fit::search::{LeastSquares, central_slopes, minimize};
 
 /// ln tau, ln tau_h, ln g.
 const COMMON: usize = 3;

@@ -2,13 +2,13 @@
 
 use super::relaxation::{CHARGED, With};
 use super::{Analysis, FEWEST, Known, Relaxation, Rows, analyse, find, page};
+use crate::Fitted;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
-use thermyo_fit::Fitted;
 use thermyo_plant::chamber;
 use thermyo_plant::heat::{InnerHeat, Stirred};
 use thermyo_scenario::{HeatModel, Scenario, number, with_numbers};
