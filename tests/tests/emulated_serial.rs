@@ -73,7 +73,7 @@ fn telemetry_before_a_broken_line_is_kept() {
         drop(pty);
         run.join().unwrap()
     });
-    assert_eq!(outcome.code, 1, "{}", outcome.err);
+    assert_eq!(outcome.code, 2, "{}", outcome.err);
     assert!(outcome.err.contains("the record so far is in "), "{}", outcome.err);
     let replayed = thermyo(&[
         "replay",
