@@ -102,7 +102,7 @@ fn poor_data_is_refused_and_nothing_written() {
         (
             // A valve too large for the muscle, behind a tube that does not limit it.
             "[valve]\nconductance_m3_s_pa = 4e-8\n[tube]\nconductance_m3_s_pa = 1e-6\n".to_owned(),
-            "no step kept the inlet open",
+            "kept the inlet open for 30 ms",
         ),
         ("[load]\nforce_n = 900.0\n[believed.load]\nforce_n = 100.0\n".to_owned(), "moved by 0."),
         (fault("length = \"frozen\""), "faults during the experiment: length sensor"),
@@ -118,7 +118,7 @@ fn poor_data_is_refused_and_nothing_written() {
         ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "experiment: length sensor"),
         ("[believed.valve]\nconductance_m3_s_pa = 4e-10\n".to_owned(), "friction stands out of"),
         // Slip and creep hold back what nothing lengthens.
-        ("[load]\nforce_n = 0.0\n".to_owned(), "or too light to lengthen the muscle again"),
+        ("[load]\nforce_n = 0.0\n".to_owned(), "too light to lengthen the muscle again"),
     ] {
         let (outcome, folder) = tune(&text, &[]);
         assert_eq!(outcome.code, 1, "{text}: {}{}", outcome.out, outcome.err);
