@@ -18,3 +18,17 @@ pub fn usual_distance(numbers: &[f64]) -> f64 {
     distances.sort_by(f64::total_cmp);
     distances.get(distances.len() / 2).copied().unwrap_or_default()
 }
+
+/// Median distance of rising numbers that differ; infinite where none do.
+pub fn median_distance(numbers: &[f64]) -> f64 {
+    let mut distances: Vec<f64> =
+        numbers.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0).collect();
+    distances.sort_by(f64::total_cmp);
+    distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
+}
+
+/// Neighbours that are further apart than `most`.
+pub fn gaps(numbers: &[f64], most: f64) -> impl Iterator<Item = [f64; 2]> {
+    let pairs = numbers.windows(2).map(|pair| [pair[0], pair[1]]);
+    pairs.filter(move |[before, after]| after - before > most)
+}

@@ -47,8 +47,9 @@ pub struct Off {
 }
 
 pub fn off(tuned: &Tuned, truth: f64, path: &str) -> Off {
-    let value = tuned.findings.value(path).map_or(f64::NAN, |parameter| parameter.after);
-    let stated = tuned.findings.value(path).and_then(|parameter| parameter.standard_error);
+    let found = tuned.findings.value(path);
+    let value = found.map_or(f64::NAN, |parameter| parameter.after);
+    let stated = found.and_then(|parameter| parameter.standard_error);
     Off {
         percent: (value / truth - 1.0) * 100.0,
         stated: (value - truth).abs() / stated.unwrap_or(f64::NAN),

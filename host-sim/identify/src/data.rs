@@ -1,6 +1,7 @@
 //! Measurements that the plant is compared with, and the recorded inputs that drove it.
 
 use std::path::Path;
+use thermyo_compute::math::{gaps, median_distance};
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
@@ -325,19 +326,9 @@ fn spacing(observed: &[Observed]) -> f64 {
     median_distance(&times(points).collect::<Vec<_>>())
 }
 
-/// Median distance of times that differ.
-fn median_distance(times_s: &[f64]) -> f64 {
-    let mut distances: Vec<f64> =
-        times_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|d| *d > 0.0).collect();
-    distances.sort_by(f64::total_cmp);
-    distances.get(distances.len() / 2).copied().unwrap_or(f64::INFINITY)
-}
-
 /// Gaps between these times that are much longer than usual.
 fn holes(times_s: &[f64]) -> Vec<[f64; 2]> {
-    let longest_s = HOLE_ROWS * median_distance(times_s);
-    let pairs = times_s.windows(2).map(|pair| [pair[0], pair[1]]);
-    pairs.filter(|[from_s, to_s]| to_s - from_s > longest_s).collect()
+    gaps(times_s, HOLE_ROWS * median_distance(times_s)).collect()
 }
 
 /// Value at a time from rows that each hold until the next; `row` is where the last call stopped.

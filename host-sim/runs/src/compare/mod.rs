@@ -11,10 +11,12 @@ pub use subject::Subject;
 
 use serde::Serialize;
 use std::collections::BTreeMap;
+use thermyo_compute::math::{gaps, median_distance};
 use thermyo_files::input::InputError;
 use thermyo_files::number::short;
 use thermyo_files::table::Table;
 use thermyo_files::units::UnitSystem;
+use thermyo_record::measured::ordered;
 
 /// Relative difference up to which two records last equally long \[-\].
 const SAME_LENGTH: f64 = 0.01;
@@ -72,11 +74,7 @@ impl Run {
     /// # Errors
     /// When `time_s` is missing in a row, or times fall.
     pub fn new(name: &str, kind: Option<&'static str>, table: &Table) -> Result<Self, InputError> {
-        let time_s = table.filled("time_s")?;
-        if let Some(row) = (1..time_s.len()).find(|row| time_s[*row] < time_s[row - 1]) {
-            let allowed = format!("at least {:?}, the time of the row before", time_s[row - 1]);
-            return Err(table.cell_error(row, "time_s", &allowed));
-        }
+        let time_s = ordered(table)?;
         let subject = Subject::of(table);
         let columns = subject
             .columns()
@@ -89,10 +87,7 @@ impl Run {
                 column.cells.iter().any(Option::is_some).then_some((name, values))
             })
             .collect();
-        let mut apart_s: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        apart_s.retain(|apart_s| *apart_s > 0.0);
-        apart_s.sort_by(f64::total_cmp);
-        let gap_s = GAP_ROWS * apart_s.get(apart_s.len() / 2).unwrap_or(&f64::INFINITY);
+        let gap_s = GAP_ROWS * median_distance(&time_s);
         Ok(Self { name: name.to_owned(), subject, kind, time_s, gap_s, columns })
     }
 
@@ -144,8 +139,7 @@ impl Run {
 
     /// Says where the first gap is.
     pub fn gap(&self) -> Option<String> {
-        let gap = self.time_s.windows(2).find(|pair| pair[1] - pair[0] > self.gap_s)?;
-        let [from_s, to_s] = [gap[0], gap[1]].map(short);
+        let [from_s, to_s] = gaps(&self.time_s, self.gap_s).next()?.map(short);
         Some(format!("{} has a gap from {from_s} to {to_s} s: it is not compared there", self.name))
     }
 

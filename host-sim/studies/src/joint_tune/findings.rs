@@ -4,7 +4,7 @@ use super::balance::{Altered, Balance, COUNT, Fitted, Term};
 use super::check::{Checked, Figures};
 use super::experiment::Record;
 use super::{REST_MOTION_RAD, Refusal};
-use crate::tune::regression::Measure;
+use crate::tune::regression::{HYSTERESIS_OFF, Measure, PRESSURE_OFF_PA};
 use crate::tune::{Parameter, compared, word};
 use serde::Serialize;
 use thermyo_joint::JointLoaded;
@@ -15,8 +15,8 @@ use thermyo_scenario::key::Allowed;
 /// and creep of both, pressure of one muscle. Assumed, as `thermyo evaluate joint` has them with everything wrong.
 const LAWS: [Altered; 3] = [
     Altered { area: 1.03, ..Altered::NOT },
-    Altered { elastic: 1.2, ..Altered::NOT },
-    Altered { offset_pa: 3.0e3, ..Altered::NOT },
+    Altered { elastic: HYSTERESIS_OFF, ..Altered::NOT },
+    Altered { offset_pa: PRESSURE_OFF_PA, ..Altered::NOT },
 ];
 /// Largest error of a value that is stated, relative: of inertia, of mid-lengths \[-\].
 const INERTIA: f64 = 0.25;

@@ -13,7 +13,7 @@
 
 use super::Refusal;
 use super::experiment::{Plan, Record, configured};
-use super::regression::{Fit, Measure, least_squares};
+use super::regression::{Fit, HYSTERESIS_OFF, Measure, PRESSURE_OFF_PA, least_squares};
 use model_core::config::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
 use model_core::physics::hysteresis::{Held, Law};
@@ -54,12 +54,12 @@ impl Altered {
     const NOT: Self = Self { load: 1.0, hysteresis: 1.0, offset_pa: 0.0 };
 }
 
-/// Errors that the stated ones allow for: of a load that was weighed, of slip and creep as configured, and of the
-/// pressure sensor. Assumed; the last two as for a joint.
+/// Errors that the stated ones allow for: of a load that was weighed, assumed, of slip and creep as configured, and of
+/// the pressure sensor.
 const LAWS: [Altered; 3] = [
     Altered { load: 1.01, ..Altered::NOT },
-    Altered { hysteresis: 1.2, ..Altered::NOT },
-    Altered { offset_pa: 3.0e3, ..Altered::NOT },
+    Altered { hysteresis: HYSTERESIS_OFF, ..Altered::NOT },
+    Altered { offset_pa: PRESSURE_OFF_PA, ..Altered::NOT },
 ];
 
 /// Results of even motion.
