@@ -1,6 +1,7 @@
 //! Fitting: least squares, the correlation of residuals, values with their standard errors, and the fit that needs no
 //! simulation: the gas temperature from [`stops`].
 
+pub mod assumed;
 mod correlation;
 mod fitted;
 pub mod search;

@@ -13,6 +13,7 @@ use super::law::{Law, Start};
 use super::record::{Record, Row};
 use nalgebra::{DMatrix, DVector};
 use thermyo_compute::parallel::{Watch, map_watched};
+use thermyo_fit::assumed::{LOAD_OFF, PRESSURE_OFF_PA};
 use thermyo_fit::correlation_rows;
 use thermyo_fit::search::{self, Found, LeastSquares, central_slopes};
 use thermyo_scenario::preset::MusclePreset;
@@ -62,6 +63,7 @@ pub struct Parameter {
     scale: Scale,
 }
 
+const LOAD_FORCE: &str = "load.force_n";
 /// The part of the slip that follows pressure.
 pub const FACTOR: &str = "muscle.slip_pressure_factor";
 /// Keys of slip and creep.
@@ -90,7 +92,7 @@ pub const KEYS: [(&str, &str); 14] = [
     ("muscle.slack_m", "m"),
     ("muscle.diameter_m", "m"),
     ("muscle.braid_angle_deg", "deg"),
-    ("load.force_n", "N"),
+    (LOAD_FORCE, "N"),
 ];
 
 impl Parameter {
@@ -103,7 +105,7 @@ impl Parameter {
             "muscle.bladder_stiffness_n_m" => linear(500.0, 0.0),
             "muscle.slack_m" => linear(0.01 * scenario.muscle.rest_length_m, f64::NEG_INFINITY),
             "muscle.braid_angle_deg" => linear(3.0, 5.0),
-            "load.force_n" => linear(20.0, 0.0),
+            LOAD_FORCE => linear(20.0, 0.0),
             _ => Scale::Log,
         };
         Some(Self { key, unit, given, scale })
@@ -191,6 +193,12 @@ impl<'a> Problem<'a> {
         residuals(&self.at(place), self.record, &self.start(place))
     }
 
+    fn by_weight(&self, residuals: &[f64]) -> DVector<f64> {
+        let rows = residuals.iter().zip(&self.record.rows);
+        let weighted = rows.map(|(left, row)| row.weight.sqrt() * left / self.deviation);
+        DVector::from_iterator(residuals.len(), weighted)
+    }
+
     /// The best of several searches; where they were stopped, a place that means nothing.
     pub fn search(&self) -> Found {
         let ends = map_watched(&STARTS, self.watch, |factors| {
@@ -210,7 +218,8 @@ impl<'a> Problem<'a> {
         best.unwrap_or(Found { place, cost: f64::INFINITY, converged: false, stopped: true })
     }
 
-    /// Values at the end of a search, with deviations by the scatter and how long it lasts.
+    /// Values at the end of a search, with deviations by the scatter, how long it lasts, and by errors of load and
+    /// pressure that no residual shows (consider covariance, Schmidt 1966).
     pub fn values(&self, place: &DVector<f64>) -> Vec<Value> {
         // Beyond a limit nothing changes: what a record shows of a value is how it changes inside.
         let mut inside = place.clone();
@@ -227,17 +236,40 @@ impl<'a> Problem<'a> {
         let scatter = weighted / weight * lasting * weight / rows as f64;
         let measured = slopes.rows(0, rows);
         let prior = slopes.rows(rows, place.len());
-        let information = measured.tr_mul(&measured) / scatter.max(1.0e-12) + prior.tr_mul(&prior);
+        let scatter = scatter.max(1.0e-12);
+        let information = measured.tr_mul(&measured) / scatter + prior.tr_mul(&prior);
         let covariance = information.cholesky().map(|cholesky| cholesky.inverse());
+        let shifts = covariance.as_ref().map_or(Vec::new(), |covariance| {
+            let shift = |off: &DVector<f64>| covariance * measured.tr_mul(off) / scatter;
+            self.considered(&inside).iter().map(shift).collect()
+        });
         let value = |(i, parameter): (usize, &Parameter)| {
             let deviation = covariance.as_ref().map_or(f64::INFINITY, |c| c[(i, i)].sqrt());
+            let with_shifts = shifts.iter().fold(deviation, |sum, shift| sum.hypot(shift[i]));
             Value {
                 value: parameter.value(place[i]),
-                deviation: parameter.deviation(place[i], deviation),
+                deviation: parameter.deviation(place[i], with_shifts),
                 open: parameter.is_open(place[i], deviation),
             }
         };
         self.parameters.iter().enumerate().map(value).collect()
+    }
+
+    /// Changes of the weighted residuals by a force, and by a pressure, that is off.
+    fn considered(&self, place: &DVector<f64>) -> Vec<DVector<f64>> {
+        let (scenario, start) = (self.at(place), self.start(place));
+        let weighted = |alter: fn(&mut Row)| {
+            let mut rows = self.record.loaded(&scenario);
+            rows.iter_mut().for_each(alter);
+            let residuals = residuals_of(&scenario, &rows, self.record.has_force, &start);
+            self.by_weight(&residuals)
+        };
+        let own = weighted(|_| ());
+        let is_searched = |parameter: &Parameter| parameter.key == LOAD_FORCE;
+        let by_search = !self.record.has_force && self.parameters.iter().any(is_searched);
+        let force = (!by_search).then(|| weighted(|row| row.force_n *= LOAD_OFF));
+        let pressure = weighted(|row| row.pressure_pa += PRESSURE_OFF_PA);
+        force.into_iter().chain([pressure]).map(|off| off - &own).collect()
     }
 
     /// State at the start, by the search.
@@ -261,26 +293,25 @@ pub fn adopt<'a>(
 
 /// Predicted less measured forces where those were measured, lengths otherwise.
 pub fn residuals(scenario: &Scenario, record: &Record, start: &Start) -> Vec<f64> {
-    let law = Law::of(scenario, record.has_force);
-    let rows = record.loaded(scenario);
-    let (found, measured): (_, fn(&Row) -> f64) = if record.has_force {
-        (law.forces(&rows, start), |row| row.force_n)
+    residuals_of(scenario, &record.loaded(scenario), record.has_force, start)
+}
+
+fn residuals_of(scenario: &Scenario, rows: &[Row], has_force: bool, start: &Start) -> Vec<f64> {
+    let law = Law::of(scenario, has_force);
+    let (found, measured): (_, fn(&Row) -> f64) = if has_force {
+        (law.forces(rows, start), |row| row.force_n)
     } else {
-        (law.lengths(&rows, start), |row| row.length_m)
+        (law.lengths(rows, start), |row| row.length_m)
     };
-    found.iter().zip(&rows).map(|(found, row)| found - measured(row)).collect()
+    found.iter().zip(rows).map(|(found, row)| found - measured(row)).collect()
 }
 
 impl LeastSquares for Problem<'_> {
     fn weighted(&self, place: &DVector<f64>) -> DVector<f64> {
-        let residuals = self.residuals(place);
-        let of_rows = residuals
-            .iter()
-            .zip(&self.record.rows)
-            .map(|(left, row)| row.weight.sqrt() * left / self.deviation);
+        let of_rows = self.by_weight(&self.residuals(place));
         let spreads = self.parameters.iter().map(Parameter::spread).chain([1.0, 1.0]);
         let of_usual = place.iter().zip(spreads).map(|(place, spread)| place / spread);
-        DVector::from_vec(of_rows.chain(of_usual).collect())
+        DVector::from_vec(of_rows.iter().copied().chain(of_usual).collect())
     }
 
     fn slopes(&self, place: &DVector<f64>, _: &DVector<f64>) -> DMatrix<f64> {

@@ -113,6 +113,30 @@ fn a_muscle_is_found_from_its_own_plan() {
     assert!((1.5e-5..2e-4).contains(&against_m), "{against_m} m");
 }
 
+/// A load that is 1 % heavier than believed, and a pressure that is read 3 kPa too high.
+#[test]
+fn stated_errors_contain_a_load_and_a_pressure_that_are_off() {
+    let lifts = |loaded: Loaded, mass_kg| loaded.with(|scenario| scenario.load.mass_kg = mass_kg);
+    let muscle = lifts(other(), 5.05);
+    let text = record(&muscle, planned(&muscle));
+    let high = |line: &str| {
+        let (rest, pressure_pa) = line.rsplit_once(',').unwrap();
+        pressure_pa
+            .parse()
+            .map_or(format!("{line}\n"), |pa: f64| format!("{rest},{}\n", pa + 3.0e3))
+    };
+    let text: String = text.lines().map(high).collect();
+    let believed = lifts(shipped_scenario(), 5.0);
+    let found = identify(&believed, CONFIG.as_ref(), &table(&text), None, &()).unwrap().findings;
+    println!("{}", found.text());
+    for (key, truth) in TRUTHS {
+        let Fitted { value, standard_error, .. } = found.parameters[key];
+        let off = (value - truth).abs() / standard_error.unwrap();
+        println!("{key}: {off}");
+        assert!(off < 3.0, "{key}: {value} for {truth}, {off} standard errors");
+    }
+}
+
 /// Noise of pressure, as of a converter of 10 bits, moves the predicted slip and not the measured one: taken row
 /// by row it made the slip 1.6 times as stiff.
 #[test]

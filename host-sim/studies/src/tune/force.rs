@@ -13,11 +13,12 @@
 
 use super::Refusal;
 use super::experiment::{Plan, Record, configured};
-use super::regression::{Fit, HYSTERESIS_OFF, Measure, PRESSURE_OFF_PA, least_squares};
+use super::regression::{Fit, Measure, least_squares};
 use model_core::config::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
 use model_core::physics::hysteresis::{Held, Law};
 use thermyo_compute::math::ends;
+use thermyo_fit::assumed::{HYSTERESIS_OFF, LOAD_OFF, PRESSURE_OFF_PA};
 
 /// Intervals over which records are averaged \[s\]: two tenths of a period of the load on its gas
 /// spring, ten LSBs of the ADC on the slow ramp.
@@ -54,10 +55,10 @@ impl Altered {
     const NOT: Self = Self { load: 1.0, hysteresis: 1.0, offset_pa: 0.0 };
 }
 
-/// Errors that the stated ones allow for: of a load that was weighed, assumed, of slip and creep as configured, and of
-/// the pressure sensor.
+/// Errors that the stated ones allow for: of a load that was weighed, of slip and creep as configured, and of the
+/// pressure sensor.
 const LAWS: [Altered; 3] = [
-    Altered { load: 1.01, ..Altered::NOT },
+    Altered { load: LOAD_OFF, ..Altered::NOT },
     Altered { hysteresis: HYSTERESIS_OFF, ..Altered::NOT },
     Altered { offset_pa: PRESSURE_OFF_PA, ..Altered::NOT },
 ];

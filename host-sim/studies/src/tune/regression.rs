@@ -7,11 +7,6 @@ use thermyo_fit::correlation_rows;
 /// combination of the coefficients.
 const SINGULAR: f64 = 1e-9;
 
-/// Slip and creep over the configured ones \[-\], and what is added to a measured pressure \[Pa\], in the errors that
-/// are stated. Assumed.
-pub const HYSTERESIS_OFF: f64 = 1.2;
-pub const PRESSURE_OFF_PA: f64 = 3.0e3;
-
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measure {
     pub value: f64,

@@ -1,0 +1,8 @@
+//! Errors of what a fit takes as known, in the errors that are stated. Assumed.
+
+/// A weighed load over its true one \[-\].
+pub const LOAD_OFF: f64 = 1.01;
+/// Slip and creep over the configured ones \[-\].
+pub const HYSTERESIS_OFF: f64 = 1.2;
+/// Added to a measured pressure \[Pa\].
+pub const PRESSURE_OFF_PA: f64 = 3.0e3;
