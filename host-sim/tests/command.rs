@@ -222,6 +222,24 @@ fn a_path_without_a_serial_port_is_reported() {
     output.refused("/dev/null: is no serial port");
 }
 
+/// Its run ended with "the plant diverged", and far outside by a panic.
+#[test]
+fn a_table_that_does_not_reach_to_where_a_run_begins_is_refused() {
+    let folder = Folder::new();
+    folder.file("bellows.csv", thermyo_files::shipped::text("bellows.csv"));
+    let bellows = thermyo_files::shipped::text("bellows.toml");
+    for (from, to) in [
+        ("[plant]", "[plant]\ninitial_pressure_pa = 480000"),
+        ("force_n = -40.0", "force_n = -1e6"),
+        ("[load]", "[ambient]\npressure_pa = 1e8\n[load]"),
+    ] {
+        let file = folder.file("b.toml", &bellows.replace(from, to));
+        thermyo(&["check", &file])
+            .refused("plant.initial_pressure_pa = ")
+            .says("at a length in table.csv, 0.08 to 0.13 m, and this one holds it at ");
+    }
+}
+
 #[test]
 fn implausible_values_give_a_warning_and_run() {
     let folder = Folder::new();

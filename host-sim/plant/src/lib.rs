@@ -40,6 +40,7 @@ use piping::Piping;
 pub use piping::{Disturbance, Travel};
 pub use pull::load_n;
 use serde::Serialize;
+pub use start::start_m;
 use std::fmt;
 use thermyo_scenario::Scenario;
 

@@ -1,7 +1,7 @@
 //! Where a run starts, the same in every plant.
 
 use super::Ledger;
-use super::chamber::Chamber;
+use super::chamber::{Chamber, with_chamber};
 use super::gas::IdealGas;
 use super::pull::{Pressed, Pull, Softening};
 use super::sensors::Exposure;
@@ -68,4 +68,13 @@ impl Start {
             length_m: self.length,
         }
     }
+}
+
+/// Length at which a run of a scenario begins \[m\]: NaN where no length holds its load, none for a vessel.
+pub fn start_m(scenario: &Scenario) -> Option<f64> {
+    with_chamber!(
+        scenario,
+        chamber => Some(Start::of_chamber(scenario, &Pull::new(scenario, chamber)).length),
+        vessel => None
+    )
 }

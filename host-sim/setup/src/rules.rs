@@ -36,7 +36,26 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
             within(path, alpha, (1.0, ratio), "at most gas.heat_capacity_ratio")?;
         }
     }
-    check_believed(scenario)
+    check_believed(scenario)?;
+    check_start(scenario)
+}
+
+/// No stop holds a chamber given by a table at the ends of its rows.
+fn check_start(scenario: &Scenario) -> Result<(), Violation> {
+    let held = scenario.load.kind == LoadKind::Isometric;
+    let Some(chamber) = chamber::of(scenario).filter(|_| !held) else { return Ok(()) };
+    let [shortest, longest] = chamber.range();
+    let start_m = thermyo_plant::start_m(scenario).unwrap_or(f64::NAN);
+    if scenario.plant.kind != PlantKind::Table || (shortest..=longest).contains(&start_m) {
+        return Ok(());
+    }
+    let place = if start_m.is_nan() { "no length".to_owned() } else { format!("{start_m:.4} m") };
+    let allowed = format!(
+        "a pressure that holds the load, above ambient.pressure_pa, at a length in table.csv, {shortest} to \
+         {longest} m, and this one holds it at {place}"
+    );
+    let pressure = format!("{:?}", scenario.plant.initial_pressure_pa);
+    Err(Violation::value("plant.initial_pressure_pa", &pressure, allowed))
 }
 
 /// Pulses and the valves' stroke have to fit into a PWM period.

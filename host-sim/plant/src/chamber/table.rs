@@ -153,7 +153,8 @@ impl Measured {
         if length >= known[last] {
             return beyond(last);
         }
-        let i = known.partition_point(|start| *start <= length) - 1;
+        // A length that diverged to NaN is behind no row.
+        let i = known.partition_point(|start| *start <= length).saturating_sub(1);
         let (from, to) = (knots[i], knots[i + 1]);
         let width = known[i + 1] - known[i];
         let t = (length - known[i]) / width;
