@@ -168,7 +168,12 @@ fn values(analysis: &Analysis) -> Section {
     if let Some(sensor) = &analysis.sensor {
         let with = |name: &str, value: f64, sd: f64, unit: &str| row(name, value, value * sd, unit);
         rows.push(with("Lag of the element", sensor.lag_s, sensor.lag_sd, "s"));
-        rows.push(with("Lag of its housing", sensor.housing_s, sensor.housing_sd, "s"));
+        rows.push(with(
+            "Lag of housing and still gas around it",
+            sensor.housing_s,
+            sensor.housing_sd,
+            "s",
+        ));
         rows.push(with(
             "Gas at the sensor over the mean",
             sensor.location_factor,

@@ -171,7 +171,8 @@ impl Findings {
         }
         if let Some(sensor) = &self.analysis.sensor {
             text += &format!(
-                "sensor: lag {:.2} s ± {:.0} %, housing {:.2} s ± {:.0} %, sees {:.2} ± {:.2} of the mean's swing\n",
+                "sensor: lag {:.2} s ± {:.0} %, housing and still gas around it {:.2} s ± {:.0} %, sees {:.2} ± {:.2} \
+                 of the mean's swing\n",
                 sensor.lag_s,
                 100.0 * sensor.lag_sd,
                 sensor.housing_s,
