@@ -13,6 +13,8 @@ const COLOURS: [Colour; 6] =
     [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
 /// Number of bins along a map's axis; readings in one bin share a cell.
 const PARTS: f64 = 30.0;
+/// With more lengths than these, such as measured ones of a loop, those that lie close together share a curve.
+const MOST_LENGTHS: usize = 40;
 
 pub fn page(identified: &Identified, title: &str) -> String {
     let findings = &identified.findings;
@@ -47,19 +49,22 @@ fn lengths_m(readings: &Readings) -> Vec<f64> {
 
 fn chart(identified: &Identified) -> Chart {
     let readings = &identified.readings;
-    let lengths_m = lengths_m(readings);
+    let lengths_m = curves(&lengths_m(readings));
     let mut panel = Panel::new(Axis::new("Force", "N"));
     let mut rest = Panel::new(Axis::new("Law less reading", "N")).height(170.0);
     for (length_m, colour) in lengths_m.iter().rev().zip(COLOURS.iter().cycle()) {
-        let rows = || {
-            let all = readings.loaded.iter().zip(&identified.residuals_n);
-            all.filter(|(reading, _)| reading.length_m == *length_m)
-        };
+        let all = readings.loaded.iter().zip(&identified.residuals_n);
+        let mut rows: Vec<_> = all.filter(|(r, _)| within(*length_m, r.length_m)).collect();
+        let [low_m, high_m] = length_m;
+        if low_m < high_m {
+            rows.sort_by(|(a, _), (b, _)| a.gauge_pressure_pa.total_cmp(&b.gauge_pressure_pa));
+        }
+        let rows = || rows.iter();
         let kilopascals: Vec<f64> = rows().map(|(r, _)| r.gauge_pressure_pa / 1000.0).collect();
         let measured: Vec<f64> = rows().map(|(reading, _)| reading.force_n).collect();
-        let law: Vec<f64> = rows().map(|(reading, left_n)| reading.force_n + left_n).collect();
-        let left: Vec<f64> = rows().map(|(_, left_n)| *left_n).collect();
-        let name = format!("{} mm", significant(1000.0 * length_m, 4));
+        let law: Vec<f64> = rows().map(|(reading, left_n)| reading.force_n + **left_n).collect();
+        let left: Vec<f64> = rows().map(|(_, left_n)| **left_n).collect();
+        let name = format!("{} mm", significant(500.0 * (low_m + high_m), 4));
         panel = panel.dots(&name, *colour, &kilopascals, &measured).line(
             "",
             *colour,
@@ -85,7 +90,6 @@ fn fit(identified: &Identified) -> Section {
     let lengths_m = groups(&lengths_m(readings));
     let pressures_pa =
         groups(&distinct(readings.loaded.iter().map(|reading| reading.gauge_pressure_pa)));
-    let within = |[low, high]: [f64; 2], value: f64| (low..=high).contains(&value);
     let cell = |length_m: &[f64; 2], gauge_pa: &[f64; 2]| {
         let all = readings.loaded.iter().zip(&identified.residuals_n);
         all.filter(|(r, _)| within(*length_m, r.length_m) && within(*gauge_pa, r.gauge_pressure_pa))
@@ -116,6 +120,18 @@ fn fit(identified: &Identified) -> Section {
     ))
 }
 
+/// Ends of the lengths of each curve.
+fn curves(lengths_m: &[f64]) -> Vec<[f64; 2]> {
+    if lengths_m.len() > MOST_LENGTHS {
+        return groups(lengths_m);
+    }
+    lengths_m.iter().map(|length_m| [*length_m; 2]).collect()
+}
+
+fn within([low, high]: [f64; 2], value: f64) -> bool {
+    (low..=high).contains(&value)
+}
+
 /// Groups rising values that lie close together; returns the ends of each group.
 fn groups(values: &[f64]) -> Vec<[f64; 2]> {
     let span = values.last().zip(values.first()).map_or(0.0, |(last, first)| last - first);
@@ -127,4 +143,21 @@ fn groups(values: &[f64]) -> Vec<[f64; 2]> {
         }
     }
     groups
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A loop has a length of its own in each row, and its page had as many curves.
+    #[test]
+    fn many_lengths_share_curves() {
+        let lengths_m = |number: u32| -> Vec<f64> {
+            (0..number).map(|i| 0.2 + 0.05 * f64::from(i) / f64::from(number)).collect()
+        };
+        assert_eq!(curves(&lengths_m(40)).len(), 40);
+        let shared = curves(&lengths_m(100_000));
+        assert!((25..=31).contains(&shared.len()), "{shared:?}");
+        assert!(shared.iter().all(|[low, high]| low < high), "{shared:?}");
+    }
 }

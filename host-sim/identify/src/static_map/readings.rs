@@ -1,5 +1,6 @@
 //! Readings of one muscle's force over gauge pressure and length.
 
+use std::collections::{HashMap, HashSet};
 use thermyo_files::input::{InputError, Instead, Problem, quoted};
 use thermyo_files::table::Table;
 use thermyo_record::measured::{question_of_highest, unit_of_length};
@@ -28,6 +29,13 @@ pub struct Reading {
     pub force_n: f64,
     /// 1 after contracting, -1 after lengthening, 0 where unknown.
     pub direction: f64,
+}
+
+impl Reading {
+    /// The values of a reading, which a copy of its line has too.
+    fn bits(&self) -> [u64; 4] {
+        [self.gauge_pressure_pa, self.length_m, self.force_n, self.direction].map(f64::to_bits)
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -76,6 +84,7 @@ impl Readings {
         let first_m = rest.iter().flatten().next().copied().unwrap_or_default();
         let rest_length_m = fitted.map_or(first_m, |fitted| fitted.rest_length_m);
         let mut readings: Vec<Reading> = Vec::new();
+        let mut lines = HashMap::new();
         let mut copies = Vec::new();
         for (row, force_n) in force.iter().enumerate() {
             let Some(force_n) = *force_n else { continue };
@@ -110,10 +119,11 @@ impl Readings {
                 force_n,
                 direction,
             };
-            match readings.iter().find(|other| Reading { line: reading.line, ..**other } == reading)
-            {
-                Some(other) => copies.push([reading.line, other.line]),
-                None => readings.push(reading),
+            let first = *lines.entry(reading.bits()).or_insert(reading.line);
+            if first == reading.line {
+                readings.push(reading);
+            } else {
+                copies.push([reading.line, first]);
             }
         }
         let largest_n = largest_n(&readings).max(fitted.map_or(0.0, Self::largest_n));
@@ -130,11 +140,9 @@ impl Readings {
 
     /// Pairs of pressure and length with a force.
     pub fn places(&self) -> usize {
-        let at = |reading: &Reading| [reading.gauge_pressure_pa, reading.length_m];
-        let is_first = |(i, reading): &(usize, &Reading)| {
-            self.loaded[..*i].iter().all(|other| at(other) != at(reading))
-        };
-        self.loaded.iter().enumerate().filter(is_first).count()
+        let at =
+            |reading: &Reading| [reading.gauge_pressure_pa, reading.length_m].map(f64::to_bits);
+        self.loaded.iter().map(at).collect::<HashSet<_>>().len()
     }
 
     pub fn contraction(&self, reading: &Reading) -> f64 {
