@@ -9,17 +9,20 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_joint::JointLoaded;
-use thermyo_record::measured::{LEAST_PRESSURE_PA, check_distances, question_of_highest};
+use thermyo_record::measured::{
+    LEAST_PRESSURE_PA, NOT_ABSOLUTE, check_distances, question_of_highest,
+};
 
 /// Angles of a joint are below a turn either way \[rad\].
 const MOST_RAD: f64 = 6.3;
-/// Absolute pressures that a vented and a filled muscle may have \[Pa\]: gauge pressures and bar are below.
-const PRESSURES_PA: [f64; 2] = [5.0e4, MOST_PA];
+/// Highest absolute pressure of a filled muscle \[Pa\].
 const MOST_PA: f64 = 2.0e6;
 /// Longer distances of two rows are gaps \[s\].
 const GAP_S: f64 = 0.1;
-/// Columns of muscle a's pressure: the first is of this project's own records, which are absolute.
+/// Columns of muscle a's pressure.
 const PRESSURE_A: [&str; 2] = ["a_measured_pressure_pa", "a_pressure_pa"];
+/// Column that this project's own records have, whose pressures are absolute.
+const OWN: &str = "a_code_pressure";
 /// A muscle vents to less than this, times ambient pressure \[-\].
 const VENTED: f64 = 1.2;
 
@@ -130,17 +133,23 @@ fn gaps(table: &Table) -> Option<InputError> {
 /// A record of gauge pressures is fitted as well as one of absolute ones, with another gravity: a vented joint tells them
 /// apart.
 fn never_vents(config: &JointConfig, table: &Table, rows: &[Record]) -> Option<InputError> {
-    let [own, other] = PRESSURE_A;
-    if table.columns().iter().any(|column| column.name == own) {
+    let ambient_pa = f64::from(config.muscles[0].ambient.pressure_pa);
+    let [measured, actual] = PRESSURE_A.map(|name| spare(table, name));
+    // A program may have changed one of the columns.
+    let apart = |(one, other): (&Option<f64>, &Option<f64>)| Some(((*one)? - (*other)?).abs());
+    let pairs = measured.unwrap_or_default().iter().zip(actual.unwrap_or_default());
+    let apart_pa: Vec<f64> = pairs.filter_map(apart).collect();
+    let differ = apart_pa.iter().sum::<f64>() > 0.5 * ambient_pa * apart_pa.len() as f64;
+    if spare(table, OWN).is_some() && !differ {
         return None;
     }
-    let ambient_pa = f64::from(config.muscles[0].ambient.pressure_pa);
     let least_pa = rows.iter().flat_map(|row| row.pressure_pa).fold(f64::INFINITY, f64::min);
-    let cells = table.column(other).ok()?;
+    let name = PRESSURE_A[usize::from(measured.is_none())];
+    let cells = spare(table, name)?;
     (least_pa > VENTED * ambient_pa).then(|| {
         let why = "taken as absolute, which no row of a vented joint shows: gauge pressures give another gravity"
             .to_owned();
-        warning(table, 0, other, cells[0].unwrap_or(least_pa), why)
+        warning(table, 0, name, cells[0].unwrap_or(least_pa), why)
     })
 }
 
@@ -154,8 +163,9 @@ fn read(config: &JointConfig, table: &Table) -> Result<Vec<Record>, InputError> 
         (|_| ": is this deg?".to_owned()) as fn(f64) -> _,
     );
     let angle_rad = column(table, ["measured_angle_rad", "angle_rad"], angle)?;
-    let pressure =
-        (PRESSURES_PA, "an absolute pressure from 50000 to 2e6 Pa", pressure_unit as fn(f64) -> _);
+    let least_pa = NOT_ABSOLUTE * f64::from(config.muscles[0].ambient.pressure_pa);
+    let absolute = format!("an absolute pressure from {least_pa:.0} to 2e6 Pa");
+    let pressure = ([least_pa, MOST_PA], absolute.as_str(), pressure_unit as fn(f64) -> _);
     let pressures_pa = [
         column(table, PRESSURE_A, pressure)?,
         column(table, ["b_measured_pressure_pa", "b_pressure_pa"], pressure)?,

@@ -163,10 +163,10 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
     };
     for (rows, expected) in [
         ("0,0,3.1,3.2\n", "j.csv:2: column a_pressure_pa = 3.1: must be an absolute pressure from"),
-        ("0,0,3.1,3.2\n", " from 50000 to 2e6 Pa: is this bar?"),
+        ("0,0,3.1,3.2\n", " from 81060 to 2e6 Pa: is this bar?"),
         ("0,0,3e5,310\n", "column b_pressure_pa = 310.0: must be an absolute pressure"),
-        ("0,0,3e5,310\n", " from 50000 to 2e6 Pa: is this kPa, or psi?"),
-        ("0,0,3e5,3100\n", " from 50000 to 2e6 Pa: is this mbar?"),
+        ("0,0,3e5,310\n", " from 81060 to 2e6 Pa: is this kPa, or psi?"),
+        ("0,0,3e5,3100\n", " from 81060 to 2e6 Pa: is this mbar?"),
         ("0,0,3e5,2e5\n1,0,0,2e5\n", "a_pressure_pa = 0.0: must be an absolute pressure from"),
         ("0,0,3e5,2e5\n1,0,0,2e5\n", "2e6 Pa: is this gauge pressure?"),
         ("0,0,3e5,2e5\n0.001,0,3e5,1e3\n", "j.csv:3: column b_pressure_pa = 1000.0: must be an"),
@@ -203,24 +203,34 @@ fn a_gap_and_pressures_that_never_vent_are_warned_of() {
     let radius_m = TRUE[Term::Radius as usize];
     let loaded = loaded(&format!("[joint]\nradius_m = {radius_m}\n"));
     let records = records(&loaded.config());
-    let warned = |column: &str, gap_s: f64, first_pa: f64| {
-        let mut text = format!("time_s,angle_rad,a_{column},b_{column}\n");
+    let warned = |column: &str, gap_s: f64, first_pa: f64, own: &str| {
+        let own_name = own.split('=').next().unwrap_or_default();
+        let own_cell = own.split('=').nth(1).unwrap_or_default();
+        let mut text = format!("time_s,angle_rad,a_{column},b_{column}{own_name}\n");
         for (row, record) in records.iter().step_by(10).enumerate() {
             let time_s = record.time_s + if row >= 3000 { gap_s } else { 0.0 };
             let [a_pa, b_pa] = record.pressure_pa;
             let a_pa = if row == 0 { first_pa } else { a_pa };
-            text += &format!("{time_s},{},{a_pa},{b_pa}\n", record.angle_rad);
+            text += &format!("{time_s},{},{a_pa},{b_pa}{own_cell}\n", record.angle_rad);
         }
         let table = Table::parse(&text, Path::new("j.csv")).unwrap();
         let found = identify(&loaded, &table).unwrap();
         found.warnings.iter().map(ToString::to_string).collect::<Vec<_>>()
     };
-    assert_eq!(warned("pressure_pa", 0.0, 101_325.0), [""; 0]);
-    assert_eq!(warned("measured_pressure_pa", 0.0, 3.0e5), [""; 0]);
-    let never = "j.csv:2: column a_pressure_pa = 300000.0: taken as absolute, which no row of a vented joint shows: \
-                 gauge pressures give another gravity";
+    assert_eq!(warned("pressure_pa", 0.0, 101_325.0, ""), [""; 0]);
+    assert_eq!(warned("measured_pressure_pa", 0.0, 3.0e5, ",a_code_pressure=,9000"), [""; 0]);
+    let never = |column: &str| {
+        format!(
+            "j.csv:2: column a_{column} = 300000.0: taken as absolute, which no row of a vented joint shows: gauge \
+             pressures give another gravity"
+        )
+    };
     let gap = "j.csv:3002: column time_s = 31.0: 1.01 s after the row before it: no interval across a gap counts";
-    assert_eq!(warned("pressure_pa", 1.0, 3.0e5), [gap, never]);
+    assert_eq!(warned("pressure_pa", 1.0, 3.0e5, ""), [gap, &never("pressure_pa")]);
+    let measured = "measured_pressure_pa";
+    assert_eq!(warned(measured, 0.0, 3.0e5, ""), [never(measured)]);
+    let changed = ",a_code_pressure,a_pressure_pa=,9000,800000";
+    assert_eq!(warned(measured, 0.0, 3.0e5, changed), [never(measured)]);
 }
 
 /// One muscle's force area 3 % larger: half of it makes every torque larger, and both mid-lengths part by ds A/A'.
