@@ -184,6 +184,18 @@ fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
     identify_texts(&text, &asking_for(&configured, &["leak.conductance_m3_s_pa"]))
 }
 
+/// Searches end with residuals of their tolerance, where the start itself has none.
+#[test]
+fn searches_of_a_record_without_noise_agree() {
+    let text = "run = { duration_s = 20 }\nplant.initial_pressure_pa = 4e5\nplant.model = \"lumped\"\n\
+         drive.kind = \"closed\"\nleak.conductance_m3_s_pa = 2e-12\n[identify]\nstarts = 3\n\
+         columns = [\"pressure_pa\"]\nparameters = [\"leak.conductance_m3_s_pa\"]\n";
+    let run = run_text(text, &[]);
+    let columns = ["time_s", "pressure_pa"].map(|name| run.column(name));
+    let found = identify_texts(&csv("time_s,pressure_pa\n", columns, 0.0), text);
+    assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
+}
+
 #[test]
 fn a_hold_identifies_the_leak_or_reports_that_it_cannot() {
     let found = held(20.0, 2.0e-12);

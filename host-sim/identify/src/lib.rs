@@ -57,6 +57,8 @@ use uncertainty::{Misfit, covariance};
 const STIRRING: f64 = 0.5;
 /// Relative difference of the sums of squares up to which two searches ended in the same place.
 const SAME_COST: f64 = 1e-3;
+/// RMS weighted residual of a search that has found a record without noise \[-\].
+const EXACT: f64 = 1e-6;
 /// Difference of a parameter, in standard errors, up to which two searches agree.
 const SAME_PLACE: f64 = 0.5;
 /// Step of the differences in ln x that carry the uncertainty to the gas mass.
@@ -133,7 +135,7 @@ pub fn identify(
         data: &data,
         best,
         ends: &ends,
-        agreeing: agreeing(&ends, best, &parameters, covariance.as_ref()),
+        agreeing: agreeing(&ends, best, &parameters, covariance.as_ref(), data.values()),
         misfits: &misfits,
         covariance: covariance.as_ref(),
         mass: gas_mass(&problem, &best.place, covariance.as_ref()),
@@ -315,9 +317,11 @@ fn agreeing(
     best: &End,
     parameters: &[Parameter],
     covariance: Option<&DMatrix<f64>>,
+    values: usize,
 ) -> usize {
+    let exact = EXACT * EXACT * values as f64;
     let near = |end: &&End| {
-        let same_cost = end.cost <= best.cost * (1.0 + SAME_COST);
+        let same_cost = end.cost <= (best.cost * (1.0 + SAME_COST)).max(exact);
         let same_place = parameters.iter().enumerate().all(|(i, parameter)| {
             if parameter.at_limit(end.place[i]) && parameter.at_limit(best.place[i]) {
                 return end.place[i].signum() == best.place[i].signum();
