@@ -95,7 +95,7 @@ impl Board {
     /// Arms the board up to this absolute pressure.
     #[pyo3(signature = (most_pa = None))]
     fn arm(&self, py: Python<'_>, most_pa: Option<f32>) -> PyResult<()> {
-        self.ask(py, |board| board.arm(most_pa))
+        self.live.with(py, |board| board.arm(most_pa).map_err(error::arming))
     }
 
     /// Sends a set point: one of the keywords, flow and period together.
@@ -190,11 +190,11 @@ impl Board {
     fn measure_stop<'py>(
         &self,
         py: Python<'py>,
-        stops: usize,
+        stops: i128,
         wait_s: Option<f64>,
         period_s: f64,
         most_pa: Option<f64>,
-        seed: u64,
+        seed: i128,
         arm: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
         let within = |name: &str, value: f64, least: f64, most: f64| {
@@ -202,7 +202,8 @@ impl Board {
             let allowed = (least..=most).contains(&value);
             allowed.then_some(()).ok_or_else(|| PyValueError::new_err(text))
         };
-        within("stops", stops as f64, 3.0, 100.0)?;
+        let stops = error::within("stops", stops, 3..=100)? as usize;
+        let seed = error::within("seed", seed, 0..=u64::MAX)?;
         within("period_s", period_s, 0.5, 120.0)?;
         within("wait_s", wait_s.unwrap_or(6.0), 6.0, 3600.0)?;
         let asked = Asked { stops, wait_s, period_s, highest_pa: most_pa, seed };

@@ -3,8 +3,9 @@
 use model_core::control::SetPointField;
 use model_core::{Faults, SetPointError};
 use pyo3::exceptions::{PyRuntimeError, PyUserWarning, PyValueError};
-use pyo3::{PyErr, create_exception};
+use pyo3::{PyErr, PyResult, create_exception};
 use std::fmt::Display;
+use std::ops::RangeInclusive;
 use thermyo_files::input::InputError;
 use thermyo_identify::IdentifyError;
 use thermyo_protocol::Refusal;
@@ -30,6 +31,14 @@ create_exception!(
     PyRuntimeError,
     "A board cannot be used, or refuses a request."
 );
+
+/// A whole number that the caller gave, which may be negative.
+pub fn within(name: &str, value: i128, allowed: RangeInclusive<u64>) -> PyResult<u64> {
+    u64::try_from(value).ok().filter(|value| allowed.contains(value)).ok_or_else(|| {
+        let (least, most) = (allowed.start(), allowed.end());
+        PyValueError::new_err(format!("{name} = {value}: must be from {least} to {most}"))
+    })
+}
 
 pub fn input(error: InputError) -> PyErr {
     ScenarioError::new_err(error.to_string())
@@ -78,8 +87,7 @@ pub fn board(error: board::BoardError) -> PyErr {
         _ => "",
     };
     if let board::BoardError::Pressure { pressure_pa, least_pa, most_pa } = error {
-        let text = pressure_range(pressure_pa, least_pa, most_pa);
-        return BoardError::new_err(text);
+        return pressure_range("pressure_pa", [pressure_pa, least_pa, most_pa]);
     }
     match error {
         // By the keyword's name and in its unit.
@@ -97,19 +105,29 @@ pub fn board(error: board::BoardError) -> PyErr {
     }
 }
 
+/// The same of `board.arm`, whose keyword has another name.
+pub fn arming(error: board::BoardError) -> PyErr {
+    match error {
+        board::BoardError::Pressure { pressure_pa, least_pa, most_pa } => {
+            pressure_range("most_pa", [pressure_pa, least_pa, most_pa])
+        }
+        error => self::board(error),
+    }
+}
+
 /// The allowed pressures by the keyword's name and in its unit.
-fn pressure_range(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
+fn pressure_range(name: &str, [pressure_pa, least_pa, most_pa]: [f32; 3]) -> PyErr {
     // Rounded inwards: what is printed is allowed.
     let (least, most) = (least_pa.ceil(), most_pa.floor());
     let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
         let meant_pa = pressure_pa * unit_pa;
         let can_be = (least_pa..=most_pa).contains(&meant_pa);
-        can_be.then(|| format!("; {pressure_pa} {unit} is pressure_pa={meant_pa:.0}"))
+        can_be.then(|| format!("; {pressure_pa} {unit} is {name}={meant_pa:.0}"))
     });
-    format!(
-        "pressure_pa = {pressure_pa}: must be from {least} (ambient, as the board is configured) to {most}{}",
+    BoardError::new_err(format!(
+        "{name} = {pressure_pa}: must be from {least} (ambient, as the board is configured) to {most}{}",
         meant.unwrap_or_default()
-    )
+    ))
 }
 
 pub fn silent(asked: &'static str) -> PyErr {

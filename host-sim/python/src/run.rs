@@ -3,7 +3,7 @@
 use crate::error;
 use crate::scenario;
 use numpy::{AllowTypeChange, IntoPyArray, PyArrayLike1};
-use pyo3::exceptions::PyValueError;
+use pyo3::exceptions::{PyMemoryError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyDict, PyMapping, PyModule};
@@ -75,13 +75,13 @@ pub fn run<'py>(
     seed: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     if let Some(loaded) = scenario::joint(scenario, seed)? {
-        let mut table = Table::new(&thermyo_joint::COLUMNS, &loaded.muscles[0].plant);
+        let mut table = Table::new(&thermyo_joint::COLUMNS, &loaded.muscles[0].plant)?;
         let mut observer = |row: &thermyo_joint::Row| table.push(row.cells());
         let result = py.detach(|| thermyo_joint::run(&loaded, &mut observer));
         return table.finish(py, result.map_err(error::joint));
     }
     let loaded = scenario::load(scenario, seed)?;
-    let mut table = Table::new(&COLUMNS, &loaded.plant);
+    let mut table = Table::new(&COLUMNS, &loaded.plant)?;
     let mut observer = |row: &Row| table.push(row.cells());
     let result =
         py.detach(|| simulation::run(&loaded, &mut CoreBoard::default(), None, &mut observer));
@@ -96,10 +96,19 @@ struct Table {
 }
 
 impl Table {
-    fn new(names: &'static [&'static str], scenario: &Scenario) -> Self {
+    /// Raises where the memory does not suffice: the allocation itself would end the interpreter.
+    fn new(names: &'static [&'static str], scenario: &Scenario) -> PyResult<Self> {
         let rows = (scenario.run.steps() / scenario.run.log_every) as usize + 2;
-        let columns = names.iter().map(|_| Vec::with_capacity(rows)).collect();
-        Self { names, columns, signals: Signals::new() }
+        let mut columns = vec![Vec::new(); names.len()];
+        for column in &mut columns {
+            column.try_reserve_exact(rows).map_err(|_| {
+                PyMemoryError::new_err(format!(
+                    "{rows} rows of {} columns: with a larger run.log_every there are fewer",
+                    names.len()
+                ))
+            })?;
+        }
+        Ok(Self { names, columns, signals: Signals::new() })
     }
 
     fn push(&mut self, cells: impl IntoIterator<Item = f64>) -> io::Result<()> {
@@ -137,8 +146,11 @@ pub fn to_csv(columns: &Bound<'_, PyMapping>) -> PyResult<String> {
         if name == SUMMARY {
             continue;
         }
-        let column: PyArrayLike1<'_, f64, AllowTypeChange> = column.extract()?;
-        table.push(column.as_array().to_vec());
+        if name.contains([',', '"', '\n', '\r']) {
+            let text = format!("column {name:?}: must have no comma, quotation mark or line end");
+            return Err(PyValueError::new_err(text));
+        }
+        table.push(numbers(&name, &column)?);
         names.push(name);
     }
     let rows = table.first().map_or(0, Vec::len);
@@ -156,6 +168,17 @@ pub fn to_csv(columns: &Bound<'_, PyMapping>) -> PyResult<String> {
         text.push('\n');
     }
     Ok(text)
+}
+
+fn numbers(name: &str, column: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let array = column.extract::<PyArrayLike1<'_, f64, AllowTypeChange>>();
+    let array = array.map_err(|error| {
+        if error.is_instance_of::<PyValueError>(column.py()) {
+            return PyValueError::new_err(format!("column {name}: {}", error.value(column.py())));
+        }
+        PyTypeError::new_err(format!("column {name}: must be a list or an array of numbers"))
+    })?;
+    Ok(array.as_array().to_vec())
 }
 
 /// Figures as Python dicts, lists and numbers.

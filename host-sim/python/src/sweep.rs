@@ -5,7 +5,7 @@ use crate::run::{Signals, results};
 use crate::scenario;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
-use thermyo_sweep::{Latin, Range, Shard, Sweep as Points};
+use thermyo_sweep::{Latin, MOST_POINTS, Range, Shard, Sweep as Points};
 
 /// The points of `thermyo sweep`, and the rows of its table.
 #[pyclass(frozen, module = "thermyo")]
@@ -20,9 +20,12 @@ impl Sweep {
     fn new(
         scenario: &Bound<'_, PyAny>,
         vary: &Bound<'_, PyAny>,
-        lhs: Option<usize>,
-        seed: u64,
+        lhs: Option<i64>,
+        seed: i128,
     ) -> PyResult<Self> {
+        let seed = error::within("seed", seed, 0..=u64::MAX)?;
+        let lhs =
+            lhs.map(|lhs| error::within("lhs", lhs.into(), 1..=MOST_POINTS as u64)).transpose()?;
         let scenario = scenario::swept(scenario)?;
         let texts = vary.extract::<Vec<String>>().map_err(|_| {
             PyTypeError::new_err(
@@ -32,7 +35,7 @@ impl Sweep {
         let ranges = texts.iter().map(|text| {
             text.parse::<Range>().map_err(|e| error::sweep(format!("vary {text}: {e}")))
         });
-        let latin = lhs.map(|points| Latin { points, seed });
+        let latin = lhs.map(|points| Latin { points: points as usize, seed });
         let points = Points::of(scenario, ranges.collect::<PyResult<_>>()?, latin, Shard::WHOLE)
             .map_err(error::sweep)?;
         Ok(Self { points })
@@ -48,11 +51,11 @@ impl Sweep {
     }
 
     /// "KEY = VALUE, ...".
-    fn values(&self, point: usize) -> PyResult<String> {
+    fn values(&self, point: i64) -> PyResult<String> {
         self.known(point).map(|index| self.points.study.values_text(index))
     }
 
-    fn row(&self, py: Python<'_>, point: usize) -> PyResult<String> {
+    fn row(&self, py: Python<'_>, point: i64) -> PyResult<String> {
         let index = self.known(point)?;
         let mut signals = Signals::new();
         let point = py.detach(|| self.points.point(index, &mut || signals.go_on()));
@@ -61,7 +64,7 @@ impl Sweep {
     }
 
     /// The row as a dict.
-    fn record<'py>(&self, py: Python<'py>, point: usize) -> PyResult<Bound<'py, PyAny>> {
+    fn record<'py>(&self, py: Python<'py>, point: i64) -> PyResult<Bound<'py, PyAny>> {
         let row = self.row(py, point)?;
         results(py)?.getattr("record")?.call1((self.header(), row))
     }
@@ -69,10 +72,10 @@ impl Sweep {
 
 impl Sweep {
     /// Index of a point; points count from 1 as in the table.
-    fn known(&self, point: usize) -> PyResult<usize> {
+    fn known(&self, point: i64) -> PyResult<usize> {
         let all = self.points.study.plan.points();
-        match point.checked_sub(1) {
-            Some(index) if index < all => Ok(index),
+        match usize::try_from(point) {
+            Ok(point) if (1..=all).contains(&point) => Ok(point - 1),
             _ => Err(PyIndexError::new_err(format!("point {point}: must be 1 to {all}"))),
         }
     }

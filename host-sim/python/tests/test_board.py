@@ -202,6 +202,10 @@ def test_stops_are_measured(board):
         board.measure_stop()
     with pytest.raises(ValueError, match="^stops = 2: must be from 3 to 100$"):
         board.measure_stop(2)
+    with pytest.raises(ValueError, match="^stops = -1: must be from 3 to 100$"):
+        board.measure_stop(stops=-1)
+    with pytest.raises(thermyo.BoardError, match="^most_pa = 4: must be from .*; 4 bar is most_pa=400000$"):
+        board.arm(4)
     with pytest.raises(thermyo.BoardError, match="^most_pa: a highest pressure of 9000000.0 Pa: must be from "):
         board.measure_stop(most_pa=9e6)
     with pytest.raises(thermyo.BoardError, match="^most_pa: a highest pressure of 9000000.0 Pa: must be from "):

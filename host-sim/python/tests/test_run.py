@@ -113,6 +113,33 @@ def test_unequal_columns_are_no_table():
     assert thermyo.to_csv({"a": [1, 2], "b": [0.5, float("nan")]}) == "a,b\n1,0.5\n2,\n"
 
 
+def test_a_table_that_is_none_names_the_column():
+    for name in ["a,b", "a\nb", 'a"b']:
+        with pytest.raises(ValueError, match="must have no comma, quotation mark or line end"):
+            thermyo.to_csv({name: [1.0]})
+    for column in [None, 1.0, [[1.0], [2.0]], object()]:
+        with pytest.raises(TypeError, match="^column a: must be a list or an array of numbers$"):
+            thermyo.to_csv({"a": column})
+    with pytest.raises(ValueError, match="^column a: could not convert string to float: 'x'$"):
+        thermyo.to_csv({"a": [1.0, "x"]})
+
+
+LARGE = """
+import resource, thermyo
+resource.setrlimit(resource.RLIMIT_AS, (8 << 30, 8 << 30))
+try:
+    thermyo.run({"run": {"duration_s": 1e5, "log_every": 1}})
+except MemoryError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the limit is that of Linux")
+def test_a_run_that_the_memory_does_not_hold_leaves_the_interpreter():
+    result = subprocess.run([sys.executable, "-W", "ignore", "-c", LARGE], capture_output=True, text=True)
+    assert result.stdout == "100000002 rows of 37 columns: with a larger run.log_every there are fewer\n", result.stderr
+
+
 def test_every_public_name_has_its_stub():
     text = pathlib.Path(thermyo.__file__).with_name("__init__.pyi").read_text()
     body = ast.parse(text).body

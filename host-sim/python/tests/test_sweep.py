@@ -65,6 +65,12 @@ def test_what_cannot_be_varied_says_what_the_command_says():
     for vary in ("run.seed=1,2", [1], 3):
         with pytest.raises(TypeError, match="^vary: must be a list of texts"):
             thermyo.Sweep(SCENARIO, vary)
+    with pytest.raises(IndexError, match="^point -1: must be 1 to 2$"):
+        thermyo.Sweep(SCENARIO, ["plant.model=lumped,full"]).row(-1)
+    with pytest.raises(ValueError, match="^seed = -1: must be from 0 to "):
+        thermyo.Sweep(SCENARIO, ["run.seed=1,2"], seed=-1)
+    with pytest.raises(ValueError, match="^lhs = -1: must be from 1 to 10000000$"):
+        thermyo.Sweep(SCENARIO, VARY, lhs=-1)
     with pytest.raises(IndexError, match="must be 1 to 2"):
         thermyo.Sweep(SCENARIO, ["sensor.gas.span=0:1:2"]).row(3)
 
