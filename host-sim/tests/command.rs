@@ -40,6 +40,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
             "must be an absolute pressure of at least 100000 Pa (1 bar): use 4bar",
         ),
         (
+            vec!["tune", &unknown, "--max-pressure", "-2bar"],
+            "must be an absolute pressure of at least 100000 Pa (1 bar)",
+        ),
+        (
             vec!["tune", &nominal, "--max-pressure=1e9"],
             "--max-pressure: a highest pressure of 1000000000.0 Pa: must be from 101325 Pa (ambient) to ",
         ),

@@ -41,7 +41,7 @@ pub(super) enum BoardTask {
 pub(super) struct ArmArgs {
     /// Highest absolute pressure of a set point, such as 2bar or 200000 (Pa) [default: the limit in
     /// the configuration]
-    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = tune::pressure)]
+    #[arg(long, value_name = "PRESSURE", allow_hyphen_values = true, value_parser = tune::pressure)]
     pub(super) max_pressure: Option<f64>,
 }
 

@@ -24,7 +24,7 @@ pub(super) struct CalibrateArgs {
     muscle: Option<OfJoint>,
     /// Absolute pressure that the board holds for the second point, such as 2.5bar or 250000 (Pa), in
     /// both muscles of a joint; the board must be armed
-    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = core_quantity("Pa"))]
+    #[arg(long, value_name = "PRESSURE", allow_hyphen_values = true, value_parser = core_quantity("Pa"))]
     hold: Option<f32>,
 }
 

@@ -69,7 +69,7 @@ struct EstimatorArgs {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["random", "scenario"])]
     recording: Option<PathBuf>,
     /// Lag of that reference sensor, such as 0.044 (s) or 44ms
-    #[arg(long, value_name = "TIME", allow_negative_numbers = true, default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, default_value_t = 0.0, requires = "recording", conflicts_with_all = ["random", "scenario"], value_parser = lag_s)]
     reference_lag: f64,
     #[command(flatten)]
     format: FormatArgs,
@@ -91,7 +91,7 @@ struct FaultsArgs {
     #[command(flatten)]
     nominal: NominalArgs,
     /// Simulated hours of healthy muscles
-    #[arg(long, value_name = "HOURS", allow_negative_numbers = true, default_value_t = faults::HOURS, value_parser = hours)]
+    #[arg(long, value_name = "HOURS", allow_hyphen_values = true, default_value_t = faults::HOURS, value_parser = hours)]
     hours: f64,
     /// Folder for report.html
     #[arg(long, value_name = "DIR")]

@@ -23,13 +23,13 @@ pub(super) struct InitArgs {
     #[arg(long, value_name = "WORD")]
     muscle: Option<String>,
     /// Length of the muscle at rest, without pressure [m]
-    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = quantity("m"))]
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = quantity("m"))]
     rest_length: Option<f64>,
     /// Diameter at rest [m]
-    #[arg(long, value_name = "M", allow_negative_numbers = true, value_parser = quantity("m"))]
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = quantity("m"))]
     diameter: Option<f64>,
     /// Angle of the threads to the axis at rest [deg]
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = quantity("deg"))]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, value_parser = quantity("deg"))]
     braid_angle: Option<f64>,
     /// Valves: mhe2-class, mhe3-class, mhe4-class, mhj10-class, or none
     #[arg(long, value_name = "WORD")]
@@ -38,10 +38,10 @@ pub(super) struct InitArgs {
     #[arg(long, value_name = "WORD")]
     pressure_sensor: Option<String>,
     /// Weight that hangs on the muscle [kg]
-    #[arg(long, value_name = "KG", allow_negative_numbers = true, value_parser = quantity("kg"))]
+    #[arg(long, value_name = "KG", allow_hyphen_values = true, value_parser = quantity("kg"))]
     load: Option<f64>,
     /// Absolute pressure of the supply [Pa]
-    #[arg(long, value_name = "PA", allow_negative_numbers = true, value_parser = quantity("Pa"))]
+    #[arg(long, value_name = "PA", allow_hyphen_values = true, value_parser = quantity("Pa"))]
     supply: Option<f64>,
     #[command(flatten)]
     format: FormatArgs,

@@ -48,13 +48,13 @@ struct StopArgs {
     stops: usize,
     /// Time for which the valves stay shut, such as 30 (s) or 2min [default: four time constants of
     /// gas and sensor]
-    #[arg(long, value_name = "TIME", allow_negative_numbers = true, value_parser = wait)]
+    #[arg(long, value_name = "TIME", allow_hyphen_values = true, value_parser = wait)]
     wait: Option<f64>,
     /// Period of the cycle, such as 5 (s) [default: 5]
-    #[arg(long, value_name = "TIME", default_value = "5", hide_default_value = true, allow_negative_numbers = true, value_parser = period)]
+    #[arg(long, value_name = "TIME", default_value = "5", hide_default_value = true, allow_hyphen_values = true, value_parser = period)]
     period: f64,
     /// Highest absolute pressure, such as 3.5bar or 350000 (Pa) [default: 4bar, or what is armed]
-    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = tune::pressure)]
+    #[arg(long, value_name = "PRESSURE", allow_hyphen_values = true, value_parser = tune::pressure)]
     max_pressure: Option<f64>,
     /// Seed of the random phases [default: 1]
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "1", hide_default_value = true, value_parser = |text: &str| whole(text, 0..=u64::MAX))]

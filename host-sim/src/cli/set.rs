@@ -21,7 +21,7 @@ pub(super) struct SetArgs {
     #[command(subcommand)]
     pub(super) set_point: SetPointArgs,
     /// Vent after this time, such as 5 (s) or 2min [default: at Ctrl-C]
-    #[arg(long, value_name = "TIME", global = true, allow_negative_numbers = true, value_parser = seconds)]
+    #[arg(long, value_name = "TIME", global = true, allow_hyphen_values = true, value_parser = seconds)]
     pub(super) hold: Option<f64>,
     /// Arm the board first
     #[arg(long, global = true)]
@@ -72,7 +72,7 @@ pub(super) enum SetPointArgs {
         #[arg(allow_hyphen_values = true, value_parser = core_quantity("rad"))]
         angle_rad: f32,
         /// Stiffness behind shut valves (N m/rad)
-        #[arg(long, value_name = "STIFFNESS", allow_negative_numbers = true, value_parser = core_quantity("N m/rad"))]
+        #[arg(long, value_name = "STIFFNESS", allow_hyphen_values = true, value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
     },
     /// Torque of a joint
@@ -81,7 +81,7 @@ pub(super) enum SetPointArgs {
         #[arg(allow_hyphen_values = true, value_parser = core_quantity("N m"))]
         torque_n_m: f32,
         /// Stiffness behind shut valves (N m/rad)
-        #[arg(long, value_name = "STIFFNESS", allow_negative_numbers = true, value_parser = core_quantity("N m/rad"))]
+        #[arg(long, value_name = "STIFFNESS", allow_hyphen_values = true, value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
     },
     /// Absolute pressures of a joint's muscles

@@ -27,7 +27,7 @@ pub(super) struct TuneArgs {
     #[arg(long, value_enum)]
     pub(super) plan: Option<TunePlan>,
     /// Highest absolute pressure of the experiment, such as 3.5bar or 350000 (Pa) [default: 4bar]
-    #[arg(long, value_name = "PRESSURE", allow_negative_numbers = true, value_parser = pressure)]
+    #[arg(long, value_name = "PRESSURE", allow_hyphen_values = true, value_parser = pressure)]
     pub(super) max_pressure: Option<f64>,
     #[command(flatten)]
     pub(super) output: OutputArgs,
