@@ -606,7 +606,7 @@ fn monitor_as<S: monitor::Monitored>(
         to.publish(out)?;
         let trace = folder.join(layout.file).display().to_string();
         let json = serde_json::json!({ "rows": rows, "trace": trace });
-        to.done(&json, &format!("{rows} rows recorded: {trace}\n"))?;
+        to.done(&json, &format!("{} recorded: {trace}\n", monitor::rows(rows)))?;
     }
     match outcome? {
         monitor::Ended::Left => Ok(()),

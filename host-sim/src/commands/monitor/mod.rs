@@ -10,6 +10,7 @@ pub mod view;
 pub use session::{Configured, EVERY, Session, Status};
 pub use subject::{Monitored, joint_at};
 use view::View;
+pub use view::rows;
 
 use crossterm::event::{self, Event, KeyCode, KeyModifiers};
 use crossterm::terminal::{disable_raw_mode, enable_raw_mode};

@@ -122,6 +122,10 @@ fn way_out(refusal: &Refusal) -> &'static str {
     }
 }
 
+pub fn rows(count: u64) -> String {
+    format!("{count} {}", if count == 1 { "row" } else { "rows" })
+}
+
 /// The latest telemetry in one line, the most important first: a narrow terminal truncates it.
 pub fn figures<S: Monitored>(session: &Session<S>, units: UnitSystem) -> Option<String> {
     let figures = S::figures(&session.config(), session.latest()?, units);
@@ -136,5 +140,13 @@ pub fn figures<S: Monitored>(session: &Session<S>, units: UnitSystem) -> Option<
             timing.malformed_frames,
         )
     });
-    Some(format!("{figures}; {} rows{timing}", session.rows()))
+    Some(format!("{figures}; {}{timing}", rows(session.rows())))
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn one_row_is_one() {
+        assert_eq!([0, 1, 2].map(super::rows), ["0 rows", "1 row", "2 rows"]);
+    }
 }
