@@ -235,6 +235,11 @@ fn published_data_that_are_damaged_are_refused() {
             "cylinder_o-ring257_3bar.csv: no such file",
         ),
         (
+            "muscle_static/equal.csv",
+            map_of(&|_, _| 100.0),
+            "equal.csv: the muscle found in it cannot be driven: the core refuses its configuration: muscle.slack_m",
+        ),
+        (
             "notes.txt",
             String::new(),
             "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv,",
@@ -268,6 +273,29 @@ fn published_data_that_are_damaged_are_refused() {
     ] {
         thermyo(&["evaluate", "truth", &folder.name(name)]).refused(message).in_one_line();
     }
+}
+
+/// Twelve readings of a muscle, up to 5.4 bar.
+fn map_of(force_n: &dyn Fn(f64, f64) -> f64) -> String {
+    let row = |i: u32| {
+        let (gauge_pa, length_m) = (1e5 + 4e4 * f64::from(i), 0.2 + 0.004 * f64::from(i));
+        format!("0.25,{gauge_pa},{length_m},{}\n", force_n(gauge_pa, length_m))
+    };
+    let rows = (0..12).map(row).collect::<String>();
+    format!("rest_length_m,gauge_pressure_pa,length_m,force_n\n{rows}")
+}
+
+#[test]
+fn absolute_pressures_of_a_published_map_are_asked_about() {
+    let folder = Folder::new();
+    fs::create_dir(folder.path("muscle_static")).unwrap();
+    let map = map_of(&|gauge_pa, length_m| 2e-3 * gauge_pa * (length_m - 0.17))
+        + "0.25,701325,0.25,110\n";
+    folder.file("muscle_static/a.csv", &map);
+    thermyo(&["evaluate", "truth", &folder.name("")]).says(
+        "a.csv: line 14: a gauge pressure of 701325 Pa is above the 598675 Pa that supply.pressure_pa gives: if the \
+         pressures are absolute, subtract the ambient one.",
+    );
 }
 
 #[test]

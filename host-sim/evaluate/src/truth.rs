@@ -94,6 +94,21 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     Ok(lines)
 }
 
+/// Questions about static maps whose pressures may be absolute.
+///
+/// # Errors
+/// When a map cannot be used.
+pub fn doubts(folder: &Path) -> Result<Vec<InputError>, InputError> {
+    let (loaded, _) = shipped("static_map.toml")?;
+    let asked = |file: PathBuf| -> Result<Option<InputError>, InputError> {
+        let readings = Readings::of(&read_whole(&file)?)?;
+        let remark = static_map::beyond_supply(&readings, &loaded.plant);
+        Ok(remark.map(|why| InputError::file(&file, Problem::Unusable(why))))
+    };
+    let all = tables(&folder.join("muscle_static")).into_iter().map(asked);
+    all.filter_map(Result::transpose).collect()
+}
+
 fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
     let path = Path::new("scenarios").join(name);
     Ok((thermyo_setup::parse(shipped::text(name), &path)?, path))
@@ -126,14 +141,17 @@ fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
     figures.extend(known.map(|(.., ideal_n)| Figure::shown("ideal_braid_n", *ideal_n)));
     let case =
         known.map_or_else(|| format!("static map, {stem}"), |(_, name, ..)| (*name).to_owned());
-    let controlled = controlled(&of_all.scenario, &of_five.scenario)?;
+    let controlled = controlled(&of_all.scenario, &of_five.scenario).map_err(|error| {
+        let why = format!("the muscle found in it cannot be driven: {error}");
+        InputError::file(file, Problem::Unusable(why))
+    })?;
     let of_control = CaseFigures { case: format!("{case}: at rest"), figures: controlled };
     Ok(vec![CaseFigures { case, figures }, of_control])
 }
 
 /// Largest error at rest, in percent of the stroke, for each load: the plant has the law of all
 /// readings, the core that of five.
-fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, TruthError> {
+fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, RunError> {
     let mut loaded = control::full(of_all);
     loaded.believed = of_five.believed.clone();
     let held = parallel::map(&HELD_N, |(name, load_n)| {

@@ -200,7 +200,10 @@ fn evaluated(
         Subject::Estimator(_) => estimator::evaluate(nominal, &bar).map_err(Failure::Run),
         Subject::Control(_) => control_observed::evaluate(nominal, &bar).map_err(Failure::Run),
         Subject::Joint { .. } => joint::evaluate(&bar).map_err(Failure::Joint),
-        Subject::Truth { data, .. } => Ok(truth::evaluate(data, &bar)?),
+        Subject::Truth { data, .. } => {
+            to.warn(&truth::doubts(data)?);
+            Ok(truth::evaluate(data, &bar)?)
+        }
         Subject::Plants(PlantsArgs { random, seed, .. }) => {
             plants::evaluate(*seed, *random, &bar).map_err(Failure::Run)
         }

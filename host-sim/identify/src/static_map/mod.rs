@@ -317,7 +317,7 @@ fn law_sd_n(
 }
 
 /// Names the first gauge pressure that the scenario's supply cannot give: it may be absolute.
-fn beyond_supply(readings: &Readings, scenario: &Scenario) -> Option<String> {
+pub fn beyond_supply(readings: &Readings, scenario: &Scenario) -> Option<String> {
     let Scenario { supply, ambient, .. } = scenario;
     let most_pa = supply.pressure_pa - ambient.pressure_pa;
     let beyond = |reading: &&Reading| reading.gauge_pressure_pa > GAUGE_MARGIN * most_pa;
