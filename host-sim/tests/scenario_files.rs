@@ -1,5 +1,6 @@
 //! Scenario files as users write them: accepted values, and messages for all others.
 
+use crate::command_support::{Folder, thermyo};
 use model_core::Command;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -1044,6 +1045,19 @@ fn the_core_takes_every_key_at_its_limits() {
 fn most_random_scenarios_are_valid() {
     // The round trip above would prove nothing if hardly any scenario passed.
     let mut runner = proptest::test_runner::TestRunner::deterministic();
+/// An experiment has a duration of its own.
+#[test]
+fn a_late_fault_is_no_warning_of_an_experiment() {
+    let folder = Folder::new();
+    let text =
+        "[run]\nduration_s = 6\n[faults.late]\nemergency_stop = true\nfrom_s = 9\nuntil_s = 10\n";
+    let file = folder.file("late.toml", text);
+    for experiment in ["tune", "measure stop"] {
+        let words = experiment.split(' ').chain([file.as_str(), "--max-pressure", "9e6"]);
+        thermyo(&words.collect::<Vec<_>>()).refused("--max-pressure: ").in_one_line();
+    }
+}
+
     let valid = (0..200)
         .filter(|_| {
             let text = any_scenario(0.03).new_tree(&mut runner).unwrap().current();

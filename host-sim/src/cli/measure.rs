@@ -2,8 +2,8 @@
 
 use super::progress::Bar;
 use super::{
-    Console, Failure, FormatArgs, UnitArgs, interrupt, load, quantity, title_of, tune, unbuilt,
-    whole,
+    Console, Failure, FormatArgs, UnitArgs, counts_in_experiment, interrupt, load_with, quantity,
+    title_of, tune, unbuilt, whole,
 };
 use clap::{Args, Subcommand};
 use model_core::{Config, SetPointError};
@@ -106,7 +106,7 @@ pub(super) fn run(command: &MeasureCommand, to: &mut Console<'_>) -> Result<(), 
     let path = Path::new(&args.target);
     let refused = |error| Failure::Usage(format!("{}: {error}", path.display()));
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("toml")) {
-        let loaded = load(path, to)?;
+        let loaded = load_with(path, to, counts_in_experiment)?;
         unbuilt::refuse(&loaded, path, to)?;
         let config = core_config(&loaded.believed);
         allowed(&config)?;

@@ -56,7 +56,7 @@ use std::str::FromStr;
 use thermyo_boards::checkout;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
-use thermyo_files::input::nearest;
+use thermyo_files::input::{InputError, Problem, nearest};
 use thermyo_files::number::difference_text;
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
@@ -404,12 +404,27 @@ fn check_command(path: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
 
 /// The scenario of a joint, if the file is one; prints its warnings.
 fn joint_in(path: &Path, to: &mut Console<'_>) -> Result<Option<JointLoaded>, Failure> {
-    let Some((loaded, warnings)) = thermyo_joint::load_with_warnings(path)? else {
+    joint_with(path, to, |_| true)
+}
+
+fn joint_with(
+    path: &Path,
+    to: &mut Console<'_>,
+    counts: fn(&InputError) -> bool,
+) -> Result<Option<JointLoaded>, Failure> {
+    let Some((loaded, mut warnings)) = thermyo_joint::load_with_warnings(path)? else {
         return Ok(None);
     };
     note_shipped(path, to);
+    warnings.retain(counts);
     to.warn(&warnings);
     Ok(Some(loaded))
+}
+
+/// Whether a warning counts for an experiment, which lasts as long as it does: `run.duration_s` is not used.
+fn counts_in_experiment(warning: &InputError) -> bool {
+    let Problem::NoSense { key, .. } = &*warning.problem else { return true };
+    !(key.starts_with("faults.") && key.ends_with("from_s"))
 }
 
 /// Prints a note if the built-in file is used.
@@ -422,8 +437,17 @@ fn note_shipped(path: &Path, to: &mut Console<'_>) {
 
 /// Loads a scenario; prints its warnings, and a note if the built-in file is used.
 fn load(path: &Path, to: &mut Console<'_>) -> Result<Loaded, Failure> {
-    let (loaded, warnings) = thermyo_setup::load_with_warnings(path)?;
+    load_with(path, to, |_| true)
+}
+
+fn load_with(
+    path: &Path,
+    to: &mut Console<'_>,
+    counts: fn(&InputError) -> bool,
+) -> Result<Loaded, Failure> {
+    let (loaded, mut warnings) = thermyo_setup::load_with_warnings(path)?;
     note_shipped(path, to);
+    warnings.retain(counts);
     to.warn(&warnings);
     Ok(loaded)
 }
@@ -470,7 +494,7 @@ fn run_command(args: &RunArgs, to: &mut Console<'_>) -> Result<(), Failure> {
 
 fn tune_command(args: &tune::TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let to = to.as_asked(args.output.format);
-    match joint_in(&args.scenario, to)? {
+    match joint_with(&args.scenario, to, counts_in_experiment)? {
         Some(joint) => joint_tune::run(&joint, args, to),
         None => tune::run(args, to),
     }

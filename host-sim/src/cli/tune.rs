@@ -1,7 +1,8 @@
 use super::muscle::{warn_of_another_calibration, warn_of_another_muscle};
 use super::progress::Bar;
 use super::{
-    BoardArgs, Console, Failure, OutputArgs, interrupt, load, pretty, quantity, title_of, unbuilt,
+    BoardArgs, Console, Failure, OutputArgs, counts_in_experiment, interrupt, load_with, pretty,
+    quantity, title_of, unbuilt,
 };
 use clap::{Args, ValueEnum};
 use model_core::{Config, Telemetry};
@@ -120,7 +121,7 @@ fn on_bench<T>(
 }
 
 pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> {
-    let loaded = load(&args.scenario, to)?;
+    let loaded = load_with(&args.scenario, to, counts_in_experiment)?;
     let highest_pa = tune::highest_pa(&core_config(&loaded.believed), args.max_pressure)
         .map_err(|error| Failure::Usage(format!("--max-pressure: {error}")))?;
     unbuilt::refuse(&loaded, &args.scenario, to)?;
