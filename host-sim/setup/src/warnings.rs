@@ -12,8 +12,8 @@ use thermyo_plant::chamber;
 use thermyo_scenario::document::{Document, Entries, Entry};
 use thermyo_scenario::preset::Preset;
 use thermyo_scenario::{
-    DriveKind, GasElementKind, HeatModel, LoadKind, NEEDED, PlantKind, PlantModel, PressureKind,
-    Scenario, Shape, ValveKind, ZonesSource,
+    DriveKind, FaultWindow, GasElementKind, HeatModel, LoadKind, NEEDED, PlantKind, PlantModel,
+    PressureKind, Scenario, Shape, ValveKind, ZonesSource,
 };
 
 /// Tables that neither plant nor core uses, each with the value that causes it.
@@ -288,21 +288,31 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         ("sensor.length.range_m", scenario.sensor.length.range_m, short_of_length(scenario)),
     ]
     .map(|(path, value, why)| (path.to_owned(), value, why));
-    let end_s = scenario.run.duration_s;
-    let late = scenario.faults.windows().filter_map(|(path, window)| {
-        let late = window.from_s >= end_s && window.broken().next().is_some();
-        let why = format!("not before the end of the run, run.duration_s = {end_s:?}");
-        late.then(|| (format!("{path}.from_s"), window.from_s, Some(why)))
-    });
     let lines: BTreeMap<String, Option<u64>> =
         document.plant.iter().map(|entry| (entry.path(), entry.line)).collect();
-    all.extend(values.into_iter().chain(late).filter_map(|(key, value, why)| {
+    let windows = scenario.faults.windows().filter_map(|(path, window)| {
+        let (key, value, why) = never_comes(window, scenario.run.duration_s)?;
+        Some((format!("{path}.{key}"), value, Some(why)))
+    });
+    all.extend(values.into_iter().chain(windows).filter_map(|(key, value, why)| {
         let line = lines.get(&key).copied().flatten();
         let value = format!("{value:?}");
         Some(problem_at(document, line, Problem::NoSense { key, value, why: why? }))
     }));
     all.sort_by_key(|warning| warning.line);
     all
+}
+
+/// The key of a window whose faults never come, and why.
+fn never_comes(window: &FaultWindow, end_s: f64) -> Option<(&'static str, f64, String)> {
+    let FaultWindow { from_s, until_s, .. } = *window;
+    window.broken().next()?;
+    if from_s >= end_s {
+        let why = format!("not before the end of the run, run.duration_s = {end_s:?}");
+        return Some(("from_s", from_s, why));
+    }
+    let why = "not after the start of the window: the fault never comes".to_owned();
+    (from_s >= until_s && !window.board_restart).then_some(("until_s", until_s, why))
 }
 
 /// Why no gas enters at the start although the supply would suffice.
