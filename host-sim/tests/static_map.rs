@@ -383,7 +383,7 @@ fn a_slack_reading_gets_a_place_where_the_muscle_pulls() {
 
 #[test]
 fn the_plan_refuses_what_the_fit_refuses() {
-    let table = "length_m,volume_m3,force_n\n0.1,1e-5,0\n0.15,2e-5,1\n0.2,3e-5,2\n";
+    let table = "length_m,volume_m3,force_n\n0.1,1e-5,-200\n0.15,2e-5,0\n0.2,3e-5,200\n";
     let map = map(&muscle(MUSCLES[0]), &grid(&[0.0]), 0.0, 0.0, 1);
     let law = "[muscle]\nbladder_saturation_n = 180.0\nbladder_strain = 0.018\n";
     for (text, refused, fit_too) in [

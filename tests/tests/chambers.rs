@@ -134,8 +134,9 @@ fn a_table_is_not_extrapolated() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scenario.toml");
     let out = folder.path().join("out").display().to_string();
-    let heavy = BELLOWS.replace("MODEL", "lumped").replace("-40.0", "-400.0");
-    std::fs::write(&file, format!("[run]\nduration_s = 1.0\n{heavy}")).unwrap();
+    let bellows = BELLOWS.replace("MODEL", "lumped");
+    let inflow = "[drive]\nkind = \"mass-flow\"\nflow_kg_s = 1.0e-3\nperiod_s = 10.0\n";
+    std::fs::write(&file, format!("[run]\nduration_s = 5.0\n{bellows}{inflow}")).unwrap();
     let outcome = thermyo(&["run", &file.display().to_string(), "--out", &out, "--quiet"]);
     assert_ne!(outcome.code, 0);
     let message = "and what is known of it reaches from 0.08 to 0.13 m";
