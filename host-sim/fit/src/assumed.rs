@@ -1,6 +1,6 @@
 //! Errors of what a fit takes as known, in the errors that are stated. Assumed.
 
-/// A weighed load over its true one \[-\].
+/// A weighed load, or the force of a load cell, over the true one \[-\].
 pub const LOAD_OFF: f64 = 1.01;
 /// Slip and creep over the configured ones \[-\].
 pub const HYSTERESIS_OFF: f64 = 1.2;

@@ -197,15 +197,10 @@ impl Board {
         seed: i128,
         arm: bool,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let within = |name: &str, value: f64, least: f64, most: f64| {
-            let text = format!("{name} = {value}: must be from {least} to {most}");
-            let allowed = (least..=most).contains(&value);
-            allowed.then_some(()).ok_or_else(|| PyValueError::new_err(text))
-        };
         let stops = error::within("stops", stops, 3..=100)? as usize;
-        let seed = error::within("seed", seed, 0..=u64::MAX)?;
-        within("period_s", period_s, 0.5, 120.0)?;
-        within("wait_s", wait_s.unwrap_or(6.0), 6.0, 3600.0)?;
+        let seed = error::seed(seed)?;
+        error::within("period_s", period_s, 0.5..=120.0)?;
+        error::within("wait_s", wait_s.unwrap_or(6.0), 6.0..=3600.0)?;
         let asked = Asked { stops, wait_s, period_s, highest_pa: most_pa, seed };
         let findings = self.live.with(py, |live| experiments::measure_stop(live, &asked, arm))?;
         plain(py, &findings)

@@ -32,12 +32,21 @@ create_exception!(
     "A board cannot be used, or refuses a request."
 );
 
-/// A whole number that the caller gave, which may be negative.
-pub fn within(name: &str, value: i128, allowed: RangeInclusive<u64>) -> PyResult<u64> {
-    u64::try_from(value).ok().filter(|value| allowed.contains(value)).ok_or_else(|| {
-        let (least, most) = (allowed.start(), allowed.end());
-        PyValueError::new_err(format!("{name} = {value}: must be from {least} to {most}"))
-    })
+/// A number that the caller gave.
+pub fn within<T>(name: &str, value: T, allowed: RangeInclusive<T>) -> PyResult<T>
+where
+    T: PartialOrd + Display,
+{
+    if allowed.contains(&value) {
+        return Ok(value);
+    }
+    let (least, most) = (allowed.start(), allowed.end());
+    Err(PyValueError::new_err(format!("{name} = {value}: must be from {least} to {most}")))
+}
+
+/// A seed, which Python may give as a negative number.
+pub fn seed(value: i128) -> PyResult<u64> {
+    Ok(within("seed", value, 0..=u64::MAX.into())? as u64)
 }
 
 pub fn input(error: InputError) -> PyErr {

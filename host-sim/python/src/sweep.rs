@@ -23,9 +23,8 @@ impl Sweep {
         lhs: Option<i64>,
         seed: i128,
     ) -> PyResult<Self> {
-        let seed = error::within("seed", seed, 0..=u64::MAX)?;
-        let lhs =
-            lhs.map(|lhs| error::within("lhs", lhs.into(), 1..=MOST_POINTS as u64)).transpose()?;
+        let seed = error::seed(seed)?;
+        let lhs = lhs.map(|lhs| error::within("lhs", lhs, 1..=MOST_POINTS as i64)).transpose()?;
         let scenario = scenario::swept(scenario)?;
         let texts = vary.extract::<Vec<String>>().map_err(|_| {
             PyTypeError::new_err(

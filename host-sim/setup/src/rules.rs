@@ -42,11 +42,15 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
 
 /// No stop holds a chamber given by a table at the ends of its rows.
 fn check_start(scenario: &Scenario) -> Result<(), Violation> {
-    let held = scenario.load.kind == LoadKind::Isometric;
-    let Some(chamber) = chamber::of(scenario).filter(|_| !held) else { return Ok(()) };
+    if scenario.plant.kind != PlantKind::Table || scenario.load.kind == LoadKind::Isometric {
+        return Ok(());
+    }
+    let (Some(chamber), Some(start_m)) = (chamber::of(scenario), thermyo_plant::start_m(scenario))
+    else {
+        return Ok(());
+    };
     let [shortest, longest] = chamber.range();
-    let start_m = thermyo_plant::start_m(scenario).unwrap_or(f64::NAN);
-    if scenario.plant.kind != PlantKind::Table || (shortest..=longest).contains(&start_m) {
+    if (shortest..=longest).contains(&start_m) {
         return Ok(());
     }
     let place = if start_m.is_nan() { "no length".to_owned() } else { format!("{start_m:.4} m") };

@@ -230,10 +230,8 @@ impl<'a> Problem<'a> {
         let rows = self.record.rows.len();
         let residuals = self.residuals(place);
         let lasting = correlation_rows(&residuals);
-        let weight: f64 = self.record.rows.iter().map(|row| row.weight).sum();
-        let weighted = self.weighted(place).rows(0, rows).norm_squared();
         // Each row stands for several, which are as many readings only if their errors are their own.
-        let scatter = weighted / weight * lasting * weight / rows as f64;
+        let scatter = self.by_weight(&residuals).norm_squared() * lasting / rows as f64;
         let measured = slopes.rows(0, rows);
         let prior = slopes.rows(rows, place.len());
         let scatter = scatter.max(1.0e-12);
@@ -264,7 +262,7 @@ impl<'a> Problem<'a> {
             let residuals = residuals_of(&scenario, &rows, self.record.has_force, &start);
             self.by_weight(&residuals)
         };
-        let own = weighted(|_| ());
+        let own = self.by_weight(&self.residuals(place));
         let is_searched = |parameter: &Parameter| parameter.key == LOAD_FORCE;
         let by_search = !self.record.has_force && self.parameters.iter().any(is_searched);
         let force = (!by_search).then(|| weighted(|row| row.force_n *= LOAD_OFF));

@@ -132,7 +132,6 @@ fn stated_errors_contain_a_load_and_a_pressure_that_are_off() {
     for (key, truth) in TRUTHS {
         let Fitted { value, standard_error, .. } = found.parameters[key];
         let off = (value - truth).abs() / standard_error.unwrap();
-        println!("{key}: {off}");
         assert!(off < 3.0, "{key}: {value} for {truth}, {off} standard errors");
     }
 }

@@ -31,10 +31,16 @@ pub struct Reading {
     pub direction: f64,
 }
 
+/// Equal numbers have equal bits, -0 and 0 too.
+fn bits(number: f64) -> u64 {
+    (number + 0.0).to_bits()
+}
+
 impl Reading {
     /// The values of a reading, which a copy of its line has too.
     fn bits(&self) -> [u64; 4] {
-        [self.gauge_pressure_pa, self.length_m, self.force_n, self.direction].map(f64::to_bits)
+        let Self { gauge_pressure_pa, length_m, force_n, direction, .. } = *self;
+        [gauge_pressure_pa, length_m, force_n, direction].map(bits)
     }
 }
 
@@ -140,8 +146,7 @@ impl Readings {
 
     /// Pairs of pressure and length with a force.
     pub fn places(&self) -> usize {
-        let at =
-            |reading: &Reading| [reading.gauge_pressure_pa, reading.length_m].map(f64::to_bits);
+        let at = |reading: &Reading| [reading.gauge_pressure_pa, reading.length_m].map(bits);
         self.loaded.iter().map(at).collect::<HashSet<_>>().len()
     }
 
@@ -220,5 +225,12 @@ mod tests {
         let readings = Readings::of(&Table::parse(&text, "m.csv".as_ref()).unwrap()).unwrap();
         assert_eq!(readings.copies, [[3, 2]]);
         assert_eq!((readings.loaded.len(), readings.places()), (3, 2));
+    }
+
+    /// A spreadsheet that rounds -0.04 kPa writes "-0.0".
+    #[test]
+    fn a_rounded_negative_zero_is_zero() {
+        assert_eq!(super::bits(-0.0), super::bits(0.0));
+        assert_ne!(super::bits(-1.0), super::bits(1.0));
     }
 }
