@@ -14,9 +14,10 @@ const I2C_BYTE_NANOS = 22500; // nine bits at 400 kHz
 const I2C_EDGE_NANOS = 2500;
 
 /** Time between two conversions with the filter for 50 Hz, and before the first: the host sets when its mean is
- * complete; this is the upper limit. */
+ * complete; this is the upper limit. The second ends with the host's next mean, once the first could be read. */
 const MAX31865_NANOS = 20.5e6;
 const MAX31865_LEAST_NANOS = 15e6;
+const MAX31865_SECOND_NANOS = 2e6;
 const MAX31865_FIRST_NANOS = 62.5e6;
 const MPR_NANOS = 5e6;
 
@@ -35,7 +36,8 @@ export class Max31865 {
     this.select.addListener(() => (this.address = -1));
     this.ready.setInputValue(true);
     this.conversion = chip.clock.createAlarm(() => this.convert());
-    this.converted = Infinity; // when, last; not yet
+    this.earliest = Infinity; // when the host's mean may end a conversion
+    this.follows = false; // whether one has ended with the host's mean
   }
 
   /** Puts all of them on the chip's SPI1: the one that is selected answers. */
@@ -85,7 +87,8 @@ export class Max31865 {
         this.conversion.schedule(MAX31865_FIRST_NANOS);
       } else if (!converts(byte)) {
         this.conversion.cancel();
-        this.converted = Infinity;
+        this.earliest = Infinity;
+        this.follows = false;
       }
     } else if (register >= 3 && register <= 6) {
       this.registers[register] = byte;
@@ -94,7 +97,8 @@ export class Max31865 {
 
   convert() {
     this.conversion.schedule(MAX31865_NANOS);
-    this.converted = this.chip.clock.nanosCounter;
+    this.earliest =
+      this.chip.clock.nanosCounter + (this.follows ? MAX31865_LEAST_NANOS : MAX31865_SECOND_NANOS);
     if (this.stuck) {
       return;
     }
@@ -121,7 +125,8 @@ export class Max31865 {
       this.ready.setInputValue(true);
     }
     this.unplugged = unplugged;
-    if (complete && this.chip.clock.nanosCounter - this.converted > MAX31865_LEAST_NANOS) {
+    if (complete && this.chip.clock.nanosCounter > this.earliest) {
+      this.follows = true;
       this.convert();
     }
   }
