@@ -254,6 +254,12 @@ fn broken_toml_gives_one_line() {
     let comma = parse("[muscle]\nrest_length_m = 0,3  # metres").unwrap_err();
     let expected = "scenario.toml:2: not valid TOML: 0,3: numbers need a decimal point";
     assert_eq!(comma, expected);
+    let columns = parse("time_s,pressure_pa\n0,1e5\n").unwrap_err();
+    let expected = "scenario.toml:1: not valid TOML: it begins as a CSV file does; a scenario has tables such as \
+                    [run], and keys with values";
+    assert_eq!(columns, expected);
+    let joint = parse("joint = 3\n").unwrap_err();
+    assert_eq!(joint, "scenario.toml:1: joint = 3: must be a table, [joint]");
 }
 
 #[test]

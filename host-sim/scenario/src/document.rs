@@ -15,6 +15,12 @@ fn decimal_comma(line: &str) -> Option<&str> {
     (digits(whole.trim_start_matches(['-', '+'])) && digits(decimals)).then_some(value)
 }
 
+/// Whether a text begins as a CSV file does, with the names of its columns.
+fn begins_with_columns(text: &str) -> bool {
+    let first = text.lines().next().unwrap_or_default();
+    first.contains([',', ';']) && !first.contains(['=', '[', '#', '"'])
+}
+
 /// The tables of a text.
 pub(super) fn toml_of<'a>(
     text: &'a str,
@@ -28,6 +34,9 @@ pub(super) fn toml_of<'a>(
         });
         let problem = Problem::Syntax(match line.and_then(decimal_comma) {
             Some(number) => format!("{number}: numbers need a decimal point"),
+            None if begins_with_columns(text) => {
+                "it begins as a CSV file does; a scenario has tables such as [run], and keys with values".to_owned()
+            }
             None => error.message().replace('\n', ", "),
         });
         match error.span() {
@@ -294,7 +303,10 @@ impl Walk<'_> {
             self.table(full_path, table);
             return Ok(());
         }
-        if table.is_some() && path == "joint" {
+        if path == "joint" {
+            if table.is_none() {
+                return Err(Problem::NotATable { table: quoted(full_path), value: written });
+            }
             let why = "this takes one muscle; a joint, each table of it under a header of its own, is for \
                        `thermyo run`, `check`, `sweep`, `tune`, `identify`, `replay`, `monitor`, `fmu`, `evaluate joint` and `board`";
             return Err(Problem::UnusedTable { table: full_path.to_owned(), why });

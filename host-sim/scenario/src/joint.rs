@@ -476,7 +476,9 @@ fn unknown_header(name: &str) -> Option<Problem> {
     match part {
         Part::Shared if is_of_joint(name) => {
             let own = OWN.iter().map(|(own, _)| *own);
-            let instead = match nearest(name, own.clone()) {
+            // A muscle has tables alone.
+            let muscle = ["joint.a", "joint.b"].contains(&name);
+            let instead = match nearest(name, own.clone()).filter(|_| !muscle) {
                 Some(near) => Instead::Near(vec![format!("[{near}]")]),
                 None => {
                     let of_one = ["joint.a.TABLE", "joint.b.TABLE"];
@@ -832,6 +834,11 @@ mod tests {
             (
                 "[joint]\n[joint.c.muscle]\nzones = 3\n",
                 "joint.toml:2: unknown table [joint.c.muscle]; known here: [joint], [believed.joint], [joint.controller], \
+                 [joint.a.TABLE], [joint.b.TABLE]",
+            ),
+            (
+                "[joint]\n[joint.a]\nmuscle.zones = 3\n",
+                "joint.toml:2: unknown table [joint.a]; known here: [joint], [believed.joint], [joint.controller], \
                  [joint.a.TABLE], [joint.b.TABLE]",
             ),
             (
