@@ -10,6 +10,15 @@ use std::path::Path;
 /// Tolerance of times as a fraction of a step, for rounding errors of sums.
 const TOLERANCE: f64 = 1e-3;
 
+/// How far a simulation has come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    Initial,
+    Stepping,
+    /// Terminated, or broken off by an error: values can be read, and a reset begins again.
+    Over,
+}
+
 pub struct Model {
     kind: Kind,
     scenario: Scenario,
@@ -22,8 +31,7 @@ pub struct Model {
     /// Cells of the trace, current for the importer.
     cells: Vec<f64>,
     steps: u64,
-    /// The importer has begun to step.
-    started: bool,
+    phase: Phase,
 }
 
 impl Model {
@@ -49,7 +57,7 @@ impl Model {
             stop_s: None,
             running,
             steps: 0,
-            started: false,
+            phase: Phase::Initial,
         })
     }
 
@@ -70,17 +78,26 @@ impl Model {
         Ok(())
     }
 
+    fn check_initial(&self, call: &'static str) -> Result<(), ModelError> {
+        match self.phase {
+            Phase::Initial => Ok(()),
+            Phase::Stepping | Phase::Over => {
+                let must = "before the first step, or after fmi3Reset";
+                Err(ModelError::OutOfTurn { call, must })
+            }
+        }
+    }
+
     /// Sets the scenario's time zero in the importer's time, and the time at which that ends \[s\].
     ///
     /// # Errors
-    /// After the first step.
+    /// Once it steps, and for a start that is not finite or lies behind the end.
     pub fn begin_at(&mut self, start_s: f64, stop_s: Option<f64>) -> Result<(), ModelError> {
-        if self.started {
-            let call = "fmi3EnterInitializationMode";
-            return Err(ModelError::OutOfTurn {
-                call,
-                must: "before the first step, or after fmi3Reset",
-            });
+        self.check_initial("fmi3EnterInitializationMode")?;
+        let end_s = stop_s.unwrap_or(f64::INFINITY);
+        if !(start_s.is_finite() && start_s <= end_s) {
+            let allowed = format!("finite, and no later than the stop time of {end_s} s");
+            return Err(ModelError::Value { name: "startTime", value: start_s, allowed });
         }
         (self.start_s, self.stop_s) = (start_s, stop_s);
         Ok(())
@@ -89,12 +106,18 @@ impl Model {
     /// Begins to step.
     ///
     /// # Errors
-    /// As [`Model::new`], for the values set since.
+    /// As [`Model::new`], for the values set since; once it steps.
     pub fn start(&mut self) -> Result<(), ModelError> {
+        self.check_initial("fmi3ExitInitializationMode")?;
         self.running = self.scenario.start(self.kind, &self.inputs)?;
         self.cells = self.running.look();
-        (self.steps, self.started) = (0, true);
+        self.phase = Phase::Stepping;
         Ok(())
+    }
+
+    /// Ends the simulation; the last values can still be read.
+    pub fn terminate(&mut self) {
+        self.phase = Phase::Over;
     }
 
     pub fn time_s(&self) -> f64 {
@@ -147,7 +170,7 @@ impl Model {
 
     /// Sets a Boolean, before the first step.
     pub fn set_switch(&mut self, reference: u32, value: bool) -> Result<(), ModelError> {
-        if self.started || !self.is_switch(reference) {
+        if self.phase != Phase::Initial || !self.is_switch(reference) {
             let what = "truth value that can be set now";
             return Err(ModelError::Reference { reference, what });
         }
@@ -160,8 +183,12 @@ impl Model {
     /// # Errors
     /// [`ModelError`]; see [`ModelError::leaves_all`].
     pub fn step(&mut self, from_s: f64, length_s: f64) -> Result<(), ModelError> {
-        if !self.started {
-            let must = "after fmi3ExitInitializationMode";
+        let must = match self.phase {
+            Phase::Stepping => None,
+            Phase::Initial => Some("after fmi3ExitInitializationMode"),
+            Phase::Over => Some("before fmi3Terminate and any error, or after fmi3Reset"),
+        };
+        if let Some(must) = must {
             return Err(ModelError::OutOfTurn { call: "fmi3DoStep", must });
         }
         let step_s = self.scenario.run().step_s;
@@ -181,7 +208,10 @@ impl Model {
         self.running.take(&self.inputs)?;
         for _ in 0..steps as u64 {
             self.steps += 1;
-            self.running.step(self.steps, &self.inputs)?;
+            if let Err(error) = self.running.step(self.steps, &self.inputs) {
+                self.phase = Phase::Over;
+                return Err(error);
+            }
         }
         self.cells = self.running.look();
         Ok(())
@@ -287,6 +317,31 @@ mod tests {
             model.start().unwrap();
             model.step(0.0, 1.6).unwrap();
         }
+    }
+
+    #[test]
+    fn calls_out_of_turn_are_refused() {
+        let mut model = Model::new(joint("lumped"), Kind::WithCore).unwrap();
+        let refused = |done: Result<(), ModelError>| done.unwrap_err().to_string();
+        for (start_s, stop_s) in [(f64::NAN, None), (2.0, Some(1.0)), (0.0, Some(f64::NAN))] {
+            let message = refused(model.begin_at(start_s, stop_s));
+            assert!(
+                message.starts_with(&format!("startTime = {start_s}: must be finite")),
+                "{message}"
+            );
+        }
+        model.start().unwrap();
+        model.step(0.0, 0.1).unwrap();
+        let again =
+            "fmi3ExitInitializationMode: must come before the first step, or after fmi3Reset";
+        assert_eq!(refused(model.start()), again);
+        model.terminate();
+        let over = "fmi3DoStep: must come before fmi3Terminate and any error, or after fmi3Reset";
+        assert_eq!(refused(model.step(0.1, 0.1)), over);
+        assert_eq!(model.time_s(), 0.1);
+        model.reset().unwrap();
+        model.start().unwrap();
+        model.step(0.0, 0.1).unwrap();
     }
 
     #[test]

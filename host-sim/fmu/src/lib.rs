@@ -94,9 +94,17 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> 
 }
 
 /// Ends the simulation; the last values can still be read.
+///
+/// # Safety
+/// The instance is one of this library.
 #[unsafe(no_mangle)]
-pub extern "C" fn fmi3Terminate(_instance: *mut Instance) -> Status {
-    Status::Ok
+pub unsafe extern "C" fn fmi3Terminate(instance: *mut Instance) -> Status {
+    let end = |model: &mut thermyo_cosimulation::model::Model| {
+        model.terminate();
+        Ok(())
+    };
+    // Safety: the caller's.
+    unsafe { guarded(instance, end) }
 }
 
 /// Resets the instance.
