@@ -1,7 +1,7 @@
 //! Thermodynamic model, temperature estimator and valve controller of a pneumatic muscle actuator
 //! (pMA, McKibben muscle), as one core for the board and the host.
 //!
-//! The core takes a [`Sample`] of raw ADC codes and gives a [`Telemetry`] with the [`Command`] of
+//! The core takes a [`Sample`] of raw ADC codes and returns a [`Telemetry`] with the [`Command`] of
 //! valve openings, once per fixed step. It is `no_std`, allocates nothing, cannot panic, and
 //! computes in f32 with operations that give the same bits on every machine.
 //!

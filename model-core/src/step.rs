@@ -18,18 +18,18 @@ use crate::sensing::{Reading, Readings, Sensing};
 #[repr(C)]
 pub struct Core {
     found: Faults,
-    /// Absolute pressure that was read last \[Pa\].
+    /// Absolute pressure of the last reading \[Pa\].
     pressure_pa: f32,
     command: Command,
     step: u32,
-    /// Steps for which the inlet, and the outlet, may still pass gas after their last duty.
+    /// Steps during which the inlet, and the outlet, may still pass gas after their last duty.
     inlet_steps: u16,
     outlet_steps: u16,
-    /// That many after a step that drives.
+    /// Steps during which a valve may pass gas after a step that drives it.
     passing_steps: u16,
-    /// The last step's openings were others than those of the one before.
+    /// Whether the last step's openings differ from those of the step before.
     turned: bool,
-    /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: it takes none.
+    /// Highest absolute pressure that set points may request \[Pa\]; `None`: not armed.
     armed_pa: Option<f32>,
     supervisor: Supervisor,
     sensing: Sensing,
@@ -44,9 +44,9 @@ pub struct Core {
 struct Verdict {
     faults: Faults,
     state: State,
-    /// Measured length, or the one that the load implies without its sensor \[m\].
+    /// Measured length, or the length that the load implies if its sensor is lost \[m\].
     length_m: f32,
-    /// Half the width of the wide code that a measured one lies in \[m\].
+    /// Half the width of the wide code in which a measured length lies \[m\].
     length_wide_m: f32,
     length_source: LengthSource,
 }
@@ -77,8 +77,8 @@ struct Action {
 }
 
 impl Core {
-    /// A core that vents until it has tested its sensors and is given a set point. It is
-    /// [armed](Self::arm), because a program that creates a core also drives it.
+    /// Creates a core that vents until it has tested its sensors and has a set point. It is [armed](Self::arm), because
+    /// a program that creates a core also drives it.
     ///
     /// ```
     /// use model_core::{Config, Core, SetPoint};
@@ -97,7 +97,7 @@ impl Core {
         Ok(Self::of(config, true))
     }
 
-    /// With a configuration that holds; whether somebody has configured it so.
+    /// Creates a core from a checked configuration; `configured`: whether it was set on purpose and is not the default.
     #[cold]
     pub(crate) fn of(config: &Config, configured: bool) -> Self {
         Self {
@@ -120,10 +120,10 @@ impl Core {
         }
     }
 
-    /// Becomes [`new`](Self::new) with another configuration, in its place.
+    /// Replaces this core in place by [`new`](Self::new) with another configuration.
     ///
     /// # Errors
-    /// [`ConfigError`] as [`Config::check`]; it is as before then.
+    /// [`ConfigError`] as [`Config::check`]; the core is then unchanged.
     #[cold]
     pub fn become_new(&mut self, config: &Config) -> Result<(), ConfigError> {
         config.check()?;
@@ -131,12 +131,12 @@ impl Core {
         Ok(())
     }
 
-    /// Whether somebody has configured it.
+    /// Whether the core runs with a configuration that was set, and not with the default one.
     pub fn is_configured(&self) -> bool {
         !self.supervisor.venting().intersects(Faults::NOT_CONFIGURED)
     }
 
-    /// Becomes [`of`](Self::of), in its place and part by part: a board's stack has no room for a whole one.
+    /// Becomes [`of`](Self::of) in place and part by part: a board's stack has no room for a second core.
     #[cold]
     pub(crate) fn become_of(&mut self, config: &Config) {
         self.estimator = Estimator::new(config);
@@ -156,13 +156,13 @@ impl Core {
         self.armed_pa = Some(config.working_limit_pa());
     }
 
-    /// Its estimator works in other steps from now on: see [`Estimator::delay`].
+    /// Delays the estimator's intervals from now on: see [`Estimator::delay`].
     pub(crate) fn delay_estimator(&mut self) {
         self.estimator.delay();
     }
 
-    /// The core of a board without a configuration: it has the default one, and vents
-    /// until it is [restarted](Self::restart_as) as one that is configured, and armed.
+    /// Creates the core of a board without a configuration. It has the default one and vents until it is
+    /// [restarted](Self::restart_as) with a configuration and armed.
     ///
     /// ```
     /// use model_core::{Core, Sample, SetPoint};
@@ -181,9 +181,9 @@ impl Core {
         Ok(Self::of(&config, false))
     }
 
-    /// Restarts as `other`, with its configuration and, where the core is armed, its set point. The
-    /// supervisor stays: what is latched or was found in the last step is latched, what it has counted
-    /// counts, and the startup check begins again. So does the arming, as far as the new configuration allows.
+    /// Restarts as `other`, with its configuration and, if the core is armed, its set point. The supervisor stays:
+    /// latched faults and those found in the last step are latched, its counters keep their values, and the startup
+    /// check begins again. The arming stays too, as far as the new configuration allows.
     pub fn restart_as(&mut self, other: &Self) {
         // Part by part: a board's stack has no room for another core.
         self.estimator = other.estimator;
@@ -205,13 +205,12 @@ impl Core {
         }
     }
 
-    /// Takes set points from now on, as far as they ask for no more than this absolute pressure \[Pa\]; a
-    /// little above it the muscle vents. `None`: as much as the configuration gives. A link that was lost is
-    /// forgotten. The core vents until there is a set point.
+    /// Accepts set points from now on, up to this absolute pressure \[Pa\]; a little above it the muscle vents. `None`:
+    /// up to the configured maximum. A lost link is forgotten. The core vents until there is a set point.
     ///
     /// # Errors
-    /// [`SetPointError`] for a pressure below what the muscle has now or above the configuration's, and while
-    /// faults vent; it is as armed as before.
+    /// [`SetPointError`] for a pressure below the muscle's present one or above the configured maximum, and while
+    /// faults vent; the arming is then unchanged.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), SetPointError> {
         let armed_pa = self.may_arm(most_pa)?;
         self.supervisor.forget_link();
@@ -220,12 +219,12 @@ impl Core {
         Ok(())
     }
 
-    /// The pressure that [`arm`](Self::arm) would arm for, or its error.
+    /// Returns the pressure that [`arm`](Self::arm) would arm for, or its error.
     pub(crate) fn may_arm(&self, most_pa: Option<f32>) -> Result<f32, SetPointError> {
         let maximum = self.config.working_limit_pa();
         let value = most_pa.unwrap_or(maximum);
         let minimum = self.config.ambient.pressure_pa.max(self.pressure_pa);
-        // Not a number fails both.
+        // NaN fails both.
         if !(value >= minimum && value <= maximum) {
             return Err(SetPointError::Range {
                 field: SetPointField::Armed,
@@ -246,12 +245,13 @@ impl Core {
         self.set_armed(None);
     }
 
-    /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: it is not armed.
+    /// Highest absolute pressure that set points may request \[Pa\]; `None`: the core is not armed.
     pub fn armed_pa(&self) -> Option<f32> {
         self.armed_pa
     }
 
-    /// The pressure that it is armed for, if a value \[Pa\] is above it: what the configuration allows is allowed in full.
+    /// Returns the pressure that the core is armed for, if a value \[Pa\] is above it; `None` if the core is armed for
+    /// all that its configuration allows.
     pub(crate) fn armed_below(&self, value: f32) -> Option<f32> {
         let working_pa = self.config.working_limit_pa();
         self.armed_pa.filter(|armed_pa| value > *armed_pa && *armed_pa < working_pa)
@@ -276,21 +276,21 @@ impl Core {
         &self.config
     }
 
-    /// The supervisor, for what it has latched.
+    /// The supervisor, with the faults that it has latched.
     pub fn supervisor(&self) -> &Supervisor {
         &self.supervisor
     }
 
-    /// Takes over what was latched before the board restarted.
+    /// Takes over the faults that were latched before the board restarted.
     pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
         self.supervisor.recall(first, latched);
     }
 
-    /// Changes what the core is to do, from the next PWM period on; to vent, from the next step on.
+    /// Changes the set point, from the next PWM period on; venting starts with the next step.
     ///
     /// # Errors
-    /// [`SetPointError`] for a value that is no number or out of its range, and for anything but
-    /// to vent while faults do or the core is not armed; what held before goes on.
+    /// [`SetPointError`] for a value that is not a number or out of its range, and for any set point but venting while
+    /// faults vent or the core is not armed; the set point before then stays.
     pub fn set(&mut self, set_point: SetPoint) -> Result<(), SetPointError> {
         let target = Target::new(&set_point, &self.config, &self.chamber)?;
         let venting = self.supervisor.venting();
@@ -320,14 +320,14 @@ impl Core {
         self.controller.set(Target::VENT);
     }
 
-    /// Forgets latched faults whose cause is gone. The set point falls back to venting: nothing
-    /// moves because a fault was acknowledged.
+    /// Forgets latched faults whose cause is gone. The set point falls back to venting: acknowledging a fault must not
+    /// move anything.
     pub fn clear_faults(&mut self) {
         self.supervisor.clear();
         self.controller.set(Target::VENT);
     }
 
-    /// One step. During the startup check ([`Mode::StartupCheck`]) the core vents, and neither estimates nor
+    /// Runs one step. During the startup check ([`Mode::StartupCheck`]) the core vents, and neither estimates nor
     /// counts steps: step 0 is the first after the check.
     pub fn step(&mut self, sample: &Sample) -> Telemetry {
         let judged = self.begin(sample, None);
@@ -335,8 +335,8 @@ impl Core {
         self.end(sample, &judged, command)
     }
 
-    /// Reads and checks the inputs of a step. `length`: the length \[m\] and half the width of its code \[m\] where
-    /// a mechanism gives them; the sample's code, read as a length sensor's, then only shows whether its line is
+    /// Reads and checks the inputs of a step. `length`: the length \[m\] and half the width of its code \[m\] if a
+    /// mechanism measures them; the sample's code, read as a length sensor's, then only shows whether its channel is
     /// healthy.
     #[inline]
     pub(crate) fn begin(&mut self, sample: &Sample, length: Option<(f32, f32)>) -> Judged {
@@ -348,7 +348,7 @@ impl Core {
         Judged { readings, verdict }
     }
 
-    /// The openings that the core's own controller wants in this step.
+    /// Returns the openings that the core's own controller requests in this step.
     #[inline]
     pub(crate) fn openings(&mut self, sample: &Sample, judged: &Judged) -> Command {
         match judged.verdict.state {
@@ -357,7 +357,7 @@ impl Core {
         }
     }
 
-    /// Ends a step in which the valves open like this.
+    /// Ends a step in which the valves have these openings.
     #[inline]
     pub(crate) fn end(&mut self, sample: &Sample, judged: &Judged, command: Command) -> Telemetry {
         let Judged { readings, verdict } = judged;
@@ -377,7 +377,7 @@ impl Core {
         telemetry
     }
 
-    /// Its chamber.
+    /// The muscle's chamber.
     pub(crate) fn chamber(&self) -> &AnyChamber {
         &self.chamber
     }
@@ -412,9 +412,9 @@ impl Core {
         }
     }
 
-    /// The raw codes as readings.
+    /// Converts the raw codes to readings.
     fn sense(&mut self, sample: &Sample) -> Readings {
-        // A muscle that is not empty, and that a set point lets out.
+        // A set point lets gas out of a muscle that is not empty.
         let let_out = self.controller.driven()
             && matches!(self.supervisor.state(), State::Ready)
             && self.command.outlet > Duty::ZERO
@@ -424,7 +424,7 @@ impl Core {
         readings
     }
 
-    /// The faults of this step, and what follows from them for the length and for the set point.
+    /// Finds the faults of this step and derives the state, the length and its source from them.
     fn supervise(&mut self, sample: &Sample, readings: &Readings) -> Verdict {
         let read_m = readings.length.value;
         let found = core::mem::replace(&mut self.found, Faults::NONE);
@@ -436,7 +436,7 @@ impl Core {
         };
         let faults = self.supervisor.step(&sample.into(), readings, activity);
         let (length_m, length_source) = self.length_m(read_m, self.pressure_pa, faults);
-        // Also during the startup check: a set point that waits is dropped like one that drives.
+        // Also during the startup check: a waiting set point is dropped like one that drives.
         let state = self.supervisor.state();
         if let State::StartupCheck { causes, .. } | State::Venting { causes } = state
             && causes != Faults::NONE
@@ -451,17 +451,17 @@ impl Core {
         Verdict { faults, state, length_m, length_wide_m, length_source }
     }
 
-    /// The openings of this step.
+    /// Returns the openings of this step.
     fn control(&mut self, sample: &Sample, verdict: &Verdict) -> Command {
         let feedback = self.feedback(verdict);
-        // While venting too: the controller counts the PWM periods, which the hardware continues.
+        // While venting too: the controller counts the PWM periods, which continue in the hardware.
         let wanted =
             self.controller.step(&self.config, &self.chamber, &feedback, sample.missed_steps);
         if matches!(verdict.state, State::Ready) { wanted } else { Command::VENT }
     }
 
-    /// Feeds the estimator and the plausibility monitor; returns the gas sensor's fault where its
-    /// readings contradict the model.
+    /// Feeds the estimator and the plausibility monitor; returns the gas sensor's fault if its readings contradict the
+    /// model.
     fn estimate(
         &mut self,
         sample: &Sample,
@@ -482,7 +482,7 @@ impl Core {
         } else {
             None
         };
-        // The sample shows gas that went through the openings of the step before.
+        // The sample shows the gas that passed the openings of the step before.
         let measurement = Measurement {
             pressure: self.supervisor.pressure_trusted().then_some(readings.pressure),
             length: Reading { value: length_m, ..readings.length },
@@ -506,7 +506,7 @@ impl Core {
 
     fn report(&self, sample: &Sample, verdict: &Verdict, action: Action) -> Telemetry {
         let estimate = self.estimator.estimate();
-        // Its balance knows of no leak but the configured one.
+        // Its balance accounts for no leak but the configured one.
         let valid = estimate.valid && !verdict.faults.intersects(Faults::LEAK);
         Telemetry {
             step: self.step,
@@ -522,7 +522,7 @@ impl Core {
         }
     }
 
-    /// Takes these openings for the ones of this step.
+    /// Records these openings as those of this step.
     fn follow(&mut self, command: Command) {
         let passing_steps = self.passing_steps;
         let passing = |duty: Duty, steps: u16| {
@@ -534,8 +534,7 @@ impl Core {
         self.command = command;
     }
 
-    /// Measured length; without its sensor that of the contraction loop's reference, or the one at which the load
-    /// balances.
+    /// Measured length; without its sensor the contraction loop's reference, or the length at which the load balances.
     fn length_m(&self, read_m: f32, pressure_pa: f32, faults: Faults) -> (f32, LengthSource) {
         if !faults.intersects(Faults::LENGTH_SENSOR) {
             return (self.chamber.limit_length_m(read_m), LengthSource::Sensor);
@@ -583,7 +582,7 @@ mod tests {
             .unwrap()
     }
 
-    /// Nothing is global: two muscles in turns are the same two one after the other.
+    /// Nothing is global: two muscles stepped in turns behave like the same two one after the other.
     #[test]
     fn two_muscles_in_one_process_do_not_know_of_each_other() {
         let mut other = Config::default();
@@ -625,7 +624,7 @@ mod tests {
         assert_eq!(core.step(&HEALTHY).step, 1);
     }
 
-    /// Neither a short nor a pressure above the limit hides behind starts in quick succession.
+    /// Starts in quick succession hide neither a short circuit nor a pressure above the limit.
     #[test]
     fn restarts_do_not_go_round_the_supervisor() {
         let shorted = Sample { pressure: AdcCode(0).into(), ..HEALTHY };
@@ -675,7 +674,7 @@ mod tests {
         assert_ne!(checked(&mut core, &HEALTHY).command, Command::VENT);
     }
 
-    /// A code that stands still shows while gas is let out too, but not in a muscle that vents anyway.
+    /// A frozen code is found while gas is let out too, but not in a muscle that vents anyway.
     #[test]
     fn a_frozen_pressure_shows_while_gas_is_let_out() {
         let full = Sample { pressure: AdcCode(15_000).into(), ..HEALTHY };
@@ -722,7 +721,7 @@ mod tests {
 
     const STOPPED: Sample = Sample { emergency_stop: true, ..HEALTHY };
 
-    /// A muscle that is filled as fast as it can be, at its third step of a period of so many.
+    /// A muscle that fills as fast as it can, at the third step of a PWM period of this many.
     fn filling(pwm_period_steps: u16) -> Core {
         let link = LinkConfig { timeout_s: 0.02 };
         let config = Config { pwm_period_steps, link, ..Config::default() };
@@ -734,8 +733,8 @@ mod tests {
         core
     }
 
-    /// Whatever vents, clears or arms leaves none of the period's command: it would be on the valve for 97 of
-    /// the steps at a period of 100.
+    /// No request to vent, clear or arm leaves anything of the period's command: it would stay on the valve for 97 of
+    /// the 100 steps of a period.
     #[test]
     fn no_acknowledgement_reopens_the_inlet() {
         type Request = fn(&mut Core);
@@ -773,7 +772,7 @@ mod tests {
         }
     }
 
-    /// Nor does a set point that was given before the stop drive afterwards.
+    /// Nor does a set point from before the stop drive afterwards.
     #[test]
     fn a_fault_in_the_startup_check_disarms() {
         let config = Config::default();
@@ -793,7 +792,7 @@ mod tests {
         }
     }
 
-    /// A core with this configuration and set point whose sensors have passed the startup check with such samples.
+    /// A core with this configuration and set point whose sensors have passed the startup check with this sample.
     fn checked_core(config: &Config, set_point: SetPoint, sample: &Sample) -> Core {
         let mut core = Core::new(config).unwrap();
         core.set(set_point).unwrap();
@@ -803,8 +802,8 @@ mod tests {
         core
     }
 
-    /// The openings that a sample has seen are those of the step before, and what a pulse moves after
-    /// its duty comes for one PWM period. An estimator with the same inputs set by hand agrees.
+    /// The openings that a sample has seen are those of the step before, and the gas that a pulse moves after its duty
+    /// counts for one PWM period. An estimator with the same inputs set by hand agrees.
     #[test]
     fn the_estimator_gets_the_openings_that_a_sample_has_seen() {
         let start = Sample::new(AdcCode(11_538), AdcCode(16_200), AdcCode(20_500));
@@ -816,13 +815,13 @@ mod tests {
         let wide_pa = sensors.adc.half_width(sensors.pressure.resolution_pa());
         let wide_m = sensors.adc.half_width(sensors.length.resolution_m());
         for step in 0..300_u16 {
-            // Each acts from the next multiple of ten on.
+            // Each takes effect at the next multiple of ten.
             match step {
                 95 | 195 => core.set(CLOSED).unwrap(),
                 145 => core.set(SetPoint::Duty { inlet: 0.0, outlet: 0.5 }).unwrap(),
                 _ => {}
             }
-            // It fills, halts in a code that is too wide, rests, and empties down to that code.
+            // It fills, stops within a wide code, rests, and empties down to that code.
             let filled = 150 + step.min(50) + step.clamp(60, 100) - 60 - step.clamp(150, 190);
             let wide_length = (20..25).contains(&step);
             let (gas_lost, pressure_lost) = ((30..35).contains(&step), (70..73).contains(&step));
@@ -865,8 +864,8 @@ mod tests {
         }
     }
 
-    /// A pulse counts as filling for the period after its duty: in the 61st step with a standing
-    /// code that is one too few, in the 60th it is enough.
+    /// A pulse counts as filling for the period after its duty: a code frozen for that long in all is one step short if
+    /// the core vents 11 steps before the limit, and enough if it vents 10 before.
     #[test]
     fn a_code_that_stands_still_while_the_inlet_passes_gas_is_frozen() {
         let frozen_after = |driven_steps: u16| {
@@ -884,7 +883,7 @@ mod tests {
         assert_eq!(frozen_after(whole - 11), None, "one step less");
     }
 
-    /// Nor does a restart end a pulse that is still to end, here one of a slow PWM.
+    /// Nor does a restart forget a pulse that is still to end, here with a slow PWM.
     #[test]
     fn a_restart_does_not_forget_a_pulse_that_still_ends() {
         let config = Config { pwm_period_steps: 100, ..Config::default() };
@@ -927,7 +926,7 @@ mod tests {
         assert_eq!(core.set(HALF), Ok(()));
     }
 
-    /// After a lost link, arming is enough; other latched faults stay.
+    /// After a lost link, arming is enough; other faults stay latched.
     #[test]
     fn a_lost_link_is_forgotten_by_arming() {
         let mut core = checked_core(&Config::default(), CLOSED, &HEALTHY);
@@ -964,7 +963,7 @@ mod tests {
         let (field, value) = (SetPointField::Pressure, 2.1e5);
         let refused = SetPointError::Range { field, value, minimum: 0.0, maximum: 2.0e5 };
         assert_eq!(core.set(pressure(value)), Err(refused));
-        // A twentieth of the gauge pressure above it, 29.4 kPa, it vents: 26.7 Pa a code.
+        // It vents 5 % of the gauge pressure above it, 29.4 kPa: 26.7 Pa per code.
         let above = |pa: f32| Sample {
             pressure: AdcCode(7770 + ((pa + 29_408.0 - 120_033.0) / 26.71) as u16).into(),
             ..HEALTHY
@@ -988,7 +987,7 @@ mod tests {
         assert_eq!(core.supervisor().first_failure(), Some(first));
     }
 
-    /// Also if there was no fault, or none of this start.
+    /// Also if there was no fault, or none since this start.
     #[test]
     fn who_clears_faults_vents() {
         let mut driving = checked_core(&Config::default(), HALF, &HEALTHY);
@@ -1018,8 +1017,7 @@ mod tests {
     /// 2.5 bar at 0.27 m.
     const INFLATED: Sample = Sample::new(AdcCode(12_688), AdcCode(15_950), AdcCode(21_545));
 
-    /// Without its sensor the length is the one at which the muscle pulls its load, the one at which it
-    /// is held, or what there is of it.
+    /// Without its sensor the length is where the muscle pulls its load, where it is held, or the shortest one.
     #[test]
     fn a_lost_length_is_that_of_the_load() {
         let config = Config::default();
@@ -1048,19 +1046,19 @@ mod tests {
         };
         let gained = |telemetry: Telemetry| telemetry.faults.intersects(Faults::GAS_GAINED);
         let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
-        // 2 % of the pressure in every 20 ms, 1/k of it more gas.
+        // 2 % of the pressure in every 20 ms is 1/k of that more gas.
         let found = (0..600).find(|step| gained(core.step(&climbing(*step)))).unwrap();
         assert!((300..600).contains(&found), "{found}");
         assert_eq!(core.step(&INFLATED).command, Command::VENT);
 
-        // A restart between the step that finds it and the next one, which latches it.
+        // A restart between the step that finds it and the next, which latches it.
         let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
         assert!((0..found).all(|step| !gained(core.step(&climbing(step)))));
         core.restart_as(&Core::new(&Config::default()).unwrap());
         assert!(gained(core.step(&INFLATED)));
     }
 
-    /// The monitor knows which valve is driven: gas that does not move has another fault for each.
+    /// The monitor distinguishes the driven valves: gas that does not move is another fault for each.
     #[test]
     fn a_valve_that_is_driven_and_moves_nothing_vents() {
         for (inlet, outlet, fault) in
@@ -1069,7 +1067,7 @@ mod tests {
             let set_point = SetPoint::Duty { inlet, outlet };
             let mut core = checked_core(&Config::default(), set_point, &INFLATED);
             let found = (0..2000_u16).find_map(|step| {
-                // A line that is alive.
+                // Codes that change: the channel is alive.
                 let pressure = AdcCode(12_688 + step % 2).into();
                 let length = AdcCode(21_545 + step % 2);
                 let faults = core.step(&Sample { pressure, length, ..INFLATED }).faults;
@@ -1080,7 +1078,7 @@ mod tests {
         }
     }
 
-    /// 6 bar would hold four times the load there; where the length is lost, it is made of the load.
+    /// 6 bar would hold four times the load there; if the length is lost, it is derived from the load.
     #[test]
     fn an_impossible_force_is_found_where_the_length_is_trusted() {
         let strong = Sample { pressure: AdcCode(25_746).into(), ..INFLATED };
@@ -1095,7 +1093,7 @@ mod tests {
     #[test]
     fn a_gas_sensor_that_contradicts_the_model_is_shown_and_vents_nothing() {
         let mut core = checked_core(&Config::default(), CLOSED, &INFLATED);
-        // 16 K warmer from one step to the next, though nothing happens.
+        // 16 K warmer from one step to the next without a cause.
         for (gas, shown) in [(15_950, false), (23_950, true)] {
             let faults = (0..3000_u16).map(|step| {
                 let gas = AdcCode(gas + step % 2).into();
@@ -1108,8 +1106,8 @@ mod tests {
         }
     }
 
-    /// A tenth of a second of silence, and a part that says twice that it is broken. Of an element on the converter
-    /// both are shown.
+    /// A tenth of a second of silence, or a part that reports twice that it is broken. For an element on the converter
+    /// both are only shown.
     #[test]
     fn a_digital_gas_sensor_that_is_lost_vents() {
         let gas_element = GasElement::Max31865(Max31865::default());
@@ -1139,7 +1137,7 @@ mod tests {
         }
     }
 
-    /// Starts in quick succession do not hide that it is silent.
+    /// Starts in quick succession do not hide its silence.
     #[test]
     fn a_digital_gas_sensor_that_is_silent_over_starts_vents() {
         let gas_element = GasElement::Max31865(Max31865::default());
@@ -1158,7 +1156,7 @@ mod tests {
         assert_eq!(found, Some(100));
     }
 
-    /// The pin of a sensor that is not there is anything.
+    /// The pin of a missing sensor may read anything.
     #[test]
     fn a_digital_sensor_does_not_answer_for_the_converter_before_it() {
         let gas_element = GasElement::Max31865(Max31865::default());

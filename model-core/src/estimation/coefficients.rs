@@ -14,15 +14,15 @@ use crate::physics::hysteresis::Law;
 use crate::physics::leak::Leak;
 use crate::step_counts::StepCounts;
 
-/// How far the element must have moved, in differences that it shows, for a reading that has stood still
-/// meanwhile to be a frozen one: three times the width of a code of erratum RP2040-E11, so that an element
-/// three times as slow as configured has left it.
+/// Movement of the element, in multiples of the smallest difference that it shows, after which an unchanged reading
+/// counts as frozen: three times the width of a code of erratum RP2040-E11, so an element three times as slow as
+/// configured has left that code.
 const FROZEN: f32 = 30.0;
-/// So many deviations of a pressure are never reached: the greatest `zones.reversal_sd`.
+/// Deviations of a pressure that are never reached: the greatest `zones.reversal_sd`.
 const NEVER_SD: f32 = 1.0e6;
 /// Lowest pressure of gas in a muscle or vessel \[Pa\].
 pub const LOWEST_PA: f32 = 5.0e3;
-/// Errors of the pressure beyond so many deviations are no noise: the flow has changed.
+/// Errors of the pressure beyond this many deviations are no noise: the flow has changed.
 const NOISE_DEVIATIONS: f32 = 4.0;
 /// Averaging time of the mean square of the swing \[s\].
 const SWING_S: f32 = 8.0;
@@ -30,7 +30,7 @@ const SWING_S: f32 = 8.0;
 const SMOOTHING_S: f32 = 0.5;
 /// Time over which innovations are added up to see a bias \[s\].
 const BIAS_S: f32 = 20.0;
-/// Housings faster than this are none \[s\].
+/// Housings faster than this count as none \[s\].
 const LEAST_HOUSING_S: f32 = 1.0e-3;
 
 /// Coefficients of the estimator.
@@ -46,7 +46,7 @@ pub struct Coefficients {
     pub friction: Friction,
     pub hysteresis: Law,
     pub leak: Leak,
-    /// A field of its own: a comparison of numbers in every step is dear without an FPU.
+    /// Whether a leak is configured. A field of its own: comparing floats in every step is expensive without an FPU.
     pub leaks: bool,
     /// Still gas: whether buoyancy matters, the fourth powers of conduction, and of buoyancy over P^2 and difference.
     pub conduction4: f32,
@@ -82,10 +82,10 @@ pub struct Coefficients {
     pub half_span: f32,
     pub profile: Coefficient,
     pub foil_settled: f32,
-    /// Flow that stirs as the configured gains say \[kg/s\], and its cube root; 0: any does.
+    /// Flow for which the configured gains of stirring hold \[kg/s\], and its cube root; 0: they hold for any flow.
     pub forced_kg_s: f32,
     pub forced_root: f32,
-    /// A step's share, and a zone's, of one movement of the zones \[-\].
+    /// Share of one step and one zone in a movement of the zones \[-\].
     pub per_move: f32,
     /// Share of an interval in the mean square of the swing.
     pub swing_window: f32,
@@ -93,16 +93,16 @@ pub struct Coefficients {
     pub smoothing: f32,
     /// Share of the innovations' sum that an interval keeps.
     pub bias_kept: f32,
-    /// Share of what has been learnt that an interval forgets, and what is kept of each error.
+    /// Share of the learnt values that an interval forgets, and share of each error that it keeps.
     pub forget: f32,
     pub keep: Errors<f32>,
-    /// Movement of the element at which a reading that stands still is a frozen one \[K\].
+    /// Movement of the element at which an unchanged reading counts as frozen \[K\].
     pub frozen_k: f32,
-    /// Pressure beyond which gas flows against the valve that is open, if it ever does \[Pa\].
+    /// Pressure beyond which gas flows against the open valve, if it ever does \[Pa\].
     pub reversal_pa: Option<f32>,
     /// Largest error of a pressure that is still its noise \[Pa\].
     pub noise_pa: f32,
-    /// The same of a length \[m\].
+    /// Largest error of a length that is still its noise \[m\].
     pub length_noise_m: f32,
     /// Deviation of the temperature that the noise of one pressure leaves, times pressure over
     /// temperature \[Pa\].
@@ -172,7 +172,7 @@ impl Coefficients {
         }
     }
 
-    /// Variances of the parameters, as configured; of everything else none.
+    /// Variances of the parameters, as configured; all others are zero.
     pub fn parameters(&self) -> Errors<f32> {
         let sd = &self.tuning;
         let square = |sd: f32| sd * sd;
@@ -188,7 +188,7 @@ impl Coefficients {
 
     /// Covariance before the first reading.
     pub fn initial_covariance(&self) -> Covariance {
-        /// Share of it in which the zones differ.
+        /// Share of the variance in which the zones differ.
         const DIFFERENT: f32 = 0.1;
         let sd = &self.tuning;
         let initial_k2 = sd.initial_sd_k * sd.initial_sd_k;
@@ -206,11 +206,11 @@ impl Coefficients {
     }
 }
 
-/// A jet's share in each zone, and the exchange across each border; a jet decays along the muscle.
+/// Returns a jet's share in each zone, and the exchange across each border; a jet decays along the muscle.
 fn jets(zones: &Zones, length_m: f32) -> ([f32; ZONES], [f32; ZONES - 1]) {
     let reached = |way: f32| exp(-way * length_m / zones.jet_reach_m);
     let recirculation = [0.25, 0.5, 0.75].map(|way| zones.recirculation * reached(way));
-    // Counted from the middle of the first zone, so that the sum is 1 at least however short the reach.
+    // Counted from the middle of the first zone, so that the sum is at least 1 however short the reach.
     ([0.0, 0.25, 0.5, 0.75].map(reached), recirculation)
 }
 
@@ -223,7 +223,7 @@ fn buoyancy4(zones: &Zones) -> f32 {
     buoyancy2 * buoyancy2 / BUOYANCY_K
 }
 
-/// Share of each error that an interval keeps: what has been learnt fades, and the foil's place.
+/// Share of each error that an interval keeps: the learnt values and the foil's place fade.
 fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
     let kept = |memory_s: f32| 1.0 - limit(interval_s / memory_s, 0.0, 1.0);
     let learnt = kept(tuning.memory_s);
@@ -241,7 +241,7 @@ fn kept(tuning: &EstimatorConfig, interval_s: f32) -> Errors<f32> {
     }
 }
 
-/// Noise of one pressure, as [`Coefficients`] have it.
+/// Noise of one pressure, in the form that [`Coefficients`] holds.
 struct Noises {
     reversal_pa: Option<f32>,
     noise_pa: f32,
@@ -255,9 +255,9 @@ impl Noises {
         let sd_pa = sqrt(sensors.pressure_part.noise_pa2(&sensors.pressure));
         Self {
             reversal_pa: (reversal_sd < NEVER_SD).then_some(reversal_sd * sd_pa),
-            // Well below any pressure, so that an energy within the noise is none below 0.
+            // Well below any pressure, so that an energy within the noise never falls below 0.
             noise_pa: limit(NOISE_DEVIATIONS * sd_pa, 0.0, 0.5 * LOWEST_PA),
-            // A pressure read too high counts as gas that came in: dT/T = (k-1)/k dP/P is left.
+            // A pressure read too high counts as gas that came in: an error dT/T = (k-1)/k dP/P remains.
             pressure_sd_pa: (k - 1.0) / k * sd_pa,
         }
     }

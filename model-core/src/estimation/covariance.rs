@@ -1,11 +1,11 @@
-//! Covariance of the estimator's errors, and how it moves, a row at a time.
+//! Covariance of the estimator's errors, and its propagation, a row at a time.
 
 use super::per_zone::{PerZone, ZONES, times, total};
 use crate::math::limit;
 
 /// Number of errors: four zones, wall, housing, element, gas at the foil, and five parameters.
 pub const ERRORS: usize = 13;
-/// Errors that an interval moves; the parameters behind them only fade.
+/// Errors that an interval moves; the parameters after them only fade.
 const MOVED: usize = 7;
 /// One row of the covariance, in the order of [`Errors`].
 pub type Row = [f32; ERRORS];
@@ -59,7 +59,7 @@ impl<T: Copy> From<Errors<T>> for [T; ERRORS] {
     }
 }
 
-/// A zone's, or the wall's, row of the transition: what is not zero.
+/// Nonzero part of a zone's, or the wall's, row of the transition.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct GasRow {
     pub zones: PerZone,
@@ -79,10 +79,10 @@ pub struct HousingRow {
     pub place: f32,
 }
 
-/// The element's row: the housing's after the interval, and what is its own.
+/// The element's row: the housing's row after the interval, and the element's own terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ElementRow {
-    /// Share of the housing, half of before and half of after.
+    /// Share of the housing, half before and half after the interval.
     pub half: f32,
     pub lag: f32,
 }
@@ -102,7 +102,7 @@ fn add(out: &mut Row, row: &Row, by: f32) {
     }
 }
 
-/// The zones' rows, each by its factor.
+/// Sum of the zones' rows, each times its factor.
 fn of_zones([a, b, c, d]: [&Row; ZONES], by: &PerZone) -> Row {
     let [by_a, by_b, by_c, by_d] = *by;
     let mut out = a.map(|x| by_a * x);
@@ -173,7 +173,7 @@ impl Covariance {
         Self(rows)
     }
 
-    /// All zones err alike by this variance, beside what they do alone.
+    /// Adds a variance that all zones have in common, beside their own.
     pub fn add_common(&mut self, variance: f32) {
         for row in self.0.iter_mut().take(ZONES) {
             for entry in row.iter_mut().take(ZONES) {
@@ -192,7 +192,7 @@ impl Covariance {
         }
     }
 
-    /// One row of F P.
+    /// Computes one row of F P.
     pub fn row(&self, f: &Transition, which: usize, product: &mut Product) {
         let p = &self.0;
         let [a, b, c, d, wall, housing, element] = product;
@@ -215,7 +215,7 @@ impl Covariance {
         }
     }
 
-    /// One row of F P F^T from that of F P, from the diagonal on. Parameters keep `keep` of their errors.
+    /// Computes one row of F P F^T from that row of F P, from the diagonal on. Parameters keep `keep` of their errors.
     pub fn column(&mut self, f: &Transition, which: usize, product: &Product, keep: &Errors<f32>) {
         let Some((row, m)) = self.0.get_mut(which).zip(product.get(which)) else { return };
         let m = Errors::from(*m);
@@ -243,7 +243,7 @@ impl Covariance {
         .into();
     }
 
-    /// The parameters' own rows, from the diagonal on: they keep `keep` of their errors.
+    /// Fades the parameters' own rows, from the diagonal on: they keep `keep` of their errors.
     pub fn fade(&mut self, keep: &Errors<f32>) {
         let keep: Row = (*keep).into();
         for (i, row) in self.0.iter_mut().enumerate().skip(MOVED) {
@@ -261,8 +261,8 @@ impl Covariance {
         element
     }
 
-    /// Gains of a reading of the element with that variance \[K2\], and the share of the element's variance that is
-    /// left.
+    /// Returns the gains for a reading of the element with this variance \[K2\], and the share of the element's
+    /// variance that remains.
     pub fn gains(&self, reading_k2: f32) -> (Errors<f32>, f32) {
         let element = self.element();
         let per_s = 1.0 / (self.element_k2() + reading_k2);
@@ -270,14 +270,14 @@ impl Covariance {
         (gains.into(), reading_k2 * per_s)
     }
 
-    /// P' = (I - K H) P, from the diagonal on.
+    /// Computes P' = (I - K H) P, from the diagonal on.
     pub fn reduce(&mut self, gains: &Errors<f32>, left: f32) {
         let element = *self.element();
         let gains: Row = (*gains).into();
         for (i, (row, gain)) in self.0.iter_mut().zip(gains).enumerate() {
             let (Some(row), Some(element)) = (row.get_mut(i..), element.get(i..)) else { return };
             if i + 1 == MOVED {
-                // By a product and never by a difference.
+                // As a product, never as a difference.
                 row.iter_mut().for_each(|entry| *entry *= left);
             } else {
                 for (entry, covariance) in row.iter_mut().zip(element) {
@@ -300,7 +300,8 @@ impl Covariance {
         }
     }
 
-    /// Whether variances are above these, which they are then set to, and below those that anything can have.
+    /// Limits the variances to between `least` and the most that anything can have; returns whether all were below
+    /// that.
     pub fn limit(&mut self, least: &Errors<f32>) -> bool {
         const MOST: f32 = 1.0e4;
         let least: Row = (*least).into();
@@ -314,7 +315,7 @@ impl Covariance {
         sound
     }
 
-    /// Variance of the relative error of the mean gas temperature, for zones of these shares of the mass.
+    /// Variance of the relative error of the mean gas temperature, for zones with these shares of the mass.
     pub fn gas(&self, shares: &PerZone) -> f32 {
         let [a, b, c, d, ..] = &self.0;
         let row = |[a, b, c, d, ..]: &Row| total(&times(&[*a, *b, *c, *d], shares));

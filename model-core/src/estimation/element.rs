@@ -9,26 +9,26 @@ use crate::sensing::GasReading;
 
 /// Below this difference, beside twice the stated deviation, the gas need not move its element \[K\].
 const UNMOVED_K: f32 = 0.3;
-/// Innovations that stay beyond so many deviations, averaged over half a second, show that the state is wrong and
-/// not the reading.
+/// Averaged over half a second, innovations beyond this many deviations show that readings and state contradict each
+/// other.
 const CONTRADICTION: f32 = 5.0;
-/// How far from ambient temperature strokes take an element that follows the gas, at most: assumed \[K\].
+/// Largest distance from ambient temperature to which strokes take an element that follows the gas \[K\]: assumed.
 const SWINGS_K: f32 = 30.0;
-/// A bias of the readings beyond so many deviations is none of the filter's errors. Measured: 24 h of healthy muscles with
-/// heat, lag, wall, friction and load configured wrong by up to two never reach it, and 100 sensors that drift by 0.5 K/s
-/// or more do within 20 s; with 2.6 one of them takes 22 s.
+/// A bias of the readings beyond this many deviations is not an error of the filter. Measured: 24 h of healthy muscles
+/// whose heat, lag, wall, friction and load are configured wrong by up to a factor of two never reach it, and 100
+/// sensors that drift by 0.5 K/s or more do within 20 s; with 2.6 one of them takes 22 s.
 const BIASED: f32 = 2.4;
-/// A bias that has moved the housing by less \[K\] may be a room's, or the sun's. An assumption; sensors that drift by
-/// 0.5 K/s or more move it by at least 8 K.
+/// A bias that has moved the housing by less \[K\] may come from the room or the sun. An assumption; sensors that drift
+/// by 0.5 K/s or more move it by at least 8 K.
 const LEAST_DRIFT_K: f32 = 5.0;
-/// Updates of variance that a bias starts with, four seconds: a few innovations show none.
+/// Updates of variance with which a bias starts, four seconds: a few innovations show none.
 const UNBIASED_UPDATES: f32 = 100.0;
-/// How far the estimated lags and the foil's place may be from what is configured: by a factor, and a share of
-/// the length.
+/// Range of the estimated lags and of the foil's place about the configured values: a factor, and a share of the
+/// length.
 const LAGS: f32 = 12.0;
 const PLACES: f32 = 0.4;
 
-/// Bias of the innovations over some seconds. Those of a filter whose model holds are white: divided by their
+/// Bias of the innovations over some seconds. If the filter's model holds, the innovations are white: divided by their
 /// deviations, their sum has the variance of their number.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bias {
@@ -49,7 +49,8 @@ impl Bias {
         self.variance = kept * kept * self.variance + 1.0;
     }
 
-    /// Whether it is none of the filter's errors, and leads away from ambient; `above_k`: the reading above ambient.
+    /// Returns whether the bias exceeds the filter's errors and leads away from ambient; `above_k`: the reading above
+    /// ambient.
     fn is_drift(&self, above_k: f32) -> bool {
         self.sum * above_k > 0.0
             && absolute(self.moved_k) > LEAST_DRIFT_K
@@ -64,27 +65,27 @@ pub struct Element {
     pub sensor_k: f32,
     /// Difference of the gas at the foil from its zone \[K\].
     pub foil_k: f32,
-    /// Profile of the gas around it, how much warmer it is there than in the mean of the section \[K\], and the gain on an
-    /// error of that mean.
+    /// Profile of the gas around the foil, how much warmer the gas is there than in the mean of the section \[K\], and
+    /// the gain on an error of that mean.
     pub profile: Profile,
     above_k: f32,
     gain: f32,
     /// Estimated lags of element and housing \[s\].
     pub lag_s: f32,
     pub housing_lag_s: f32,
-    /// Place of the foil beside the configured one, share of the length \[-\].
+    /// Offset of the foil's place from the configured one, share of the length \[-\].
     pub place: f32,
-    /// Weights of the zones in what the foil sees, and in its change with the place \[-\].
+    /// Weights of the zones in what the foil sees, and their change with its place \[-\].
     weights: PerZone,
     slope: PerZone,
     /// Last reading \[K\].
     pub reading_k: f32,
-    /// Distance that the element must have moved in the intervals since the reading last changed \[K\].
+    /// Distance that the element should have moved in the intervals since the reading last changed \[K\].
     unmoved_k: f32,
     frozen: bool,
     /// Updates for which a contradiction of readings and model is still reported.
     contradicted_updates: u16,
-    /// The sensor is the wrong one of the two: its readings correct nothing.
+    /// Whether the sensor is the wrong one of the two; its readings then correct nothing.
     distrusted: bool,
     /// Innovations, averaged twice \[K\].
     smooth_k: f32,
@@ -95,7 +96,7 @@ pub struct Element {
 /// Response of housing and element in an interval.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Response {
-    /// Shares of their differences that are left \[-\].
+    /// Shares of housing's and element's differences that remain \[-\].
     pub housing_left: f32,
     pub element_left: f32,
     /// Changes \[K\].
@@ -122,14 +123,14 @@ impl Response {
     };
 }
 
-/// Weights of linear interpolation between the middles of the zones at that place.
+/// Weights of linear interpolation between the middles of the zones at this place.
 fn interpolated(place: f32) -> PerZone {
     let at = ZONES as f32 * limit(place, 0.125, 0.875) - 0.5;
     [0.0, 1.0, 2.0, 3.0].map(|zone| limit(1.0 - absolute(at - zone), 0.0, 1.0))
 }
 
 impl Element {
-    /// An element at this temperature \[K\], of which no reading is known yet.
+    /// Creates an element at this temperature \[K\], without a reading yet.
     pub fn new(temperature_k: f32, c: &Coefficients) -> Self {
         let mut element = Self {
             housing_k: temperature_k,
@@ -173,7 +174,7 @@ impl Element {
         self.set_weights(c);
     }
 
-    /// Starts to watch for a frozen reading from here.
+    /// Restarts the watch for a frozen reading.
     pub fn forget_standstill(&mut self) {
         self.unmoved_k = 0.0;
     }
@@ -190,12 +191,12 @@ impl Element {
         self.slope = scaled(&slope, 0.5 / APART);
     }
 
-    /// Change of what the foil sees with its place \[K\].
+    /// Returns the change of what the foil sees with its place \[K\].
     pub fn slope_k(&self, zones_k: &PerZone) -> f32 {
         total(&times(&self.slope, zones_k))
     }
 
-    /// Moves the profile around the foil, in zones that are that much warmer than their wall \[K\].
+    /// Moves the profile around the foil, in zones that are `excess_k` warmer than their wall \[K\].
     pub fn conduct(&mut self, c: &Coefficients, exchange: &Exchange, excess_k: &PerZone) {
         self.profile.advance(&exchange.conduction, total(&times(&self.weights, excess_k)));
         // Stirring flattens it.
@@ -205,7 +206,7 @@ impl Element {
         self.gain = 1.0 + share * c.foil_settled;
     }
 
-    /// Moves housing and element by some steps with zones of those mean temperatures \[K\].
+    /// Moves housing and element by some steps with zones of these mean temperatures \[K\].
     pub fn follow(
         &mut self,
         zones_k: &PerZone,
@@ -215,7 +216,7 @@ impl Element {
         let duration_s = steps * step_s;
         let seen_k = times(&self.weights, zones_k);
         let foil_k = total(&seen_k) + self.above_k + self.foil_k;
-        // Means on both sides: implicit Euler then delays by just the lag.
+        // Means on both sides: implicit Euler then delays by exactly the lag.
         let housing_share = duration_s / (self.housing_lag_s + duration_s);
         let housing_k = housing_share * (foil_k - self.housing_k);
         self.housing_k += housing_k;
@@ -228,11 +229,11 @@ impl Element {
         response.element_k += element_k;
         response.mean_k += steps * (self.sensor_k - 0.5 * element_k);
         response.zones_k = plus(&response.zones_k, &scaled(&seen_k, self.gain * steps));
-        // The profile is one about the wall.
+        // The profile is relative to the wall.
         response.wall += (1.0 - self.gain) * steps;
     }
 
-    /// The interval's reading, unless it is a frozen one.
+    /// Returns the interval's reading, unless it is frozen.
     pub fn judge(
         &mut self,
         coefficients: &Coefficients,
@@ -254,8 +255,8 @@ impl Element {
         reading
     }
 
-    /// Takes an innovation \[K\] of that variance \[K2\]. Whether readings and model contradict each other, and it is the
-    /// model that is wrong.
+    /// Takes an innovation \[K\] of this variance \[K2\]. Returns whether readings and model contradict each other and
+    /// the model is wrong.
     pub fn compare(&mut self, c: &Coefficients, innovation_k: f32, variance_k2: f32) -> bool {
         self.smooth_k += c.smoothing * (innovation_k - self.smooth_k);
         self.smoother_k += c.smoothing * (self.smooth_k - self.smoother_k);
@@ -263,9 +264,9 @@ impl Element {
             && self.contradict(c)
     }
 
-    /// Watches for a bias of the innovations that corrected something. A reading that drifts takes gas, wall and what
-    /// the foil sees along, and no innovation is large; but all of them have one sign. Where they lead back to ambient,
-    /// it is the model that errs.
+    /// Watches for a bias of the innovations that corrected something. A drifting reading takes the estimates of gas,
+    /// wall and foil along: no innovation is large, but all have one sign. If they lead back to ambient, the model
+    /// errs.
     pub fn watch(
         &mut self,
         c: &Coefficients,
@@ -284,14 +285,15 @@ impl Element {
         }
     }
 
-    /// Starts to watch for a bias from here.
+    /// Restarts the watch for a bias.
     pub fn forget_bias(&mut self) {
         self.bias = Bias::NONE;
     }
 
-    /// Readings and model cannot both be right. Gas in a muscle returns to its surroundings within seconds, and so
-    /// does the element: the one that is further from them is wrong. Whether that is the model. Readings that are
-    /// distrusted stay so until they have agreed with it for ten seconds, unless it is far from where an element swings.
+    /// Decides which is wrong, since readings and model cannot both be right; returns whether it is the model. Gas in a
+    /// muscle returns to its surroundings within seconds, and so does the element: the one further from ambient is
+    /// wrong. Distrusted readings stay distrusted until they have agreed with the model for ten seconds, unless the
+    /// model is far outside the range in which an element swings.
     fn contradict(&mut self, coefficients: &Coefficients) -> bool {
         self.contradicted_updates = coefficients.counts.ten_seconds_updates;
         let ambient_k = coefficients.ambient.temperature_k;
@@ -305,8 +307,8 @@ impl Element {
         self.distrusted
     }
 
-    /// Whether the reading may be a frozen one: a lag learnt from that would mean that nothing had to move, and the wall
-    /// would follow it and stay there.
+    /// Whether the reading may be frozen: a lag learnt from it would mean that nothing had to move, and the wall would
+    /// follow it and stay there.
     pub fn stands_still(&self) -> bool {
         self.unmoved_k > 0.0
     }
@@ -326,7 +328,7 @@ impl Element {
         self.set_weights(c);
     }
 
-    /// Lets the learnt values fade by one share an interval, and the difference at the foil by another.
+    /// Fades the learnt values by one share per interval, and the difference at the foil by another.
     pub fn fade(&mut self, c: &Coefficients) {
         let share = c.forget;
         self.lag_s += share * (c.lag_s - self.lag_s);
@@ -342,7 +344,7 @@ mod tests {
     use super::*;
     use crate::config::Config;
 
-    /// Still gas that a source keeps 1 K above its wall: with a wall that is 1 K warmer, it has no profile.
+    /// Still gas that a source keeps 1 K above its wall has no profile if the wall is taken to be 1 K warmer.
     #[test]
     fn an_error_of_the_wall_is_seen_by_the_foil() {
         let mut config = Config::default();

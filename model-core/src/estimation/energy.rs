@@ -1,20 +1,19 @@
 //! The gas's internal energy, between the prediction of the balance and the measurement by pressure and length.
 //!
-//! While a valve is open, what is measured more than predicted came in by flow, and is followed as a
-//! trend. Once both are shut, the energy is the running mean of what is measured about what is predicted,
-//! and for the first 25 ms its corrections still count as flow: they tell better than the
-//! last open step did how much came in. Without that, the noise of the pressure would leave a step
-//! in the mass with every pulse.
+//! While a valve is open, measured energy beyond the prediction came in by flow, and is followed as a trend. Once both
+//! are shut, the energy is the running mean of the measured energies about the prediction, and for the first 25 ms its
+//! corrections still count as flow: they show better than the last open step how much came in. Without that, the noise
+//! of the pressure would leave a step in the mass with every pulse.
 
 use super::Openings;
 use super::trend::{Trend, Uncertainty, on_within};
 use crate::math::limit;
 use crate::step_counts::StepCounts;
 
-/// Over how many steps it averages.
+/// Numbers of steps over which it averages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Averaging {
-    /// Steps after the valves have shut in which corrections of the energy still count as flow.
+    /// Steps after the valves have shut during which corrections of the energy still count as flow.
     late_steps: u16,
     /// Share of each measured energy in the averaged one after that.
     shut_share: f32,
@@ -40,13 +39,13 @@ pub struct Energy {
     energy_j: f32,
     /// Enthalpy that flow brings with each step \[J\].
     flow: Trend,
-    /// Its mean over a PWM period or so in which a valve was driven \[J\].
+    /// Mean of the flow over about one PWM period in which a valve was driven \[J\].
     mean_flow_j: f32,
     closed_steps: u16,
 }
 
 impl Energy {
-    /// So much energy \[J\], and no flow.
+    /// Creates an energy \[J\] without flow.
     pub fn new(energy_j: f32, averaging: Averaging) -> Self {
         Self {
             averaging,
@@ -57,7 +56,7 @@ impl Energy {
         }
     }
 
-    /// The same times, and so much energy \[J\] at rest.
+    /// Starts again from this energy \[J\] at rest, with the same averaging.
     pub fn restart(&mut self, energy_j: f32) {
         *self = Self::new(energy_j, self.averaging);
     }
@@ -67,34 +66,34 @@ impl Energy {
         self.energy_j
     }
 
-    /// Another energy \[J\], which no flow has brought.
+    /// Sets the energy \[J\] without counting the change as flow.
     pub fn set(&mut self, energy_j: f32) {
         self.energy_j = energy_j;
     }
 
-    /// Whether what [`Self::step`] returned was flow.
+    /// Whether the last value returned by [`Self::step`] was flow.
     pub fn flowing(&self) -> bool {
         self.closed_steps < self.averaging.late_steps
     }
 
     /// Fraction of one measured energy's variance that remains after averaging \[-\].
     pub fn noise_left(&self) -> f32 {
-        // While both are shut: less, the longer.
+        // While both valves are shut: less, the longer they are.
         const SHUT: f32 = 0.2;
         if self.closed_steps > 0 { SHUT } else { self.flow.noise_left() }
     }
 
-    /// Energy that flow is likely to bring in a step whose pressure says nothing \[J\]: the mean of those before,
-    /// where it has the valves' direction.
+    /// Energy that flow probably brings in a step without a usable pressure \[J\]: the mean of the steps before, if it
+    /// has the valves' direction.
     fn predicted_j(&self, openings: Openings) -> f32 {
         let least_j = if openings.discharging { f32::MIN } else { 0.0 };
         let most_j = if openings.charging { f32::MAX } else { 0.0 };
         if openings.driven { limit(self.mean_flow_j, least_j, most_j) } else { 0.0 }
     }
 
-    /// One step, for which the balance without flow predicts `closed_j`, and P V/(k-1), eq. (4), is
-    /// `measured_j`. Returns what the energy is more than predicted \[J\]: the enthalpy that came in,
-    /// or once both valves have been shut for that long a correction.
+    /// Runs one step, for which the balance without flow predicts `closed_j`, and P V/(k-1), eq. (4), is `measured_j`.
+    /// Returns by how much the energy exceeds the prediction \[J\]: the enthalpy that came in or, once both valves have
+    /// been shut for long enough, a correction.
     pub fn step(
         &mut self,
         closed_j: f32,
@@ -130,7 +129,7 @@ impl Energy {
             Uncertainty::Noise(_) => share * error_j,
             Uncertainty::WideCode(half_j) => share * (error_j - limit(error_j, -half_j, half_j)),
         };
-        // The average never is far from what is measured.
+        // The average never gets far from the measured value.
         self.energy_j = limit(closed_j + more_j, 0.5 * measured_j, 2.0 * measured_j);
         more_j
     }
@@ -149,8 +148,8 @@ mod tests {
         Openings { turned: false, driven: false, charging: false, discharging: false };
     const FILLING: Openings = Openings { driven: true, charging: true, ..SHUT };
 
-    /// Energy in steps of `rate_j` whose readings stand still between 10 and 30 J: largest error within
-    /// those, and elsewhere.
+    /// Energy in steps of `rate_j` whose readings stay the same between 10 and 30 J: largest error within that range,
+    /// and elsewhere.
     fn through_a_wide_code(rate_j: f32) -> (f32, f32) {
         let mut energy = at_rest(0.0);
         let (mut within_j, mut elsewhere_j) = (0.0_f32, 0.0_f32);
@@ -170,7 +169,7 @@ mod tests {
     fn a_flow_goes_on_through_a_wide_code() {
         let (within_j, elsewhere_j) = through_a_wide_code(0.25);
         assert!(within_j < 0.5 && elsewhere_j < 1e-3, "{within_j} {elsewhere_j}");
-        // Faster than the mean follows it: never out of the code.
+        // Faster than the mean follows: never outside the code.
         let (within_j, elsewhere_j) = through_a_wide_code(2.0);
         assert!((1.0..20.0).contains(&within_j) && elsewhere_j < 1e-3, "{within_j} {elsewhere_j}");
     }

@@ -1,6 +1,6 @@
-//! Movements of the zones and the end of an interval. Each leaves work for the steps that follow, so that no step has more
-//! than one of: the controller's period, a movement, the heat transfer that follows, what it leaves to sums and element,
-//! a part of the covariance. At the end of an interval sums become a linearised error dynamics.
+//! Movements of the zones and the end of an interval. Each leaves work for later steps, so that no step does more than
+//! one of: the controller's period, a movement, the heat transfer after it, the update of sums and element, a part of
+//! the covariance. At the end of an interval the sums become linearised error dynamics.
 
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
 use super::element::Response;
@@ -14,20 +14,20 @@ use crate::sensing::GasReading;
 
 /// Rows that an interval moves.
 const ROWS: u8 = 7;
-/// Steps after a movement of the zones for which all that follows from it may wait.
+/// Steps after a movement of the zones for which all its follow-up work may wait.
 const LATE_STEPS: u16 = 2;
-/// Work that has no more steps to spare than this does not wait any longer.
+/// Work with no more steps to spare than this waits no longer.
 const SPARE_STEPS: u16 = 4;
-/// Variance that a leak adds per second, in squares of its rate: configured a tenth wrong, for five seconds \[s\].
+/// Variance that a leak adds per second, in squares of its rate: configured wrong by 10 % for five seconds \[s\].
 const LEAK_UNCERTAINTY_S: f32 = 0.1;
-/// Drift of the gas temperature's error without a length \[K\], in a second: the length that pressure and load stand for
-/// errs by what friction holds, 18 mm at 800 N/m, a sixteenth of the volume, and (k-1) T/16 is 7 K. An assumption, of one
-/// turn a second.
+/// Drift of the gas temperature's error without a length \[K\], in a second: the length derived from pressure and load
+/// errs by what friction holds, 18 mm at 800 N/m, a sixteenth of the volume, and (k-1) T/16 is 7 K. An assumption, for
+/// one turn a second.
 const LENGTHLESS_DRIFT_K: f32 = 7.0;
-/// Deviation that a movement which replaces a zone's gas adds to the mass \[-\]: the temperature at the port then errs by
-/// a tenth (`zones.rs`), and a tenth of the gas leaves before zones and readings have followed. An assumption.
+/// Deviation that a movement which replaces a zone's gas adds to the mass \[-\]: the temperature at the port then errs
+/// by 10 % (`zones.rs`), and 10 % of the gas leaves before zones and readings have followed. An assumption.
 const REPLACED_SD: f32 = 0.01;
-/// Innovations beyond so many of their deviations correct nothing.
+/// Innovations beyond this many of their deviations correct nothing.
 const UNLIKELY: f32 = 5.0;
 /// Range of the factors on heat transfer and stirring.
 const FACTORS: [f32; 2] = [1.0 / 12.0, 12.0];
@@ -38,9 +38,9 @@ pub(super) struct Interval {
     pub steps: u16,
     /// Enthalpy that leaked \[J\].
     pub leaked_j: f32,
-    /// A step of it had no pressure.
+    /// Whether a step of it had no pressure.
     pub void: bool,
-    /// Since the zones moved last.
+    /// Flow since the zones last moved.
     pub flow: Flow,
 }
 
@@ -105,9 +105,9 @@ pub(super) struct Window {
     pub start_j: f32,
     /// Enthalpy that leaked \[J\].
     pub leaked_j: f32,
-    /// A step of it had no pressure.
+    /// Whether a step of it had no pressure.
     pub void: bool,
-    /// A valve was open in a step of it.
+    /// Whether a valve was open in a step of it.
     pub flowed: bool,
 }
 
@@ -128,7 +128,7 @@ pub(super) enum Work {
 }
 
 impl Work {
-    /// Parts that are left.
+    /// Number of parts that are left.
     fn parts(self) -> u16 {
         let rows = u16::from(ROWS);
         match self {
@@ -144,12 +144,12 @@ impl Work {
     }
 }
 
-/// Inputs of the work that is left, and what its parts hand on.
+/// Inputs of the remaining work, and results that its parts pass on.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pending {
     pub work: Work,
     pub moved: Movements,
-    /// Masses at the end of the interval, before anything corrects them \[kg\].
+    /// Masses at the end of the interval, before any correction \[kg\].
     pub mass_kg: PerZone,
     pub transition: Transition,
     pub product: Product,
@@ -216,7 +216,7 @@ impl GasRow {
 }
 
 impl Movements {
-    /// Flow of a movement, before the zones move by it.
+    /// Adds the flow of a movement, before the zones move by it.
     fn add_flow(&mut self, flow: &Flow, zones: &Zones) {
         if self.count == 0 {
             self.mass_kg = zones.mass_kg;
@@ -243,8 +243,8 @@ impl Movements {
         add(&mut self.faces.down, &moved.faces.down);
     }
 
-    /// Rows of the heat that each zone gives to the wall, and of their sum. An error decays by that heat while the
-    /// interval lasts: one at its start counts with its mean, 1/(1 + x/2) for x = G/(cp m).
+    /// Returns the rows of the heat that each zone gives to the wall, and of their sum. An error decays by that heat
+    /// during the interval: an error at its start counts with its mean, 1/(1 + x/2) for x = G/(cp m).
     fn heat_rows(&self, gas_k: &PerZone, per_cp: f32) -> ([GasRow; ZONES], GasRow) {
         let mut rows = [GasRow::default(); ZONES];
         let mut sum = GasRow::default();
@@ -268,15 +268,15 @@ impl Movements {
 }
 
 impl Estimator {
-    /// Moves the zones when they are due, and does what that leaves, and the work of an interval, one part a step, clear
-    /// of the steps in which the controller has its own to do, as long as there are others left.
+    /// Moves the zones when they are due, and does the follow-up work and the work of an interval, one part per step.
+    /// While other steps are left, it avoids those in which the controller works.
     pub(super) fn advance_covariance(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let counts = self.coefficients.counts;
         let left = counts.update_steps.saturating_sub(self.interval.steps);
         let moves = left == 0 || self.interval.flow.steps == counts.move_steps;
         let late = moves || self.interval.flow.steps > LATE_STEPS;
         let mut idle = !(measurement.busy || moves);
-        // One a step, but no movement before all that the one before has left.
+        // One part per step, but no movement before the follow-up work of the previous one is done.
         while (idle || late) && self.follow_movement() {
             idle = false;
             if !moves {
@@ -291,7 +291,7 @@ impl Estimator {
             return;
         }
         let parts = counts.parts_per_step;
-        // Not a quotient: the optimiser cannot see that `parts` is never 0.
+        // A product, not a quotient: the optimiser cannot see that `parts` is never 0.
         let spared = left.saturating_sub(SPARE_STEPS);
         if idle || spared.saturating_mul(parts) <= self.pending.work.parts() {
             for _ in 0..parts {
@@ -300,8 +300,8 @@ impl Estimator {
         }
     }
 
-    /// The next thing that a movement of the zones has left: the heat transfer that follows, sums and element, the
-    /// interval's end; whether there was any.
+    /// Does the next follow-up part of a movement: the heat transfer, sums and element, or the interval's end. Returns
+    /// whether there was one.
     fn follow_movement(&mut self) -> bool {
         if self.exchange_due {
             self.keep_exchange();
@@ -315,7 +315,7 @@ impl Estimator {
         true
     }
 
-    /// The next part of the work that is left.
+    /// Does the next part of the remaining work.
     fn work(&mut self) {
         let Pending { work, .. } = self.pending;
         self.pending.work = match work {
@@ -357,7 +357,7 @@ impl Estimator {
         };
     }
 
-    /// Moves zones, walls, housing and element by what flowed since they moved last.
+    /// Moves zones, walls, housing and element by the flow since they last moved.
     fn move_zones(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let flow = core::mem::take(&mut self.interval.flow);
         if self.interval.void || flow.steps == 0 {
@@ -384,7 +384,7 @@ impl Estimator {
         self.set_leak(self.pressure_pa);
     }
 
-    /// Takes what the last movement needs of the heat transfer that it had, before another one replaces it.
+    /// Keeps the part of the present heat transfer that the last movement needs, before another one replaces it.
     fn keep_exchange(&mut self) {
         let Some((moved, conductance_j_k @ None)) = &mut self.moved else { return };
         *conductance_j_k = Some(self.exchange.settled_j_k());
@@ -395,8 +395,8 @@ impl Estimator {
         }
     }
 
-    /// Has sums and element follow the last movement of the zones, and an interval that ended with it. The wall gets the
-    /// heat of friction with the next one.
+    /// Updates sums and element by the last movement of the zones, and ends an interval that ended with it. The wall
+    /// gets the heat of friction with the next movement.
     fn add_movement(&mut self, moved: &Moved, conductance_j_k: &PerZone) {
         self.place.friction_j = self.rub(-self.place.way_m);
         let c = &self.coefficients;
@@ -409,7 +409,7 @@ impl Estimator {
         }
     }
 
-    /// Moves slip and creep by a contraction; returns the heat that the wall gets of them and of friction \[J\].
+    /// Moves slip and creep by a contraction; returns the heat that they and friction give to the wall \[J\].
     fn rub(&mut self, way_m: f32) -> f32 {
         let Coefficients { hysteresis, friction, ambient, .. } = &self.coefficients;
         let softening = friction.softening(self.zones.mean_wall_k());
@@ -430,7 +430,7 @@ impl Estimator {
         }
     }
 
-    /// Leaves out an interval that counts for nothing, its drift excepted.
+    /// Drops an interval that counts for nothing, except for its drift.
     pub(super) fn drop_interval(&mut self) {
         self.interval = Interval::default();
         self.forget_movements();
@@ -444,12 +444,12 @@ impl Estimator {
         self.ended = None;
     }
 
-    /// Leaves the work of an interval whose sums are complete.
+    /// Starts the work of an interval whose sums are complete.
     fn close_interval(&mut self, ended: &Ended) {
         let moved = core::mem::take(&mut self.movements);
         let c = self.coefficients;
         if c.leaks {
-            // No number where next to no gas is left.
+            // Not a number if almost no gas is left.
             self.pending.leaked = limit(ended.leaked_j * self.per_enthalpy(), -1.0, 1.0);
         }
         let swing_k = self.gas_k - self.zones.mean_wall_k();
@@ -467,9 +467,9 @@ impl Estimator {
     fn read_element(&mut self, ended: &Ended, response: &Response) {
         let share = 1.0 - response.element_left;
         let reading = self.element.judge(&self.coefficients, ended.gas, share, self.gas_sd_k);
-        // The mean of the readings belongs to the mean of the element. Ten milliseconds seem little
-        // beside a lag of seconds, but at a stroke's frequency a delay so small looks like a tenth of
-        // a second more of lag. A digital part's readings carry their own age.
+        // The mean of the readings belongs to the mean of the element. Ten milliseconds seem little beside a lag of
+        // seconds, but at a stroke's frequency so small a delay looks like 0.1 s of additional lag. A digital part's
+        // readings carry their own age.
         let age_steps = ended.gas.and_then(|gas| gas.age_steps);
         let steps = f32::from(ended.steps);
         let expected_k = match age_steps {
@@ -484,7 +484,7 @@ impl Estimator {
         self.pending.innovation_k = reading.map(|gas| gas.value_k - expected_k);
     }
 
-    /// Records the balance of a window, whatever heat transfer and leak were between none and the configured ones.
+    /// Records the balance of a window, for any heat transfer and leak between none and the configured ones.
     pub(super) fn end_window(&mut self) {
         if self.window.steps < self.coefficients.counts.interval_steps {
             return;
@@ -498,12 +498,12 @@ impl Estimator {
         let share = |enthalpy_j: f32| enthalpy_j * per_j;
         let Window { heat_j, leaked_j, flowed, .. } = window;
         let (taken_j, given_j) = (limit(heat_j, f32::MIN, 0.0), limit(heat_j, 0.0, f32::MAX));
-        // Gas that leaked out was let in by valves; gas that leaked in was not.
+        // A leak outwards was supplied by the valves; a leak inwards was not.
         let least_j = adiabatic_j + taken_j + limit(leaked_j, f32::MIN, 0.0);
         let most_j = adiabatic_j + given_j + limit(leaked_j, 0.0, f32::MAX);
         if !flowed && self.length_source == LengthSource::Sensor {
             let gained = [least_j + taken_j, most_j + given_j].map(share);
-            // Two windows are an interval.
+            // Two windows make an interval.
             self.leakage.add(gained, 0.5 * self.coefficients.interval_s);
         }
         self.balance = Some(Balance {
@@ -515,12 +515,12 @@ impl Estimator {
         });
     }
 
-    /// Share of the gas that an enthalpy stands for \[1/J\].
+    /// Share of the gas that corresponds to an enthalpy \[1/J\].
     fn per_enthalpy(&self) -> f32 {
         self.coefficients.per_cp / (self.mass_kg.value() * self.gas_k)
     }
 
-    /// The linearised error dynamics of an interval: see the head of the module.
+    /// Computes the linearised error dynamics of an interval: see the head of the module.
     fn transition(&self) -> Transition {
         let Pending { moved, mass_kg, .. } = &self.pending;
         let steps = f32::from(moved.steps);
@@ -530,7 +530,7 @@ impl Estimator {
         let [port_kg, ..] = moved.mass_kg;
         let closed = 1.0 - f32::from(moved.flowing_steps) / steps;
         let c = &self.coefficients;
-        // Less than the mass resolves is no inflow: its sign would be that of a subnormal number.
+        // Less than the mass resolves counts as no inflow: its sign would be that of a subnormal number.
         let net_kg = moved.inflow_kg - moved.outflow_kg;
         let through_k = if net_kg > f32::EPSILON * port_kg { c.supply_k } else { port_k };
         let out_kg = limit(-net_kg, 0.0, 0.5 * port_kg);
@@ -610,14 +610,14 @@ impl Estimator {
         let replacements = core::mem::take(&mut self.pending.moved.replacements);
         common += square(REPLACED_SD) * f32::from(replacements);
         self.covariance.add_common(common);
-        // First-order Gauss-Markov: an error that is not seen again returns to the configured value.
+        // First-order Gauss-Markov: an error that is not observed again returns to the configured value.
         let returned = 2.0 * c.forget;
         let foil_k2 = self.foil_k2();
         let parameters = c.parameters();
         self.covariance.add_variances(&Errors {
             zones: [alone * duration_s; ZONES],
             wall: square(tuning.wall_drift_k) * duration_s,
-            // Rounding must not starve them.
+            // Rounding must not reduce them to zero.
             housing: 1.0e-6,
             element: 1.0e-7,
             foil: (1.0 - square(c.keep.foil)) * foil_k2,
@@ -639,13 +639,13 @@ impl Estimator {
         }
     }
 
-    /// Variance of what the foil sees beside its zone \[K2\].
+    /// Variance of what the foil sees beyond its zone's temperature \[K2\].
     fn foil_k2(&self) -> f32 {
         let EstimatorConfig { foil_sd_k, foil_swing, .. } = self.coefficients.tuning;
         foil_sd_k * foil_sd_k + foil_swing * foil_swing * self.swing_k2
     }
 
-    /// Takes the interval's innovation; whether it has corrected anything.
+    /// Applies the interval's innovation; returns whether it corrected anything.
     fn take_innovation(&mut self) -> bool {
         let Some(innovation_k) = self.pending.innovation_k.take() else { return false };
         let reading_k2 = self.pending.reading_k2;
@@ -667,13 +667,13 @@ impl Estimator {
         true
     }
 
-    /// Kalman update of the state.
+    /// Corrects the state by a Kalman update.
     fn correct(&mut self, innovation_k: f32) {
         let gains = self.pending.gains;
         let learns = !self.element.stands_still();
         let wall_k = if learns { gains.wall * innovation_k } else { 0.0 };
         let factors = gains.zones.map(|gain| 1.0 + limit(gain * innovation_k, -0.05, 0.05));
-        // Since the zones moved last, gas may have come or gone: they give a factor on what there is now.
+        // Gas may have come or gone since the zones last moved: their correction is a factor on the present mass.
         let before_kg = total(&self.zones.mass_kg);
         self.zones.mass_kg = times(&self.zones.mass_kg, &factors);
         let factor = total(&self.zones.mass_kg) / before_kg;
@@ -692,7 +692,7 @@ impl Estimator {
         element.housing_k += gains.housing * innovation_k;
         element.sensor_k += gains.element * innovation_k;
         element.foil_k += gains.foil * innovation_k;
-        // The interval that has begun is to be compared with its reading as if it had begun corrected.
+        // The interval under way must compare with its reading as if it had begun corrected.
         let moved = &mut self.movements;
         moved.response.mean_k += gains.element * innovation_k * f32::from(moved.steps);
         if learns {
@@ -713,7 +713,7 @@ impl Estimator {
     fn update_deviation(&mut self) {
         let noise = self.coefficients.pressure_sd_pa / self.pressure_pa;
         let shares = scaled(&self.zones.mass_kg, 1.0 / total(&self.zones.mass_kg));
-        // Anywhere within a wide code alike.
+        // Uniform within a wide code.
         let unseen = self.wide_volume * self.wide_volume * (1.0 / 3.0);
         let variance =
             self.covariance.gas(&shares) + self.energy.noise_left() * noise * noise + unseen;
@@ -726,7 +726,7 @@ impl Estimator {
 mod tests {
     use super::*;
 
-    /// However well gas and wall exchange heat, an error of the gas is not larger after an interval than before.
+    /// However well gas and wall exchange heat, an error of the gas does not grow over an interval.
     #[test]
     fn heat_to_the_wall_lets_no_error_grow() {
         let (cp_j_kg_k, gas_k, mass_kg) = (1005.0, 300.0, 1.0e-4);
@@ -740,7 +740,7 @@ mod tests {
             let [own, ..] = row.zones;
             let left = 1.0 + own / (cp_j_kg_k * gas_k * mass_kg);
             assert!((-1.0..=1.0).contains(&left), "{exchanged}: {left}");
-            // The exact decay, where it is slow.
+            // The exact decay, if it is slow.
             let exact = (-exchanged).exp();
             assert!(exchanged > 1.0 || (left - exact).abs() < 0.04, "{exchanged}: {left}");
         }

@@ -1,8 +1,9 @@
-//! Gas that passes two shut valves: a leak that is not configured, or a valve that is not tight.
+//! Gas that passes two shut valves: a leak that is not configured, or a valve that leaks.
 //!
-//! While both valves are shut, the mass is taken to stay as it is. Gas that is lost then looks like gas that cools, and the
-//! gas sensor seems to contradict it. The balance tells them apart much as the plausibility monitor does
-//! (`safety/plausibility.rs`): what no heat transfer between none and twice the believed one explains has come or gone,
+//! While both valves are shut, the mass is assumed constant. Lost gas then looks like gas that cools, and the gas
+//! sensor seems to contradict it. The balance distinguishes the two much as the plausibility monitor does
+//! (`safety/plausibility.rs`): a change that no heat transfer between none and twice the believed one explains is gas
+//! that has come or gone,
 //!
 //! ```text
 //! lost'   = (1 - D/t) lost   - most_gained       over a window D without flow, 0 at least
@@ -13,36 +14,36 @@
 
 use crate::math::{is_above, limit};
 
-/// Time for which it is remembered \[s\]: longer than gas takes to its wall's temperature, so that a slow leak adds
-/// up, and shorter than a wall takes to ambient. An assumption.
+/// Time for which the leak is remembered \[s\]: longer than gas takes to reach its wall's temperature, so that a slow
+/// leak adds up, and shorter than a wall takes to reach ambient. An assumption.
 const REMEMBERED_S: f32 = 20.0;
-/// Gas that is missing or too much before it is a leak, share of what is there \[-\]: mistaken heat transfer may
-/// amount to as much, 1.5 K. An assumption. A leak of 0.04 % a second adds up to it in the end.
+/// Missing or excess gas that counts as a leak, share of the gas in the chamber \[-\]: wrong heat transfer may amount
+/// to as much, 1.5 K. An assumption. A leak of 0.04 % a second adds up to it in the end.
 const EVIDENT: f32 = 0.005;
-/// Most of it that is remembered: once the leak has ended, it counts for 14 s.
+/// Largest share that is remembered: after the leak has ended, it counts for another 14 s.
 const MOST: f32 = 2.0 * EVIDENT;
 
-/// More than that in a window is a burst, or a reading that jumps, and no leak to follow \[1/s\]. An assumption.
+/// A faster change within a window is a burst or a jump of the reading, not a leak to follow \[1/s\]. An assumption.
 const FASTEST_PER_S: f32 = 0.3;
 
-/// Way of gas through shut valves.
+/// Direction of gas through shut valves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Way {
     In,
     Out,
 }
 
-/// Gas that has passed two shut valves, as far as it is remembered, share of what is there \[-\].
+/// Remembered gas that has passed two shut valves, share of the gas in the chamber \[-\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(super) struct Leakage {
     lost: f32,
     gained: f32,
-    /// Set once it is evident. Every step asks for it.
+    /// Set once the leak is evident. Read in every step.
     pub way: Option<Way>,
 }
 
 impl Leakage {
-    /// Takes the least and the most share of the gas that it can have gained in a window without flow.
+    /// Adds the smallest and the largest share of the gas that may have come in during a window without flow.
     pub fn add(&mut self, [least_gained, most_gained]: [f32; 2], window_s: f32) {
         let forgotten = window_s * (1.0 / REMEMBERED_S);
         let add = |sum: f32, more: f32| {
@@ -61,7 +62,7 @@ impl Leakage {
 mod tests {
     use super::*;
 
-    /// After so many windows of 20 ms, in each of which the gas gained between these shares a second.
+    /// State after this many windows of 20 ms, in each of which the gas gained between these shares per second.
     fn after(windows: u16, [least, most]: [f32; 2]) -> Leakage {
         let mut leakage = Leakage::default();
         (0..windows).for_each(|_| leakage.add([0.02 * least, 0.02 * most], 0.02));
@@ -84,7 +85,7 @@ mod tests {
         assert_eq!(after(u16::MAX, [-0.0004, -0.0003]).way, Some(Way::Out));
     }
 
-    /// A pressure that is no number leaves sums that are.
+    /// A pressure that is not a number leaves finite sums.
     #[test]
     fn sums_stay_numbers() {
         for share in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {

@@ -1,9 +1,8 @@
 //! The gas temperature in real time: an extended Kalman filter whose mass and temperature move at every step, whose
 //! zones move every 10 ms and whose covariance moves every 40 ms.
 //!
-//! Pressure P and length (hence volume V) are measured fast and well. With the energy balance they
-//! give the enthalpy that came in or left, whatever valve it went through. Without flow, (3) predicts
-//! the internal energy U:
+//! Pressure P and length (hence volume V) are measured fast and well. With the energy balance they give the enthalpy
+//! that came in or left, through whichever valve. Without flow, (3) predicts the internal energy U:
 //!
 //! ```text
 //! U        = P V/(k-1)                                    (4)
@@ -13,12 +12,12 @@
 //! T        = U/(m c_v)                                    (1)
 //! ```
 //!
-//! No valve needs to be calibrated; that a valve is open is known from the duty. Noise is
-//! averaged where that costs no delay (`trend.rs`, `energy.rs`). With both valves shut nothing crosses the port, unless the
-//! balance shows that they or the chamber are not tight (`leakage.rs`).
+//! No valve needs to be calibrated; the duties show when a valve is open. Noise is averaged where that costs no delay
+//! (`trend.rs`, `energy.rs`). With both valves shut nothing crosses the port, unless the balance shows that they or the
+//! chamber leak (`leakage.rs`).
 //!
-//! The slow Pt sensor corrects drift: T_s' = (T_h - T_s)/tau, T_h' = (T_f - T_h)/tau_h, where the foil sees
-//! T_f = T(place) + b, the gas at its place and what is around it alone.
+//! The slow Pt sensor corrects drift: T_s' = (T_h - T_s)/tau, T_h' = (T_f - T_h)/tau_h, where the foil sees T_f =
+//! T(place) + b, the gas at its place and a local difference.
 //!
 //! Every 10 ms gas moves between four zones along the muscle (`zones.rs`), and with it their walls, housing and element.
 //! Every 40 ms the covariance follows (`covariance.rs`), and a mean reading corrects everything:
@@ -34,14 +33,13 @@
 //! | ln tau, ln tau_h | lags of element and housing | `lag_sd`, `housing_sd` | `memory_s` |
 //! | z | place of the foil, share of the length | `place_sd` | `memory_s` |
 //!
-//! Without a length the masses drift alike by what friction hides of the volume, instead of by `gas_drift_k`.
-//! b and the parameters are first-order Gauss-Markov processes about what is configured: a model's error stays the
-//! same cycle after cycle, and a filter that counted every cycle as new evidence would be sure of a wrong value in
-//! the end.
+//! Without a length the masses drift alike by the part of the volume that friction hides, instead of by `gas_drift_k`.
+//! b and the parameters are first-order Gauss-Markov processes about the configured values: a model's error stays the
+//! same cycle after cycle, and a filter that counted every cycle as new evidence would end up sure of a wrong value.
 //!
-//! The linearised error over one interval D, with the conductance G_i, the heat Q_i = G_i (T_i - T_w) and the part
-//! R_i of it that is stirred, the volumes x_f that cross the faces and what mixes there, y_f, and the gain g of what the
-//! foil sees on an error that stays, by the profile of still gas:
+//! The linearised error over one interval D, with the conductance G_i, the heat Q_i = G_i (T_i - T_w) and the part R_i
+//! of it that is stirred, the volumes x_f that cross the faces and y_f that mix there, and the gain g of the foil on a
+//! persistent error, from the profile of still gas:
 //!
 //! ```text
 //! dQ_i  = (Q_i ln s + R_i ln sigma - G_i T_i e_i - G_i T_w)/(1 + G_i/(2 cp m_i))
@@ -87,12 +85,12 @@ use crate::sensing::{GasReading, Reading};
 const HIGHEST_PA: f32 = 1.0e9;
 /// Smallest deviation that is stated \[K\].
 const LEAST_SD_K: f32 = 1.0e-3;
-/// Deviation of a gas temperature that is not known, share of it \[-\].
+/// Relative deviation of an unknown gas temperature \[-\].
 const UNKNOWN: f32 = 0.1;
 /// Gas mass that stands for none \[kg\].
 const LEAST_KG: f32 = 1.0e-9;
-/// Steps between a movement of the zones and the end of a balance: with what either leaves, they are done one after the
-/// other.
+/// Steps between a movement of the zones and the end of a balance: both, with their follow-up work, are done one after
+/// the other.
 const WINDOW_STEPS: u16 = 2;
 /// Range of temperatures of gas and wall \[K\].
 const COLDEST_K: f32 = 100.0;
@@ -101,22 +99,22 @@ const HOTTEST_K: f32 = 1000.0;
 /// Inputs of the estimator for one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measurement {
-    /// Measured absolute pressure \[Pa\]; `None` while the sensor is not to be trusted.
+    /// Measured absolute pressure \[Pa\]; `None` while the sensor is not trusted.
     pub pressure: Option<Reading>,
-    /// Measured length \[m\], limited to what the chamber can have.
+    /// Measured length \[m\], limited to the range of the chamber.
     pub length: Reading,
     /// Origin of the length.
     pub length_source: LengthSource,
-    /// Reading of the gas sensor, where the estimator [starts](Estimator::starts) or an interval
-    /// [ends](Estimator::ends_interval): the mean over it. `None`: nothing to be trusted.
+    /// Reading of the gas sensor, when the estimator [starts](Estimator::starts), or its mean over an interval that
+    /// [ends](Estimator::ends_interval). `None`: no trusted reading.
     pub gas: Option<GasReading>,
     /// State of the valves.
     pub openings: Openings,
-    /// The controller works in this step: what can wait, waits.
+    /// Whether the controller works in this step: work that can wait, waits.
     pub busy: bool,
 }
 
-/// Origin of a length. Where it changes the length may jump although nothing moves.
+/// Origin of a length. When it changes, the length may jump although nothing moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum LengthSource {
     /// The length sensor.
@@ -128,21 +126,21 @@ pub enum LengthSource {
     Balance,
 }
 
-/// Where gas may go, as the duties tell.
+/// Ways open to the gas, according to the duties.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Openings {
-    /// They have changed.
+    /// Whether they have changed.
     pub turned: bool,
-    /// A valve is driven now. If not, what flows is the end of a pulse.
+    /// Whether a valve is driven now. If not, any flow is the end of a pulse.
     pub driven: bool,
-    /// The inlet has been driven lately.
+    /// Whether the inlet has been driven lately.
     pub charging: bool,
-    /// The outlet has been driven lately.
+    /// Whether the outlet has been driven lately.
     pub discharging: bool,
 }
 
 impl Openings {
-    /// Flow that the valves let expect in a step; `flowing`: gas flowed in the one before.
+    /// Flow to expect in a step from the state of the valves; `flowing`: gas flowed in the step before.
     fn flow_state(self, flowing: bool) -> FlowState {
         match (self.turned, flowing) {
             (true, _) => FlowState::Turned,
@@ -155,8 +153,8 @@ impl Openings {
 /// Gas balance of an interval, from pressures and lengths alone.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Balance {
-    /// Gas that came in over the interval, share of what is there, whatever heat transfer and leak were
-    /// between none and the believed ones: the least \[-\] ...
+    /// Gas that came in over the interval, share of the gas in the chamber, for any heat transfer and leak between none
+    /// and the believed ones: the least \[-\] ...
     pub least_gained: f32,
     /// ... and the most of it \[-\].
     pub most_gained: f32,
@@ -164,13 +162,13 @@ pub struct Balance {
     pub pressure_pa: f32,
     /// Gas mass \[kg\].
     pub mass_kg: f32,
-    /// Force that slip and creep hold back with \[N\].
+    /// Force that slip and creep hold back \[N\].
     pub held_n: f32,
 }
 
 /// The estimator: coefficients of a configuration, and its state.
 ///
-/// The fields of every step come first: a Cortex-M0+ loads what lies within 124 bytes by one instruction.
+/// The fields used in every step come first: a Cortex-M0+ loads data within 124 bytes by one instruction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[repr(C)]
 pub struct Estimator {
@@ -182,18 +180,19 @@ pub struct Estimator {
     /// Heat to the wall in a step, see [`Exchange`].
     heat_per_k: f32,
     heat_offset_j: f32,
-    // Since the last step.
+    // As of the last step.
     pressure_pa: f32,
     volume_m3: f32,
-    /// Internal energy by pressure and volume of the last step \[J\].
+    /// Internal energy by pressure and volume in the last step \[J\].
     measured_j: f32,
     /// Length whose noise is averaged \[m\].
     followed_m: f32,
-    /// Leak in a step, over the absolute pressure \[kg/Pa\]; nothing else of it changes within an interval.
+    /// Leak in a step, over the absolute pressure \[kg/Pa\]; its other factors do not change within an interval.
     leak_kg_pa: f32,
     missing_steps: u16,
     entering: bool,
-    /// Gas flowed while the length was anywhere within a wide code: its mass is as uncertain.
+    /// Whether gas flowed while the length was anywhere within a wide code: the mass is then as uncertain as the
+    /// length.
     flowed_unseen: bool,
     /// Largest error of the volume within a wide code, share of it \[-\].
     wide_volume: f32,
@@ -206,10 +205,10 @@ pub struct Estimator {
     coefficients: Coefficients,
     zones: Zones,
     exchange: Exchange,
-    /// The zones have moved since.
+    /// Whether the zones have moved since the heat transfer was last set.
     exchange_due: bool,
-    /// Last movement of the zones, until sums and element have followed it; and conductances of an error in it \[J/K\], once
-    /// the heat transfer is that of the next one.
+    /// Last movement of the zones, until sums and element have followed it; and conductances of an error in it \[J/K\],
+    /// once the heat transfer has moved on to the next movement.
     moved: Option<(Moved, Option<PerZone>)>,
     movements: Movements,
     ended: Option<Ended>,
@@ -224,7 +223,7 @@ pub struct Estimator {
     wall_sd_k: f32,
     /// Mean square of the gas temperature about the wall's, over some seconds \[K2\].
     swing_k2: f32,
-    // Since the last interval.
+    // As of the last interval.
     length_m: f32,
     /// Slip and creep.
     held: Held,
@@ -232,13 +231,13 @@ pub struct Estimator {
     pending: Pending,
 }
 
-/// Within a wide code, or by noise.
+/// The uncertainty of a reading: of a wide code, or by noise.
 fn uncertainty(wide: f32, noise: f32) -> Uncertainty {
     if is_above(wide, 0.0) { Uncertainty::WideCode(wide) } else { Uncertainty::Noise(noise) }
 }
 
 impl Estimator {
-    /// An estimator that starts with the first measurement.
+    /// Creates an estimator that starts with the first measurement.
     ///
     /// ```
     /// use model_core::Config;
@@ -313,8 +312,8 @@ impl Estimator {
         }
     }
 
-    /// Has its intervals half a movement of the zones later than one that starts with it: where two share a processor,
-    /// no step does the work of both. The first interval is a short one, and counts for nothing.
+    /// Shifts the intervals half a movement of the zones later than those of an estimator that starts in the same step:
+    /// where two share a processor, no step does the work of both. The first interval is short and counts for nothing.
     pub(crate) fn delay(&mut self) {
         let counts = self.coefficients.counts;
         let first_steps = counts.move_steps / 2;
@@ -336,7 +335,7 @@ impl Estimator {
         }
     }
 
-    /// One step of the gas in `chamber`.
+    /// Runs one step for the gas in `chamber`.
     pub fn step(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let Some(pressure) = measurement.pressure else {
             self.wait();
@@ -361,7 +360,7 @@ impl Estimator {
         }
     }
 
-    /// Follows the length by a step; the volume there \[m3\].
+    /// Follows the length by a step; returns the volume there \[m3\].
     fn follow_length(
         &mut self,
         chamber: &impl Chamber,
@@ -391,8 +390,8 @@ impl Estimator {
         volume_m3
     }
 
-    /// The volume was not as believed while gas flowed, and so neither was the mass: no work has been done now, and the
-    /// temperature is as before.
+    /// Corrects a volume that was wrong while gas flowed, and the mass with it: no work is done now, and the
+    /// temperature stays.
     #[cold]
     fn correct_volume(&mut self, volume_m3: f32) {
         let larger = volume_m3 / self.volume_m3;
@@ -401,22 +400,22 @@ impl Estimator {
         self.energy.set(self.energy.energy_j() * larger);
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() * larger);
         self.zones.set_mass(self.mass_kg.value());
-        // Their sums are of the other volume.
+        // Their sums belong to the other volume.
         self.interval.void = true;
         self.window.void = true;
     }
 
-    /// Whether it starts with the next step, at the temperature that the gas sensor then has.
+    /// Whether the estimator starts with the next step, at the temperature that the gas sensor then has.
     pub fn starts(&self) -> bool {
         !self.started
     }
 
-    /// Whether the next step ends an interval: it is to be given the mean of what the gas sensor has said.
+    /// Whether the next step ends an interval; pass it the mean reading of the gas sensor.
     pub fn ends_interval(&self) -> bool {
         self.interval.steps + 1 == self.coefficients.counts.update_steps
     }
 
-    /// Whether every figure is one that gas, wall and sensor can have.
+    /// Whether every value is one that gas, wall and sensor can have.
     fn is_sound(&self) -> bool {
         let Element { housing_k, sensor_k, lag_s, .. } = self.element;
         let temperatures_k = [
@@ -448,10 +447,10 @@ impl Estimator {
         self.give_up();
     }
 
-    /// Without pressure there is nothing to go by. A few disturbed steps are left out; after ten
-    /// milliseconds the estimate is unknown, and starts again when the pressure is back.
+    /// Handles a step without a pressure. A few such steps are left out; after ten milliseconds the estimate is
+    /// unknown, and the estimator starts again when the pressure is back.
     fn wait(&mut self) {
-        // The interval goes on, in phase with the valves' period, and counts for nothing.
+        // The interval goes on, in phase with the PWM period, but counts for nothing.
         self.interval.void = true;
         self.interval.steps += 1;
         self.window.void = true;
@@ -481,18 +480,18 @@ impl Estimator {
         self.gas_sd_k = self.gas_k * UNKNOWN;
     }
 
-    /// The balance of an interval that has just ended.
+    /// Returns the balance of an interval that has just ended.
     pub fn take_balance(&mut self) -> Option<Balance> {
         self.balance.take()
     }
 
-    /// Whether the gas sensor's reading stands still while its element must have moved, so that the readings
-    /// are left out until it changes, or has contradicted the model within the last ten seconds.
+    /// Whether the gas sensor's reading is frozen although its element must have moved, so the readings are left out
+    /// until it changes, or has contradicted the model within the last ten seconds.
     pub fn sensor_implausible(&self) -> bool {
         self.element.implausible()
     }
 
-    /// Everything has the sensor's temperature, until something better is known.
+    /// Starts with everything at the sensor's temperature, until something better is known.
     fn start(&mut self, chamber: &impl Chamber, pressure_pa: f32, measurement: &Measurement) {
         let length_m = measurement.length.value;
         let volume_m3 = chamber.volume_m3(length_m);
@@ -515,8 +514,8 @@ impl Estimator {
         self.started = true;
         self.zones = Zones::at(self.gas_k, self.mass_kg.value());
         if self.element.implausible() {
-            // Readings have contradicted a state that they had led: its wall, which no reading moves within seconds, may
-            // be anywhere.
+            // Readings have contradicted a state that they had led: its wall, which no reading moves within seconds,
+            // may be at any temperature.
             self.zones.set_walls_to(self.coefficients.ambient.temperature_k);
         }
         self.port_ratio = 1.0;
@@ -535,15 +534,15 @@ impl Estimator {
         let steps = self.interval.steps;
         self.interval = Interval { steps, void: steps > 0, ..Interval::default() };
         self.forget_movements();
-        // In one of the next steps: this one is long enough.
+        // In one of the next steps: this one is already long enough.
         self.exchange_due = true;
         (self.heat_per_k, self.heat_offset_j) = (0.0, 0.0);
         self.set_leak(pressure_pa);
     }
 
-    /// The length comes from elsewhere from here on, and may jump although nothing has moved: no work was done, and
-    /// no gas came. The temperature stays, and mass and energy are those that pressure and the other volume give with
-    /// it: readings of a sensor that failed may have carried them anywhere.
+    /// Takes the length from another source from here on. It may jump although nothing has moved: no work was done, and
+    /// no gas came. The temperature stays, and mass and energy follow from it, the pressure and the new volume:
+    /// readings of a failed sensor may have led them astray.
     fn change_length(&mut self, chamber: &impl Chamber, length_m: f32) {
         let volume_m3 = chamber.volume_m3(length_m);
         self.followed_m = length_m;
@@ -562,7 +561,7 @@ impl Estimator {
         self.element.forget_bias();
     }
 
-    /// Mass and temperature over one step, from what pressure and volume did.
+    /// Moves mass and temperature by one step, from the changes of pressure and volume.
     fn propagate(&mut self, pressure_pa: f32, wide_pa: f32, volume_m3: f32, openings: Openings) {
         let heat_j = self.heat_per_k * self.gas_k - self.heat_offset_j;
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
@@ -589,8 +588,8 @@ impl Estimator {
         self.window.heat_j += heat_j;
 
         if openings.charging || openings.discharging {
-            // The direction comes from the duties where they are one-sided: the noise of a
-            // difference of pressures would be rectified. Behind a hose gas swings against it.
+            // If only one valve is driven, the duties give the direction: the noise of a difference of pressures would
+            // be rectified. Behind a hose gas may swing against it.
             let Openings { charging, discharging, .. } = openings;
             self.entering = match self.coefficients.reversal_pa {
                 _ if charging && discharging => enthalpy_j > 0.0,
@@ -633,10 +632,10 @@ impl Estimator {
         self.mass_kg.add(change_kg);
     }
 
-    /// Takes out what leaks in a step, of the gas near the port, or lets ambient air in; the enthalpy that leaves
+    /// Removes the gas that leaks in a step near the port, or lets ambient air in; returns the enthalpy that leaves
     /// with it \[J\].
     fn leak_j(&mut self, pressure_pa: f32) -> f32 {
-        // Of a leak that is configured far too large, as much as keeps the figures sound.
+        // Of a leak configured far too large, only as much as keeps the state sound.
         const MOST: f32 = 0.1;
         let most_kg = MOST * self.mass_kg.value();
         let leaked_kg = limit(self.leak_kg_pa * pressure_pa, -most_kg, most_kg);
@@ -656,7 +655,7 @@ impl Estimator {
         leaked_j
     }
 
-    /// Mass that leaks in a step at that pressure \[Pa\]; negative where it leaks in.
+    /// Sets the mass that leaks in a step at this pressure \[Pa\]; negative for a leak inwards.
     fn set_leak(&mut self, pressure_pa: f32) {
         if !self.coefficients.leaks {
             return;
@@ -667,8 +666,8 @@ impl Estimator {
         self.leak_kg_pa = flow_kg_s * c.step_s / pressure_pa;
     }
 
-    /// T = U/(m c_v), limited to where air is a gas and the wall is not ash. A mass that says
-    /// otherwise, whatever made it so, is put right.
+    /// Sets T = U/(m c_v), limited to temperatures that gas and wall can have. If the mass contradicts the limit, for
+    /// whatever reason, the mass is corrected.
     fn update_temperature(&mut self) {
         let product = self.energy.energy_j() * self.coefficients.per_cv;
         let balanced_k = product / self.mass_kg.value();
@@ -679,7 +678,7 @@ impl Estimator {
         }
     }
 
-    /// Sets the heat to the wall in one step, from where the zones are now.
+    /// Sets the heat to the wall in one step from the present state of the zones.
     fn set_exchange(&mut self) {
         self.exchange_due = false;
         let factors = (self.scale, self.stirring);
@@ -703,7 +702,6 @@ mod tests {
         Reading { value, wide: 0.0, validity: Validity::Valid }
     }
 
-    /// Valves and sensors of a step; `flow`: 1 in, 2 out.
     fn muscle() -> AnyChamber {
         AnyChamber::new(&Config::default().chamber)
     }
@@ -740,8 +738,8 @@ mod tests {
         );
     }
 
-    /// Whatever the step, and however busy the controller, every interval's work is done before the next one's: the
-    /// deviation falls from where it starts.
+    /// However long the step, and however busy the controller, every interval's work is done before the next one's: the
+    /// deviation falls from its initial value.
     #[test]
     fn a_busy_controller_delays_the_work_but_drops_none() {
         for step_s in [1.0e-3_f32, 5.0e-3, 1.0e-2] {
@@ -759,8 +757,7 @@ mod tests {
         }
     }
 
-    /// A fast fill moves the element further in one interval than a frozen reading is allowed, and the
-    /// reading with it.
+    /// A fast fill moves the element, and its reading, further in one interval than a frozen reading is allowed.
     #[test]
     fn a_reading_that_moves_is_not_frozen_however_fast_its_element() {
         let mut config = Config::default();
@@ -802,8 +799,8 @@ mod tests {
         }
     }
 
-    /// A muscle that fills at 2 bar and 298 K enters a wide code and stops at once; the core takes it for moving on to the
-    /// code's other end. The noise of a reading then shows where it is.
+    /// A muscle that fills at 2 bar and 298 K enters a wide code and stops at once; the core assumes that it moves on
+    /// to the code's other end. The noise of a reading then shows where it is.
     #[test]
     fn a_length_found_beside_a_wide_code_changes_no_temperature() {
         let mut config = Config::default();
@@ -823,8 +820,8 @@ mod tests {
         assert!(worst_k < 0.5, "{worst_k} K");
     }
 
-    /// A muscle that rests within a wide code may have any volume there: the stated deviation has that in it, as long as
-    /// it is there.
+    /// A muscle at rest within a wide code may have any volume there: the stated deviation includes that for as long as
+    /// it rests there.
     #[test]
     fn a_rest_within_a_wide_code_is_as_uncertain_as_its_volume() {
         let wide_m = 0.001;
@@ -899,7 +896,7 @@ mod tests {
         }
     }
 
-    /// Ten seconds at rest at 25 degC with a gas sensor that says 25 degC and then `reads_k`; the last
+    /// Ten seconds at rest at 25 degC with a gas sensor that reads 25 degC and then `reads_k`; returns the last
     /// estimate.
     fn contradicted(ambient_k: f32, reads_k: f32) -> (Estimator, Estimate) {
         let mut config = Config::default();
@@ -923,7 +920,7 @@ mod tests {
         assert!((315.0..320.0).contains(&estimate.gas_k), "the state: {estimate:?}");
     }
 
-    /// At rest, with a gas sensor that says these temperatures for so many seconds each; the last estimate.
+    /// At rest, with a gas sensor that reads each temperature for so many seconds; returns the last estimate.
     fn at_rest(ambient_k: f32, readings: &[(f32, u16)]) -> Estimate {
         let mut config = Config::default();
         config.ambient.temperature_k = ambient_k;
@@ -936,15 +933,15 @@ mod tests {
         estimator.estimate()
     }
 
-    /// Also where they pass ambient temperature on their way, as those of a sensor that drifts in slow strokes do.
+    /// Also if they pass ambient temperature on their way, as do those of a sensor that drifts in slow strokes.
     #[test]
     fn readings_that_are_distrusted_lead_to_no_restart() {
         let estimate = at_rest(293.15, &[(298.0, 20), (340.0, 3), (293.0, 2)]);
         assert!((296.0..300.0).contains(&estimate.gas_k), "{estimate:?}");
     }
 
-    /// A state of 350 K is wrong where the sensor says 320 K, and so is its wall, which is at ambient temperature and not
-    /// at that of gas that has just flowed in.
+    /// A state of 350 K is wrong if the sensor reads 320 K, and so is its wall, which is at ambient temperature and not
+    /// at the temperature of gas that has just flowed in.
     #[test]
     fn a_restart_takes_the_wall_for_one_at_ambient_temperature() {
         let before = at_rest(298.0, &[(350.0, 20)]);
@@ -953,7 +950,7 @@ mod tests {
         assert!((297.0..310.0).contains(&restarted.wall_k), "{restarted:?}");
     }
 
-    /// A reading that drifts from 20 s on at rest \[K/s\]: after how long it is found \[s\].
+    /// Time until a reading that drifts from 20 s on at rest \[K/s\] is found \[s\].
     fn drift_found_s(rate_k_s: f32) -> Option<f32> {
         let mut config = Config::default();
         config.ambient.temperature_k = 293.15;
@@ -973,13 +970,13 @@ mod tests {
             let found = found_s.is_some_and(|found_s| (0.5..12.0).contains(&found_s));
             assert!(found, "{rate_k_s} K/s: {found_s:?}");
         }
-        // A room, or the sun.
+        // From the room or the sun.
         assert_eq!([0.05, -0.05].map(drift_found_s), [None; 2]);
     }
 
     /// A shut muscle whose pressure falls by 2 % a second, slowly enough that the gas keeps the temperature of its
-    /// wall, with a leak configured that is so many times what it has: the largest error in half a minute \[K\], and
-    /// the smallest share of the gas that an interval gained, at the least and at the most.
+    /// wall, with a leak configured as `configured` times the true one. Returns the largest error in half a minute
+    /// \[K\], and the smallest share of the gas that an interval gained, at the least and at the most.
     fn leaking(configured: f32) -> (f32, f32, f32) {
         let mut config = Config::default();
         let volume_m3 = muscle().volume_m3(0.28);
@@ -1005,13 +1002,13 @@ mod tests {
     #[test]
     fn a_leak_is_no_change_of_temperature() {
         let (worst_k, least, most) = leaking(1.0);
-        // Not none: the heat of the wall, R T dm/dt, needs a wall that is a kelvin warmer.
+        // Not zero: the heat from the wall, R T dm/dt, needs a wall that is a kelvin warmer.
         assert!(worst_k < 0.3, "{worst_k} K");
-        // 4e-4 have left in 20 ms. Without heat a pressure says cv/cp of that; at the most, all is explained.
+        // 4e-4 have left in 20 ms. Without heat a pressure shows cv/cp of that; at the most, all is explained.
         assert!((-4.0e-4..-2.7e-4).contains(&least), "{least}");
         assert!((0.0..2.0e-4).contains(&most), "{most}");
         let (unconfigured_k, _, most) = leaking(0.0);
-        // Until it is evident.
+        // Until the leak is evident.
         assert!((0.5..3.0).contains(&unconfigured_k), "{unconfigured_k} K");
         assert!((-4.0e-4..-2.7e-4).contains(&most), "{most}");
         for configured in [0.8, 1.2] {
@@ -1020,7 +1017,7 @@ mod tests {
         }
     }
 
-    /// Half of ambient pressure, which rises by what leaks in: 1 % of the gas in the first second.
+    /// Half of ambient pressure, which rises as air leaks in: 1 % of the gas in the first second.
     #[test]
     fn a_leak_into_a_vacuum_is_no_change_of_temperature() {
         let mut config = Config::default();
@@ -1036,7 +1033,7 @@ mod tests {
             worst_k = worst_k.max((estimator.estimate().gas_k - 298.0).abs());
             let gas = Reservoir { pressure_pa, temperature_k: 298.0 };
             let in_kg_s = -leak.mass_flow_kg_s(&config.gas, gas, room);
-            // It keeps the temperature of its wall: dP/dt = R T (dm/dt)/V.
+            // The gas keeps the temperature of its wall: dP/dt = R T (dm/dt)/V.
             let gas_constant = config.gas.gas_constant_j_kg_k;
             pressure_pa += 1.0e-3 * gas_constant * 298.0 * in_kg_s / volume_m3;
         }
@@ -1047,8 +1044,8 @@ mod tests {
         assert!((0.01..0.5).contains(&worst_k), "{worst_k} K");
     }
 
-    /// A loss of the pressure, whenever it comes and however long it is, leaves either the covariance
-    /// of before or a fresh one: nothing that is sure of what it cannot know.
+    /// A loss of the pressure, whenever it comes and however long it is, leaves either the previous covariance or a
+    /// fresh one: no certainty without a reason.
     #[test]
     fn a_lost_pressure_leaves_nothing_stale() {
         let config = Config::default();
@@ -1084,8 +1081,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the lines say, every figure stays finite, and a minute of sense later the
-        /// estimate is right again.
+        /// Whatever the inputs are, every value stays finite, and after two minutes of plausible inputs the estimate is
+        /// right again.
         #[test]
         fn it_finds_back_from_nonsense(
             nonsense in proptest::collection::vec(
@@ -1103,7 +1100,7 @@ mod tests {
                     prop_assert!(gas_sd_k.is_finite() && gas_sd_k > 0.0 && mass_kg > 0.0);
                 }
             }
-            // Closed, at rest, 25 degC, for two minutes: a wall that nonsense has led away returns no faster.
+            // Closed, at rest, 25 degC, for two minutes: a wall that nonsense has led astray returns no faster.
             for _ in 0..120_000 {
                 estimator.step(&muscle(), &measurement(2.0e5, 0.28, 298.0, 0));
             }

@@ -17,7 +17,7 @@ pub fn times(a: &PerZone, b: &PerZone) -> PerZone {
     [a0 * b0, a1 * b1, a2 * b2, a3 * b3]
 }
 
-/// All of them by a factor.
+/// All zones times a factor.
 pub fn scaled(a: &PerZone, by: f32) -> PerZone {
     times(a, &[by; ZONES])
 }

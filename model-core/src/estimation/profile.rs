@@ -1,5 +1,5 @@
-//! The radial profile of still gas: its mean is what pressure and mass tell, its wall what it gives heat to, its axis what
-//! a foil may see.
+//! The radial profile of still gas: pressure and mass give its mean, the wall takes its heat, and a foil may see its
+//! axis.
 //!
 //! Gas in a long cylinder whose wall keeps T_w, with a source that is even over the section (compression), is a sum of
 //! modes J0(j_n r/R) that decay with j_n^2 a/R^2 (Carslaw and Jaeger, Conduction of Heat in Solids, 1959, chapter 7):
@@ -9,34 +9,34 @@
 //! p_n = j_n^2,  w_n = 4/j_n^2,  g_n = 2 J0(j_n r/R)/(j_n J1(j_n))
 //! ```
 //!
-//! The mean has the first mode, and one that stands for all others: its weight is what is left of 1, its rate the one
-//! with which a steady source meets Nu = 8, sum of w_n/p_n = 1/8. At the foil the second is there as well. For strokes of
-//! 5 s in a bore of 20 mm at 2 bar, the mean swings within 2 % of the exact solution, and the axis within 1 %; for faster
-//! strokes in denser gas it is up to 8 and 2 %. Heat that leaves right after a change is so some four times that of a
-//! profile that has formed.
+//! The mean uses the first mode, and one that stands for all others: its weight is what remains of 1, and its rate the
+//! one at which a steady source meets Nu = 8, sum of w_n/p_n = 1/8. The foil uses the second mode as well. For strokes
+//! of 5 s in a bore of 20 mm at 2 bar, the mean swings within 2 % of the exact solution, and the axis within 1 %; for
+//! faster strokes in denser gas the differences are up to 8 and 2 %. Heat that leaves right after a change is thus
+//! about four times that of a formed profile.
 //!
-//! The state is y_n = x_n less the mean, in which the source cancels: in the zones one number is enough.
+//! The state is y_n = x_n less the mean, in which the source cancels; in the zones one number is enough.
 
 use super::per_zone::{PerZone, plus, scaled};
 use crate::math::limit;
 use crate::physics::gas::Gas;
 
-/// p_n of the first two modes, and of the one that stands for the others.
+/// p_n of the first two modes, and of the mode that stands for the others.
 const RATES: [f32; 3] = [5.783_186, 30.471_26, 57.06];
-/// w_n of the first, and of all others.
+/// w_n of the first mode, and of all others.
 const MEAN: f32 = 0.691_660;
 const MEAN_OTHERS: f32 = 1.0 - MEAN;
 /// 2/(j_n J1(j_n)): g_n on the axis.
 const AXIS: [f32; 2] = [1.601_975, -1.064_799];
 /// Nusselt number of a steady source.
 const STEADY: f32 = 8.0;
-/// Conduction with a profile that an error which stays has formed, over that of one that decays.
+/// Conduction with the profile formed by a persistent error, over conduction with the profile of a decaying error.
 pub const SETTLED_CONDUCTION: f32 = STEADY / RATES[0];
-/// Profile under an error of the mean that stays: p_n x_n are then alike.
+/// Profile under a persistent error of the mean: all p_n x_n are then equal.
 const SETTLED: [f32; 3] =
     [STEADY / RATES[0] - 1.0, STEADY / RATES[1] - 1.0, STEADY / RATES[2] - 1.0];
 
-/// Fixed by the configuration.
+/// Constants of a configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficient {
     /// Whether there is a profile.
@@ -60,13 +60,13 @@ impl Coefficient {
         }
     }
 
-    /// Difference of the gas at the foil from the mean, for an error of the mean that stays \[-\].
+    /// Difference of the gas at the foil from the mean, per persistent error of the mean \[-\].
     pub fn foil_settled(&self) -> f32 {
         if self.exists { sum(&self.foil, &SETTLED) } else { 0.0 }
     }
 }
 
-/// J0 of the root of that square, from its series.
+/// J0 of the square root of `square`, from its series.
 fn bessel_j0(square: f32) -> f32 {
     let (mut term, mut total) = (1.0, 1.0);
     for k in 1..16_u8 {
@@ -85,7 +85,7 @@ fn sum(weights: &[f32; 3], values: &[f32; 3]) -> f32 {
 /// Conduction over one movement of the zones.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Conduction {
-    /// Shares of the modes that are left \[-\].
+    /// Shares of the modes that remain \[-\].
     left: [f32; 3],
     /// Heat that leaves all zones per kelvin of their mean, and per kelvin of their profile \[J/K\].
     pub per_k: f32,
@@ -93,7 +93,7 @@ pub struct Conduction {
 }
 
 impl Conduction {
-    /// Conduction that gives off `formed_j_k` \[J/K\] once the profile has formed, from gas of that density \[kg/m3\]
+    /// Conduction that gives off `formed_j_k` \[J/K\] once the profile has formed, from gas of this density \[kg/m3\]
     /// and surface \[m2\].
     pub fn new(c: &Coefficient, formed_j_k: f32, density_kg_m3: f32, surface_m2: f32) -> Self {
         const PER_FIRST: f32 = 1.0 / RATES[0];
@@ -102,7 +102,7 @@ impl Conduction {
         const MOST: f32 = 20.0;
         let capacity_j_k = c.capacity * density_kg_m3 * surface_m2;
         let first = limit(formed_j_k / capacity_j_k, 0.0, MOST);
-        // 1/e^x to its second order, with one division for all.
+        // 1/e^x to second order, with one division for all.
         let [a, b, c] = [first, SECOND * first, OTHERS * first].map(|x| 1.0 + x * (1.0 + 0.5 * x));
         let inverse = 1.0 / (a * b * c);
         let (slow, fast) = (b * c * inverse, a * b * inverse);
@@ -114,7 +114,8 @@ impl Conduction {
         }
     }
 
-    /// First mode of the zones' profiles, less their mean \[K\], after that in gas that is that much above the wall \[K\].
+    /// Returns the first mode of the zones' profiles, less their mean \[K\], after this movement in gas that is
+    /// `excess_k` above the wall \[K\].
     pub fn advance(&self, profile_k: &PerZone, excess_k: &PerZone) -> PerZone {
         let [slow, _, fast] = self.left;
         let kept = MEAN_OTHERS * slow + MEAN * fast;
@@ -123,7 +124,7 @@ impl Conduction {
     }
 }
 
-/// First mode of the zones' profiles where the mean was wrong by that \[K\].
+/// First mode of the zones' profiles after a correction of the mean by `excess_k` \[K\].
 pub fn corrected(profile_k: &PerZone, excess_k: f32) -> PerZone {
     profile_k.map(|k| k + SETTLED[0] * excess_k)
 }
@@ -137,7 +138,7 @@ fn sound(k: f32) -> f32 {
 pub struct Profile([f32; 3]);
 
 impl Profile {
-    /// After that, in gas whose mean was that much above the wall \[K\].
+    /// Advances the profile by one movement in gas whose mean is `mean_k` above the wall \[K\].
     pub fn advance(&mut self, conduction: &Conduction, mean_k: f32) {
         let ([x, y, z], [p, q, r]) = (self.0, conduction.left);
         let [x, y, z] = [p * (mean_k + x), q * (mean_k + y), r * (mean_k + z)];
@@ -145,7 +146,7 @@ impl Profile {
         self.0 = [x - mean_k, y - mean_k, z - mean_k].map(sound);
     }
 
-    /// The mean was wrong by that \[K\], and the profile with it.
+    /// Corrects the profile for a mean that was wrong by `mean_k` \[K\].
     pub fn correct(&mut self, mean_k: f32) {
         for (y, share) in self.0.iter_mut().zip(SETTLED) {
             *y += share * mean_k;
@@ -165,8 +166,8 @@ mod tests {
     /// Step of the zones \[s\], and a gas whose cp D/4 is one.
     const STEP_S: f64 = 0.01;
 
-    /// Swing of mean and axis in a cylinder of that a/R^2 \[1/s\] while a source of one kelvin swings with that period
-    /// \[s\]: in phase with it, and ahead.
+    /// Swing of mean and axis in a cylinder of this a/R^2 \[1/s\] while a source of one kelvin swings with this period
+    /// \[s\]: in phase with the source, and ahead of it.
     fn simulated(diffusion_per_s: f64, period_s: f64) -> [[f64; 2]; 2] {
         let gas = Gas::default();
         let c = Coefficient::new(4.0 / gas.cp_j_kg_k(), 0.0, &gas);
@@ -219,7 +220,7 @@ mod tests {
         sums
     }
 
-    /// Bore of 20 mm at 2 bar, a = 1.1e-5 m2/s, and twice as much of both.
+    /// Bore of 20 mm at 2 bar, a = 1.1e-5 m2/s, and about half and three times as much.
     #[test]
     fn strokes_meet_the_exact_solution() {
         let mut worst = [0.0_f64; 2];

@@ -1,15 +1,13 @@
-//! A measured quantity that changes steadily until something turns: its noise is averaged, its turns
-//! are not.
+//! A measured quantity that changes steadily until it turns: its noise is averaged, its turns are not.
 //!
-//! An alpha-beta filter with expanding memory: from a turn on, value and rate are those of the straight
-//! line of least squares through the steps since then; later on, of about the last sixteen while gas may
-//! flow, of ever more while none does. A turn is a change of the valves' openings, or an error that is
-//! no noise.
+//! An alpha-beta filter with expanding memory: from a turn on, value and rate are those of the straight line of least
+//! squares through the steps since then; later on through about the last sixteen while gas may flow, and through ever
+//! more while none does. A turn is a change of the valves' openings, or an error beyond the noise.
 
 use crate::math::{absolute, is_above, limit};
 
-/// Shares of an error by which value and rate follow it, so many steps after a turn:
-/// 2(2n + 1)/((n + 1)(n + 2)) and 6/((n + 1)(n + 2)).
+/// Shares of an error by which value and rate follow it, by the number of steps since a turn: 2(2n + 1)/((n + 1)(n +
+/// 2)) and 6/((n + 1)(n + 2)).
 const FOLLOWED: [(f32, f32); 16] = [
     (1.0, 1.0),
     (1.0, 1.0),
@@ -28,26 +26,26 @@ const FOLLOWED: [(f32, f32); 16] = [
     (29.0 / 120.0, 1.0 / 40.0),
     (31.0 / 136.0, 3.0 / 136.0),
 ];
-/// Share of its rate that a step takes from what no flow moves any more, and no reading shows: half a swing of a load on
-/// its gas spring, at 10 to 30 Hz.
+/// Share of its rate that a value loses in each step without flow and without a reading: half a swing of a load on its
+/// gas spring, at 10 to 30 Hz.
 const STOPS: f32 = 1.0 / 32.0;
-/// Steps for which the rate counts at the first reading beyond a wide code (assumption). The noise of a reading at its
-/// edge is no rate: back within the code, the value would coast for 1/[`STOPS`] steps at it.
+/// Steps that the rate counts as having at the first reading beyond a wide code (assumption). The noise of a reading at
+/// the code's edge is no rate: back within the code, the value would coast with it for 1/[`STOPS`] steps.
 const LEFT_STEPS: usize = 8;
-/// Most steps of a line along which gas may flow.
+/// Longest line along which gas may flow, in steps.
 const OPEN_STEPS: usize = FOLLOWED.len() - 1;
 
-/// How far a reading can be wrong, in its own unit.
+/// Largest error of a reading, in its own unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Uncertainty {
-    /// By noise, of that size at most.
+    /// By noise, of at most this size.
     Noise(f32),
     /// Half the width of a code that the converter makes too wide: within it the true value is unknown.
     WideCode(f32),
 }
 
 impl Uncertainty {
-    /// In another unit, which is `factor` of this one, not negative.
+    /// Converts to another unit, of which this one is `factor`, not negative.
     pub fn times(self, factor: f32) -> Self {
         match self {
             Self::Noise(most) => Self::Noise(most * factor),
@@ -56,19 +54,19 @@ impl Uncertainty {
     }
 }
 
-/// Flow that the valves let expect in a step.
+/// Flow to expect in a step from the state of the valves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FlowState {
-    /// The openings have changed: here begins another line.
+    /// The openings have changed: another line begins here.
     Turned,
     /// Gas may flow.
     Open,
-    /// None does.
+    /// No gas flows.
     Shut,
 }
 
-/// Shares of an error by which value and rate follow it. Beyond sixteen steps, while nothing flows and
-/// ever less changes: those of the last 24, 64, 256 steps or so.
+/// Shares of an error by which value and rate follow it. Beyond sixteen steps, while nothing flows and changes become
+/// smaller: those of about the last 24, 64, 256 steps.
 fn shares(steady_steps: usize) -> (f32, f32) {
     match FOLLOWED.get(steady_steps) {
         Some(shares) => *shares,
@@ -78,12 +76,12 @@ fn shares(steady_steps: usize) -> (f32, f32) {
     }
 }
 
-/// The rate, per step.
+/// The rate of a quantity, per step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Trend {
     rate: f32,
     steady_steps: usize,
-    /// The last reading was anywhere within a wide code.
+    /// Whether the last reading was anywhere within a wide code.
     within: bool,
 }
 
@@ -96,8 +94,7 @@ impl Trend {
         shares(self.steady_steps.min(OPEN_STEPS)).0
     }
 
-    /// One step, by which the reading has changed from the value before by `change`; by how much
-    /// the value is to change.
+    /// Takes a reading that differs by `change` from the last value; returns by how much the value changes.
     pub fn step(&mut self, change: f32, uncertainty: Uncertainty, flow_state: FlowState) -> f32 {
         let noise = match uncertainty {
             Uncertainty::WideCode(half) => {
@@ -132,8 +129,8 @@ impl Trend {
     }
 }
 
-/// On at a rate, but not out of the wide code that is half as wide as that, and whose middle has
-/// changed by `change` from the value before.
+/// Continues at a rate, but not beyond the wide code of half-width `half` whose middle differs by `change` from the
+/// last value.
 pub fn on_within(rate: f32, change: f32, half: f32) -> f32 {
     limit(rate, change - half, change + half)
 }
@@ -142,7 +139,7 @@ pub fn on_within(rate: f32, change: f32, half: f32) -> f32 {
 mod tests {
     use super::*;
 
-    /// Value after each step of readings, of noise 1.
+    /// Value after each step, for readings with noise of 1.
     fn follow(
         readings: impl Iterator<Item = f32>,
         flow_state: impl Fn(usize) -> FlowState,
@@ -157,7 +154,7 @@ mod tests {
             .collect()
     }
 
-    /// Looks random, between -1.7 and 1.7 with deviation 1 (Numerical Recipes' generator).
+    /// Pseudo-random numbers between -1.7 and 1.7 with deviation 1 (Numerical Recipes' generator).
     fn noise() -> impl Iterator<Item = f32> {
         let mut state = 1_u32;
         core::iter::from_fn(move || {
@@ -185,7 +182,7 @@ mod tests {
 
     #[test]
     fn what_comes_to_rest_while_shut_is_followed() {
-        // By thirty times the noise, with a time constant of 0.2 s: the gas's at the wall.
+        // By thirty times the noise, with a time constant of 0.2 s, as gas relaxes at the wall.
         let rest = |i: usize| 30.0 * (-(i as f32) / 200.0).exp();
         let values = follow((0..3000).map(rest), |_| FlowState::Shut);
         let worst = values.iter().enumerate().map(|(i, v)| (v - rest(i)).abs()).fold(0.0, f32::max);
@@ -206,7 +203,7 @@ mod tests {
                 .fold(0.0, f32::max);
             assert!(worst < 1e-3, "{worst}");
         }
-        // Neither known nor beyond the noise: smeared, by less than the noise.
+        // Neither announced nor beyond the noise: smeared, by less than the noise.
         let values = follow((0..100).map(corner), |_| FlowState::Open);
         let worst =
             values.iter().enumerate().map(|(i, v)| (v - corner(i)).abs()).fold(0.0, f32::max);
@@ -219,7 +216,7 @@ mod tests {
         for _ in 0..100 {
             assert_eq!(trend.step(0.0, Uncertainty::WideCode(40.0), FlowState::Shut), 0.0);
         }
-        // The noise of a few readings shows beyond the edge.
+        // A few noisy readings appear beyond the edge.
         for beyond in [&[41.0][..], &[43.0, 41.0], &[41.0, 40.2, 41.5]] {
             let (mut trend, mut value) = (trend, 0.0);
             for reading in beyond {
@@ -245,7 +242,7 @@ mod tests {
             "to its edge"
         );
         assert_eq!(trend.step(-9.0, Uncertainty::WideCode(4.0), FlowState::Open), -5.0);
-        // Without flow it comes to rest: 2/32 of its way a step less, 64 in all.
+        // Without flow it comes to rest: its 2 per step shrink by 1/32 of themselves, 64 in all.
         let mut way = 0.0;
         for _ in 0..2000 {
             way += trend.step(-way, Uncertainty::WideCode(1000.0), FlowState::Shut);

@@ -1,7 +1,7 @@
-//! The gas along the muscle: four zones of equal volume, port first, each with its own mass, and its wall.
+//! The gas along the muscle: four zones of equal volume, port first, each with its own mass and wall.
 //!
-//! At one pressure P in all of them, the energy balance of the zones beyond a face gives the enthalpy that
-//! crosses it (V dP + k P dV for each, and the heat Q that it loses), and so the volume that moves:
+//! At one pressure P in all zones, the energy balance of the zones beyond a face gives the enthalpy that crosses it (V
+//! dP + k P dV for each zone, and the heat Q that it loses), and thus the volume that moves:
 //!
 //! ```text
 //! H_f = sum over the zones beyond of (H_port - Q)/4 + Q_i
@@ -9,51 +9,52 @@
 //! dm_f = x_f (3/4 m_behind + 1/4 m_ahead) + y_f (m_(f-1) - m_f)
 //! ```
 //!
-//! where y_f is what jet and diffusion exchange. Taking all of it from behind would mix as much as four stirred
-//! vessels in series do; a quarter from ahead makes eight of them. Gas in a tube mixes less than either.
+//! where y_f is what jet and diffusion exchange. Taking all of x_f from behind would mix as much as four stirred
+//! vessels in series; a quarter from ahead makes it eight. Gas in a tube mixes less than either.
 //!
-//! A large valve on a small chamber replaces a zone's gas within one movement. Masses that grow meanwhile would then be
-//! counted as if they had been as large all the time: the shape of the masses moves instead ([`Zones::replaced`]).
+//! A large valve on a small chamber replaces a zone's gas within one movement. Masses that grow meanwhile would then
+//! count as if they had been as large all the time; instead, the shape of the masses moves ([`Zones::replaced`]).
 
 use super::coefficients::Coefficients;
 use super::per_zone::{PerZone, ZONES, least, minus, plus, scaled, times, total};
 use super::profile::{Conduction, SETTLED_CONDUCTION};
 use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
-/// Share of what crosses a face that comes from ahead \[-\].
+/// Share of the gas across a face that comes from ahead \[-\].
 const AHEAD: f32 = 0.25;
-/// Volumes of a zone across a face that replace its gas \[-\].
+/// Volumes of a zone that must cross a face to replace its gas \[-\].
 const REPLACED: f32 = 1.0;
-/// Least and most of a zone's mass, in shares of the mean \[-\].
+/// Smallest and largest mass of a zone, in shares of the mean \[-\].
 const LEAST: f32 = 0.3;
 const MOST: f32 = 3.0;
 
-/// Heat transfer to the wall while it is kept: `per_k` of the gas's mean temperature, less `offset_j`, in one step.
+/// Heat transfer to the wall for as long as it is kept: `per_k` of the gas's mean temperature, less `offset_j`, in one
+/// step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Exchange {
     /// \[J/K\].
     pub per_k: f32,
     /// \[J\].
     pub offset_j: f32,
-    /// Of each zone, and the part of it that flows stir \[J/K\].
+    /// Conductance of each zone, and its part due to flows that stir \[J/K\].
     pub zone_j_k: PerZone,
     pub stirred_j_k: PerZone,
     /// Energy that the profile adds in each zone \[J\].
     pub profile_j: PerZone,
-    /// Of still gas in each zone: once its profile has formed, and for an error that stays \[J/K\].
+    /// Conductance of still gas in each zone: once its profile has formed, and for a persistent error \[J/K\].
     pub formed_j_k: f32,
     pub settled_j_k: f32,
     pub conduction: Conduction,
 }
 
 impl Exchange {
-    /// Share of what still gas gives off, where flows stir that much \[-\].
+    /// Share of the still gas's heat that remains where flows stir this much \[-\].
     pub fn still_share(&self, stirred_j_k: f32) -> f32 {
         let all = self.formed_j_k + stirred_j_k;
         if all > 0.0 { self.formed_j_k / all } else { 1.0 }
     }
 
-    /// Conductance of each zone for an error that stays \[J/K\].
+    /// Conductance of each zone for a persistent error \[J/K\].
     pub fn settled_j_k(&self) -> PerZone {
         plus(&self.stirred_j_k, &[self.settled_j_k; ZONES])
     }
@@ -74,7 +75,7 @@ pub struct Flow {
     pub flowing_steps: u16,
 }
 
-/// Where things are while the zones move.
+/// State of the chamber while the zones move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
     pub energy_j: f32,
@@ -83,7 +84,7 @@ pub struct Place {
     pub rest_length_m: f32,
     pub volume_m3: f32,
     pub surface_m2: f32,
-    /// Way that the muscle became longer by \[m\].
+    /// Increase of the muscle's length \[m\].
     pub way_m: f32,
     /// Heat of friction to the wall, over the movement before \[J\].
     pub friction_j: f32,
@@ -91,7 +92,7 @@ pub struct Place {
 }
 
 impl Place {
-    /// Before the first reading.
+    /// State before the first reading.
     pub const NONE: Self = Self {
         energy_j: 0.0,
         pressure_pa: 1.0e5,
@@ -125,7 +126,7 @@ pub struct Moved {
     pub energy_j: f32,
 }
 
-/// Masses and walls.
+/// Masses and walls of the zones.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Zones {
     /// Mass of each \[kg\].
@@ -145,7 +146,7 @@ pub struct Zones {
 }
 
 impl Faces {
-    /// Whether so much crosses the first face, as more does than any other, that it replaces a zone's gas.
+    /// Whether so much gas crosses the first face, where most does, that it replaces a zone's gas.
     pub fn replace_a_zone(&self) -> bool {
         let [first, ..] = self.net();
         absolute(first) > REPLACED
@@ -158,7 +159,7 @@ impl Faces {
 }
 
 impl Zones {
-    /// So much gas, everything at that temperature \[K\].
+    /// Zones with this mass of gas \[kg\], everything at this temperature \[K\].
     pub fn at(temperature_k: f32, mass_kg: f32) -> Self {
         Self {
             mass_kg: [mass_kg / ZONES as f32; ZONES],
@@ -188,7 +189,7 @@ impl Zones {
         self.set_walls(&[temperature_k; ZONES], &[temperature_k; ZONES]);
     }
 
-    /// Scales the masses to that sum \[kg\], with no zone far from the others.
+    /// Scales the masses to this sum \[kg\], with no zone far from the others.
     pub fn set_mass(&mut self, mass_kg: f32) {
         let mean_kg = mass_kg * (1.0 / ZONES as f32);
         let limited = self.mass_kg.map(|kg| limit(kg, LEAST * mean_kg, MOST * mean_kg));
@@ -196,7 +197,8 @@ impl Zones {
         self.ratio = self.mass_kg.map(|kg| mean_kg / kg);
     }
 
-    /// Heat transfer in a step, for these factors on what is configured: on all of it, and on what is stirred.
+    /// Returns the heat transfer in a step, for these factors on the configured values: on all of it, and on the
+    /// stirred part.
     pub fn exchange(
         &self,
         c: &Coefficients,
@@ -239,7 +241,7 @@ impl Zones {
         }
     }
 
-    /// Moves gas and walls by some steps.
+    /// Moves gas and walls by a number of steps.
     pub fn advance(
         &mut self,
         c: &Coefficients,
@@ -294,7 +296,7 @@ impl Zones {
         let third = last + gain_j + third_j;
         let second = third + gain_j + second_j;
         let per_j = ZONES as f32 / (c.gas.heat_capacity_ratio * energy_j);
-        // Volume that came in, over that of a zone.
+        // Volume that came in, relative to a zone's.
         let jet = limit(flow.inflow_kg, 0.0, 1.0) * c.supply_r_j_kg * ZONES as f32
             / (place.pressure_pa * place.volume_m3);
         let gas_length_m = limit(
@@ -319,8 +321,8 @@ impl Zones {
         faces
     }
 
-    /// Masses after what crossed the faces, and what came through the port \[kg\]: Crank and Nicolson's mean of before
-    /// and after, or after alone where much mixes.
+    /// Returns the masses after the gas crossed the faces, and after `port_kg` came through the port \[kg\]: Crank and
+    /// Nicolson's mean of before and after, or after alone where much mixes.
     fn transported(&self, faces: &Faces, port_kg: f32) -> PerZone {
         const AT_ONCE: f32 = 1.0;
         let Faces { up: [p1, p2, p3], down: [q1, q2, q3] } = *faces;
@@ -351,11 +353,12 @@ impl Zones {
         [r0 + u0 * r1, r1, r2, r3]
     }
 
-    /// The shape of the masses where a zone's gas is replaced. While all become denser or larger by the same factor e^g,
-    /// and gas of that density crosses the faces, the shape stays: dn_i/dt = x_i (n_(i-1) - n_i) for n = m/e^g and the
-    /// volumes x_i that come in, taken after the movement. Gas that came through the port \[kg\] in proportion to that
-    /// growth counts with g/(e^g - 1). What crosses while the energy changes is dH/(k E) at every instant: over the
-    /// logarithmic mean of the energies, by Polya (2 G + A)/3 of their geometric and arithmetic one.
+    /// Returns the shape of the masses where a zone's gas is replaced. While all zones become denser or larger by the
+    /// same factor e^g, and gas of that density crosses the faces, the shape stays: dn_i/dt = x_i (n_(i-1) - n_i) for n
+    /// = m/e^g and the volumes x_i that come in, taken after the movement. Gas that came through the port \[kg\] in
+    /// proportion to that growth counts with g/(e^g - 1). The crossing volume while the energy changes is dH/(k E) at
+    /// every instant: divided by the logarithmic mean of the energies, by Polya (2 G + A)/3 of their geometric and
+    /// arithmetic means.
     #[cold] // In few muscles: as small as can be.
     fn replaced(&self, net: &[f32; 3], (before_j, after_j): (f32, f32), port_kg: f32) -> PerZone {
         let arithmetic_j = 0.5 * (before_j + after_j);
@@ -410,7 +413,7 @@ impl Zones {
 }
 
 impl Coefficients {
-    /// Flow that stirs as much, in proportion, as that one does \[kg/s\]: f (s/f)^(2/3).
+    /// Flow that stirs in proportion as much as this one does \[kg/s\]: f (s/f)^(2/3).
     fn forced(&self, flow_kg_s: f32) -> f32 {
         if self.forced_kg_s > 0.0 {
             flow_kg_s * self.forced_root * inverse_cube_root(flow_kg_s)
@@ -419,9 +422,9 @@ impl Coefficients {
         }
     }
 
-    /// Coefficient of still gas at that pressure \[Pa\] and difference from the wall \[K\]: conduction, or buoyancy
-    /// where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in proportion to the
-    /// Rayleigh number.
+    /// Heat transfer coefficient of still gas at this pressure \[Pa\] and difference from the wall \[K\]: conduction,
+    /// or buoyancy where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in
+    /// proportion to the Rayleigh number.
     fn still_w_m2_k(&self, pressure_pa: f32, difference_k: f32) -> f32 {
         if self.buoyancy4 < f32::MIN_POSITIVE {
             return self.heat.inner_w_m2_k;
@@ -436,9 +439,9 @@ mod tests {
     use super::*;
     use crate::config::Config;
 
-    /// Ratios of the zones after gas has compressed what was there fourfold without mixing: a layer that comes in at the
-    /// pressure p has its own temperature there and (p_end/p)^((k-1)/k) times that in the end, where it fills the volume
-    /// down to (p/p_end)^(1/k) of all.
+    /// Ratios of the zones after gas has compressed the original gas fourfold without mixing: a layer that comes in at
+    /// the pressure p has its own temperature there and (p_end/p)^((k-1)/k) times that in the end, where it fills the
+    /// volume down to (p/p_end)^(1/k) of all.
     fn plug_flow(k: f64) -> [f64; ZONES] {
         const LAYERS: usize = 1000;
         let first = 0.25_f64.powf(1.0 / k);
