@@ -1,4 +1,4 @@
-//! Inputs of the loops: readings, and the gas that a pulse moves.
+//! Inputs of the loops: readings, and the gas still moved by the last pulse.
 
 use super::valve_drive::FlowDrive;
 use crate::config::Config;
@@ -12,20 +12,20 @@ use crate::sample::Estimate;
 pub struct Feedback {
     /// Measured absolute pressure \[Pa\].
     pub pressure_pa: f32,
-    /// Measured length \[m\]; without its sensor, the one that pressure and load stand for.
+    /// Measured length \[m\]; without its sensor, the length derived from pressure and load.
     pub length_m: f32,
-    /// Half the width of the wide code that it lies in, of which it is the middle \[m\]; 0: in none.
+    /// Half the width of the wide code whose middle the length is \[m\]; 0: no wide code.
     pub length_wide_m: f32,
-    /// The length is not measured.
+    /// Whether the length is not measured.
     pub length_lost: bool,
     /// The estimate of the step before.
     pub estimate: Estimate,
 }
 
 impl Feedback {
-    /// Within a wide code the length may be anywhere: the one nearest to the reference's is taken, for its middle would
-    /// be an error that no valve can cure. A reference outside of the code is further off than the dead zone: the valves
-    /// act until the length has left the code.
+    /// Within a wide code the length may be anywhere. Returns the feedback with the length nearest to the reference:
+    /// the code's middle would be an error that no valve can correct. A reference outside the code is further off than
+    /// the dead zone: the valves act until the length has left the code.
     pub(super) fn nearest_to(self, reference_m: f32, zone_m: f32) -> Self {
         let Self { length_m, length_wide_m, .. } = self;
         let within_m = limit(length_wide_m - zone_m, 0.0, f32::MAX);
@@ -43,7 +43,7 @@ impl Feedback {
 pub struct ChamberPort {
     /// PWM period \[s\].
     pub period_s: f32,
-    /// Its reciprocal: a division is dear without an FPU \[Hz\].
+    /// Its reciprocal \[Hz\]: a division is expensive without an FPU.
     pub pwm_hz: f32,
     /// Absolute pressure \[Pa\].
     pub pressure_pa: f32,
@@ -53,7 +53,7 @@ pub struct ChamberPort {
     pub in_flight_kg: f32,
     /// Mass that leaks in the coming period \[kg\].
     pub leaked_kg: f32,
-    /// Whether the last period's valve could not pass what was asked.
+    /// Whether the last period's valve could not pass the requested mass.
     pub saturated: bool,
     /// Temperature of the gas that comes in \[K\] ...
     pub inflow_k: f32,
@@ -66,7 +66,7 @@ pub struct ChamberPort {
 }
 
 impl ChamberPort {
-    /// The gas behind the valves of `drive`, at the start of a period; `per_k` is the reciprocal of the
+    /// Creates the port behind the valves of `drive`, at the start of a period; `per_k` is the reciprocal of the
     /// heat-capacity ratio.
     pub fn new(
         config: &Config,
@@ -78,7 +78,7 @@ impl ChamberPort {
         let period_s = drive.period_s();
         let leaked_kg = if config.leak.leaks() {
             let Config { leak, gas, ambient, .. } = config;
-            // Air that leaks in is not let out.
+            // Air that leaks in is not compensated by venting.
             let flow_kg_s = leak.mass_flow_kg_s(gas, feedback.muscle(), (*ambient).into());
             period_s * limit(flow_kg_s, 0.0, f32::MAX)
         } else {
@@ -104,9 +104,9 @@ impl ChamberPort {
         self.pressure_pa * self.volume_m3 / (self.gas_constant_j_kg_k * self.gas_k)
     }
 
-    /// Gas mass \[kg\] that a change of pressure \[Pa\] and of volume \[m3\] needs, eq. (6) solved for
-    /// it: (V dP/k + P dV)/(R T). T is that of the gas which passes the port: the supply's inwards,
-    /// the estimate outwards (the balance (3), where (5) has one T for both).
+    /// Gas mass \[kg\] that a change of pressure \[Pa\] and of volume \[m3\] needs, from eq. (6): (V dP/k + P dV)/(R
+    /// T). T is the temperature of the gas that passes the port: the supply's inwards, the estimate outwards (the
+    /// balance (3), where (5) has one T for both).
     pub fn mass_kg(&self, change_pa: f32, change_m3: f32) -> f32 {
         let energy_j = self.volume_m3 * change_pa * self.per_k + self.pressure_pa * change_m3;
         let port_k = if energy_j > 0.0 { self.inflow_k } else { self.gas_k };
@@ -157,7 +157,7 @@ mod tests {
         for (beside_m, side) in [(0.2544, 1.0), (0.2556, -1.0)] {
             assert!((0.2e-3..0.4e-3).contains(&(side * error_m(beside_m, 2.0e-4))), "{beside_m}");
         }
-        // A dead zone wider than the code leaves its middle, and so does no wide code.
+        // With a dead zone wider than the code, or without a wide code, the length stays the code's middle.
         assert_eq!(feedback.nearest_to(0.2552, 1.0e-3).length_m, 0.255);
         let exact = Feedback { length_wide_m: 0.0, ..feedback };
         assert_eq!(exact.nearest_to(0.2552, 0.0).length_m, 0.255);

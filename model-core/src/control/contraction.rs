@@ -1,9 +1,9 @@
-//! Contraction, either way: a reference that the chamber can follow, the pressure that it needs, and the gas
-//! mass that this pressure and length stand for.
+//! Contraction, either way: a reference that the chamber can follow, the pressure that it needs, and the gas mass that
+//! corresponds to this pressure and length.
 //!
-//! The loop closes on gas mass, not on pressure. At a held pressure the muscle is soft (800 N/m near
-//! its rest length, where 15 N of friction are 18 mm); at a held mass it is a gas spring
-//! (12 000 N/m and more), and what it lacks in length counts as missing gas:
+//! The loop closes on gas mass, not on pressure. At a held pressure the muscle is soft (800 N/m near its rest length,
+//! where 15 N of friction are 18 mm); at a held mass it is a gas spring (12 000 N/m and more), and an error of length
+//! counts as missing gas:
 //!
 //! ```text
 //! F     = load + disturbance + slip and creep + friction + viscous v + mass a      along the reference
@@ -11,17 +11,17 @@
 //! dm    = (V (P_ref - P)/k + P (V(L_ref) - V(L)))/(R T)           eq. (6), adiabatic
 //! ```
 //!
-//! L_ref is the reference's length at the time at which the gas of the period has arrived: later than the period's end
-//! by the valve's dead time and half of its stroke, or its lag.
+//! L_ref is the reference's length when the gas of the period has arrived: later than the period's end by the valve's
+//! dead time and half of its stroke, or by its lag.
 //!
-//! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the
-//! estimated wall temperature, so that it neither chatters at rest nor jumps at a change of mode. Load,
-//! Coulomb force and mass are observed ([`LoadObserver`]). An integral of the length error is left for what the
-//! balance of forces does not see: gas that the valves move more or less of than they should.
+//! Friction is a play: it grows with the way since the last turn, up to the Coulomb force at the estimated wall
+//! temperature, so that it neither chatters at rest nor jumps at a change of mode. Load, Coulomb force and mass are
+//! observed ([`LoadObserver`]). An integral of the length error covers the rest, which the balance of forces does not
+//! show: valves that move more or less gas than they should.
 //!
-//! Pulses are spared. After one that has ended, small masses wait for a period, and the next pulse looks that much
-//! further ahead; one that nearly fills its period is made to last, so that the valve stays open. A mass that takes
-//! back what the last pulse moved waits only within the dead zone: where valves move twice the mass that is believed,
+//! Pulses are spared. After a pulse that has ended, small masses wait for a period, and the next pulse looks that much
+//! further ahead; a pulse that nearly fills its period is extended to all of it, so that the valve stays open. A mass
+//! that takes back part of the last pulse waits only within the dead zone: if valves move twice the believed mass,
 //! waiting would keep the muscle swinging at a quarter of the PWM frequency.
 
 use super::chamber_port::{ChamberPort, Feedback};
@@ -35,40 +35,40 @@ use crate::physics::hysteresis::{Held, Law};
 
 /// Periods within the dead zone before the valves rest.
 const CALM_PERIODS: u8 = 5;
-/// The dead zone is left at this multiple of its width \[-\].
+/// Multiple of its width at which the dead zone is left \[-\].
 const HYSTERESIS: f32 = 1.5;
-/// Closer than this to either end of its lengths the load may lie on a stop \[m\].
+/// Distance from either end of its lengths within which the load may lie on a stop \[m\].
 const STOP_M: f32 = 3.0e-4;
-/// Gas for less way than this, as a share of the rest length, can wait for a period; a mass that waits is 50 Hz
-/// of ripple, of which a load on its gas spring of 10 to 15 Hz follows a twentieth.
+/// Way, as a share of the rest length, whose gas can wait for a period; a mass that waits is a ripple of 50 Hz, of
+/// which a load on its gas spring of 10 to 15 Hz follows a twentieth.
 const WAITS: f32 = 0.0043;
-/// Gas for less way than this, as a share of the rest length, may come a period early to keep a valve open.
+/// Way, as a share of the rest length, whose gas may come a period early to keep a valve open.
 const EARLY: f32 = 0.0017;
-/// Swing of the load on its gas spring that friction has to end, as a share of the rest length: assumed, what a step or
-/// a blow leaves.
+/// Swing of the load on its gas spring that friction has to end, as a share of the rest length: assumed, as left by a
+/// step or a blow.
 const SWING: f32 = 0.01;
-/// Frequency of the reference after a step at most, as a share of that of the load on its gas spring: a load that is to
-/// stop sooner is thrown, as its muscle cannot push. Simulated with 2 to 30 kg and a third to three times the valves:
-/// steps overshoot by up to 13 % where 90 rad/s left 54, and 0.55 is slower and no better.
+/// Highest frequency of the reference after a step, as a share of the frequency of the load on its gas spring: a load
+/// that has to stop sooner is thrown, as its muscle cannot push. Simulated with 2 to 30 kg and a third to three times
+/// the valves: steps overshoot by up to 13 % where 90 rad/s left 54 %, and 0.55 is slower and no better.
 const FASTEST: f32 = 0.7;
-/// For how long after a step, in its phase \[rad\]: (1 + 8) exp(-8) of the step is left then. A set point that moves is
-/// followed faster, because the reference stays behind it by its acceleration over the frequency squared.
+/// Duration of that limit after a step, in its phase \[rad\]: (1 + 8) exp(-8) of the step is left then. A moving set
+/// point is followed faster, because the reference lags behind it by its acceleration over the frequency squared.
 const STEP_RAD: f32 = 8.0;
 const FOUR_PER_PI: f32 = 4.0 / core::f32::consts::PI;
-/// How much faster the integral shrinks, while the muscle sticks, than it grows: it has grown in the time in which a new
-/// load was not yet observed, and friction holds the muscle beside its goal until it has shrunk. Simulated: 4 to 11 end
-/// 66 load steps of eleven muscles alike; with 31 and none of the friction that is believed it swings.
+/// Factor by which the integral shrinks faster than it grows while the muscle sticks: it has grown before a new load
+/// was observed, and friction holds the muscle off its goal until it has shrunk. Simulated: factors of 4 to 11 settle
+/// 66 load steps of eleven muscles equally well; with 31 and without any of the believed friction it swings.
 const SHRINKS: f32 = 6.0;
-/// A muscle sticks that moves by no more than this share of the dead zone in a period, a few steps of a 12-bit length.
+/// Share of the dead zone: a muscle that moves by no more than this in a period sticks, a few LSB of a 12-bit length.
 const STICKS: f32 = 1.0 / 3.0;
-/// Share of an open period's mass up to which two periods' fit into one.
+/// Share of an open period's mass up to which the mass of two periods fits into one.
 const FITS: f32 = 0.5;
 
 /// Double pole of the reference, x'' = w^2 (target - x) - 2 w (x' - target'), by backward Euler over a period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Pole {
     rad: f32,
-    /// Share of its speed that is left \[-\], and the speed that an error \[1/s\] and the target's speed \[-\] give.
+    /// Share of its speed that remains \[-\], and the speed due to an error \[1/s\] and to the target's speed \[-\].
     keeps: f32,
     per_error: f32,
     per_target_speed: f32,
@@ -85,39 +85,39 @@ impl Pole {
 /// Coefficients of a period, computed once because divisions are slow without an FPU.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
-    /// Of a reference that follows a set point.
+    /// Pole of a reference that follows a set point.
     follows: Pole,
     /// Share of an error of the gas mass that one period closes \[-\].
     closes: f32,
-    /// Square of the frequency of the load on its gas spring up to which the lead damps it \[1/s2\]: its force is behind
-    /// the speed by w theta + atan(w tau), theta the delay and tau the loop's time, and a quarter of a turn is reached at
-    /// w^2 = 1/(theta (tau + theta/3)), cot y = 1/y - y/3 being within 1 % there.
+    /// Square of the frequency of the load on its gas spring up to which the lead damps it \[1/s2\]: its force lags the
+    /// speed by w theta + atan(w tau), theta the delay and tau the loop's time, and reaches a quarter of a turn at w^2
+    /// = 1/(theta (tau + theta/3)), cot y = 1/y - y/3 being within 1 % there.
     damped_per_s2: f32,
-    /// How late a pulse is by its valve \[s\].
+    /// Delay of a pulse by its valve \[s\].
     late_s: f32,
     /// Configured lead over the loop's time \[-\].
     lead_closes: f32,
-    /// Gas for less way than this, as a share of the rest length, can wait where it goes back on the last pulse.
+    /// Way, as a share of the rest length, whose gas can wait if it takes back part of the last pulse.
     turn_waits: f32,
-    /// Way in a period of a muscle that sticks, as a share of the rest length.
+    /// Way of a sticking muscle in a period, as a share of the rest length.
     sticks: f32,
-    /// Force that the integral learns from an error, and where it shrinks while the muscle sticks \[N/m\].
+    /// Force that the integral learns from an error, and while it shrinks with a sticking muscle \[N/m\].
     learns_n_m: f32,
     shrinks_n_m: f32,
-    /// Way of the reference in a period at most, as a share of the rest length.
+    /// Largest way of the reference in a period, as a share of the rest length.
     fastest: f32,
     pace: Pace,
-    /// Slip and creep over a period.
+    /// Law of slip and creep over a period.
     law: Law,
 }
 
 impl Gains {
-    /// For a period of so many steps.
+    /// Computes the coefficients for a period of `period_steps`.
     pub fn new(config: &Config, period_steps: u16) -> Self {
         let period_s = f32::from(period_steps) * config.step_s;
         let tuning = &config.controller;
         let valve_s = config.valve_kind.late_s(&config.valve);
-        // The speed of a difference is late by half a period, and a pulse by another half.
+        // The speed of a difference is half a period late, and a pulse another half.
         let late_s = period_s + valve_s;
         Self {
             follows: Pole::new(tuning.reference_rad_s, period_s),
@@ -135,9 +135,9 @@ impl Gains {
         }
     }
 
-    /// Share of the lead for a load on its gas spring \[-\]. Faster than that frequency the lead pushes the swing, by
-    /// up to the force that its gas has for an amplitude of `swing_m`: as much of it is left as friction takes, 4/pi of
-    /// the Coulomb force. Without a mass, which is not configured then, all of it.
+    /// Share of the lead for a load on its gas spring \[-\]. Above that frequency the lead drives the swing, by up to
+    /// the force of its gas for an amplitude of `swing_m`: as much of the lead is kept as friction absorbs, 4/pi of the
+    /// Coulomb force. All of it is kept without a mass, which is then not configured.
     fn lead(&self, spring: &GasSpring, swing_m: f32, coulomb_n: f32) -> f32 {
         let late = 1.0 - self.damped_per_s2 * spring.inverse_s2;
         if spring.inverse_s2 <= 0.0 || late <= 0.0 {
@@ -174,7 +174,7 @@ impl GasSpring {
         Self { gas_n_m, inverse_s2: mass_kg / stiffness_n_m }
     }
 
-    /// Pole of a step that the load can follow, no faster than that one.
+    /// Pole of a step that the load can follow, no faster than `fastest`.
     fn pole(&self, fastest: &Pole, period_s: f32) -> Pole {
         let rad_s = FASTEST * rough_inverse_sqrt(self.inverse_s2);
         if rad_s > 0.0 && rad_s * period_s < fastest.rad {
@@ -191,7 +191,7 @@ struct Reference {
     length_m: f32,
     speed_m_s: f32,
     acceleration_m_s2: f32,
-    /// Phase that is left of a step \[rad\].
+    /// Remaining phase of a step \[rad\].
     step_rad: f32,
 }
 
@@ -200,13 +200,14 @@ impl Reference {
         Self { length_m, speed_m_s: 0.0, acceleration_m_s2: 0.0, step_rad: 0.0 }
     }
 
-    /// Its length that much later \[m\].
+    /// Length of the reference after `time_s` \[m\].
     fn after_m(&self, time_s: f32) -> f32 {
         self.length_m + time_s * (self.speed_m_s + 0.5 * time_s * self.acceleration_m_s2)
     }
 
-    /// One period towards a length. One that moves no faster than the rate limit is followed without lag, to where it
-    /// will be at the period's end; a faster one is a step, which is no faster than the load on its spring.
+    /// Moves the reference by one period towards a length. A target no faster than the rate limit is followed without
+    /// lag, to its place at the period's end; a faster one is a step, and is followed no faster than the load on its
+    /// spring.
     fn advance(
         &mut self,
         tuning: &ControllerConfig,
@@ -233,7 +234,7 @@ impl Reference {
         }
         let wanted_m_s = limit(wanted_m_s, -fastest_m_s, fastest_m_s);
         let most_m_s = tuning.contraction_acceleration_per_s2 * rest_m * period_s;
-        // Gaining speed is limited, braking is not: it must not run past its target.
+        // Only gaining speed is limited, not braking: the reference must not run past its target.
         let gaining = absolute(wanted_m_s) > absolute(self.speed_m_s);
         let speed_m_s = if gaining {
             limit(wanted_m_s, self.speed_m_s - most_m_s, self.speed_m_s + most_m_s)
@@ -246,7 +247,7 @@ impl Reference {
     }
 }
 
-/// The muscle as it is to be when the gas of a period has arrived.
+/// State of the muscle when the gas of a period has arrived.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Arrival {
     length_m: f32,
@@ -264,23 +265,23 @@ impl Arrival {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ContractionLoop {
     gains: Gains,
-    /// Wanted length \[m\].
+    /// Requested length \[m\].
     course: Course,
     reference: Reference,
     arrival: Arrival,
-    /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
+    /// Pressure \[Pa\] and volume \[m3\] for which gas has been moved so far.
     given_pa: f32,
     given_m3: f32,
     /// Mass of a pulse that ended within the last period, or 0 \[kg\].
     pulsed_kg: f32,
-    /// Friction that the reference has to overcome, positive in contraction \[N\].
+    /// Friction that the reference must overcome, positive in contraction \[N\].
     friction_n: f32,
     /// Slip and creep along the reference.
     held: Held,
     observer: LoadObserver,
     /// Integral of the length error \[N\].
     effort_n: f32,
-    /// Measured length of the period before \[m\].
+    /// Measured length in the period before \[m\].
     length_m: f32,
     calm_periods: u8,
     holding: bool,
@@ -290,20 +291,20 @@ pub struct ContractionLoop {
 /// Goal of the loop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contracting {
-    /// Share of the rest length \[-\].
+    /// Contraction, share of the rest length \[-\].
     pub contraction: f32,
-    /// Steps since it changed.
+    /// Steps since the goal changed.
     pub age_steps: u16,
     /// Configured load \[N\].
     pub load_n: f32,
     /// Factor of the estimated wall temperature on friction \[-\].
     pub softening: f32,
-    /// Highest pressure to go to \[Pa\].
+    /// Highest permitted pressure \[Pa\].
     pub most_pa: f32,
 }
 
 impl ContractionLoop {
-    /// A loop that starts at the measured length and pressure: nothing jumps.
+    /// Creates a loop that starts at the measured length and pressure: nothing jumps.
     pub fn new(
         config: &Config,
         gains: &Gains,
@@ -333,12 +334,12 @@ impl ContractionLoop {
         fresh
     }
 
-    /// Whether the load at the goal needs more pressure than there may be.
+    /// Whether the load at the goal needs more pressure than permitted.
     pub fn limited(&self) -> bool {
         self.limited
     }
 
-    /// Whether the muscle is where it should be and the valves rest.
+    /// Whether the muscle is at its goal and the valves rest.
     pub fn holding(&self) -> bool {
         self.holding
     }
@@ -348,8 +349,8 @@ impl ContractionLoop {
         self.reference.length_m
     }
 
-    /// Takes the measured force for the one wanted: friction explains what it can, the disturbance the
-    /// rest. On its stop the load says nothing.
+    /// Takes the measured force as the reference's: friction explains as much of it as it can, the disturbance the
+    /// rest. A load on its stop gives no information.
     fn take_over(
         &mut self,
         config: &Config,
@@ -373,7 +374,8 @@ impl ContractionLoop {
         self.given_m3 = self.arrival.volume_m3;
     }
 
-    /// Mass to move in the coming period \[kg\], positive into the muscle, and the open valve's flow; `None` to rest.
+    /// Mass to move in the coming period \[kg\], positive into the muscle, and the open valve's flow; `None` if the
+    /// valves rest.
     pub fn period(
         &mut self,
         config: &Config,
@@ -387,13 +389,13 @@ impl ContractionLoop {
         let target_m = chamber.limit_length_m(rest_m - rest_m * contraction);
         let fastest_m = self.gains.fastest * rest_m;
         let target = self.course.advance::<false>(&self.gains.pace, target_m, age_steps, fastest_m);
-        // Positive: has to contract.
+        // Positive: the muscle must contract.
         let error_m = feedback.length_m - self.reference.length_m;
         let zone_m = config.controller.contraction_dead_zone * rest_m;
         let moved_m = feedback.length_m - self.length_m;
         self.length_m = feedback.length_m;
         if feedback.length_lost {
-            // Pressure alone is followed. A frozen reading may have taught it anything before it was found.
+            // Only pressure is followed. A frozen reading may have taught the loop anything before it was found.
             self.holding = false;
             self.effort_n = 0.0;
             self.observer = LoadObserver::new();
@@ -421,7 +423,7 @@ impl ContractionLoop {
             return None;
         }
 
-        // Distance ahead of the reference when the pulse acts: damps the load on its gas spring.
+        // Distance ahead of the reference when the pulse acts: it damps the load on its gas spring.
         let slope_m2 = chamber.volume_slope_m2(feedback.length_m);
         let configured_kg = config.moving_mass_kg;
         let mass_kg = if configured_kg > 0.0 { configured_kg + self.observer.mass_kg } else { 0.0 };
@@ -430,7 +432,7 @@ impl ContractionLoop {
         let lead = self.gains.lead(&spring, SWING * rest_m, coulomb_n);
         let lead_s = config.controller.length_lead_s * lead;
         let ahead_m = (moved_m * port.pwm_hz - self.reference.speed_m_s) * lead_s;
-        // Volume and pressure that are missing of those given so far.
+        // Volume and pressure missing from those for which gas has been moved so far.
         let missing_m3 = self.given_m3 - port.volume_m3 - slope_m2 * ahead_m;
         let missing_m3 = missing_m3 * config.controller.length_gain;
         let missing_pa = self.given_pa - feedback.pressure_pa;
@@ -451,7 +453,7 @@ impl ContractionLoop {
         Some((self.spare(port, wanted_kg, open_kg, per_rest_kg, ahead_m3), open))
     }
 
-    /// One period of the observer and of the integral, for the error \[m\] and the way since the period before
+    /// Runs one period of the observer and of the integral, for the error \[m\] and the way since the period before
     /// \[m\].
     fn learn(
         &mut self,
@@ -478,8 +480,7 @@ impl ContractionLoop {
             };
             self.observer.period(&balance, disturbances_n(config, chamber, load_n));
         }
-        // Anti-windup: nothing is learnt while a valve is fully open, beyond the pressures that there may be, or from
-        // large errors.
+        // Anti-windup: nothing is learnt while a valve is fully open, at the limits of pressure, or from large errors.
         let ends = if error_m > 0.0 {
             self.arrival.pressure_pa >= most_pa
         } else {
@@ -498,7 +499,8 @@ impl ContractionLoop {
         }
     }
 
-    /// One period of the reference to a length, with the load on its spring, and of what holds it back.
+    /// Moves the reference by one period towards a length, with the load on its spring and the forces that hold it
+    /// back.
     fn advance(
         &mut self,
         config: &Config,
@@ -530,22 +532,22 @@ impl ContractionLoop {
         let pressure_pa = limit(ambient_pa + gauge_pa, ambient_pa, most_pa);
         self.arrival = Arrival::new(chamber, length_m, pressure_pa);
         if self.limited && feedback.length_lost {
-            // Nothing but pressure says where the muscle is: the reference goes no further than pressure may.
+            // Only pressure shows where the muscle is: the reference goes no further than the pressure may.
             self.reference = Reference { speed_m_s: 0.0, acceleration_m_s2: 0.0, ..before };
             (self.friction_n, self.held) = (friction_n, held);
             self.arrival = Arrival { pressure_pa, ..arrival };
         }
     }
 
-    /// Slip and creep after a period in which the reference contracted by `way_m`.
+    /// Updates slip and creep after a period in which the reference contracted by `way_m`.
     fn creep(&mut self, config: &Config, feedback: &Feedback, way_m: f32, softening: f32) {
         let gauge_pa = feedback.pressure_pa - config.ambient.pressure_pa;
         self.held = self.gains.law.after(&self.held, way_m, gauge_pa, softening);
     }
 
-    /// The mass to give now of what is wanted; none where it waits. `open_kg` is what an open period moves,
-    /// `per_rest_kg` the gas for a way of the rest length, `ahead_m3` the volume by which the reference grew in
-    /// this period.
+    /// Returns the part of the requested mass to move now; none if it waits. `open_kg` is the mass of an open period,
+    /// `per_rest_kg` the gas for a way of the rest length, `ahead_m3` the volume by which the reference grew in this
+    /// period.
     fn spare(
         &mut self,
         port: &ChamberPort,
@@ -584,7 +586,7 @@ fn pull_n(config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
     chamber.force_n(feedback.pressure_pa - config.ambient.pressure_pa, feedback.length_m)
 }
 
-/// Whether it lies on neither stop: there the load is not what it pulls.
+/// Whether the load lies on neither stop: on a stop it is not what the muscle pulls.
 fn is_free(chamber: &impl Chamber, length_m: f32) -> bool {
     length_m > chamber.shortest_m() + STOP_M && length_m < chamber.longest_m() - STOP_M
 }
@@ -594,15 +596,15 @@ fn configured_coulomb_n(config: &Config, softening: f32) -> f32 {
     config.controller.friction_gain * softening * config.friction.force_n
 }
 
-/// Least and largest disturbance \[N\]: with load, slip and creep as they are believed, no less than what the chamber
-/// can hold. What cannot push has no load that is lifted for it.
+/// Smallest and largest disturbance \[N\]: together with the believed load, slip and creep, no less than the chamber
+/// can hold. A muscle cannot push, so no load is lifted for it.
 fn disturbances_n(config: &Config, chamber: &impl Chamber, believed_n: f32) -> [f32; 2] {
     let most_n = config.controller.load_limit_n;
     [limit(chamber.least_force_n() - believed_n, -most_n, 0.0), most_n]
 }
 
-/// Friction after a way, `way_n` its stiffness times the way: it builds up along the way as the
-/// bristles of LuGre do (Canudas de Wit et al. 1995), f' = k (1 - f/F sgn x'), backward Euler.
+/// Friction after a way, `way_n` being its stiffness times the way: it builds up along the way like the bristles of
+/// LuGre (Canudas de Wit et al. 1995), f' = k (1 - f/F sgn x'), backward Euler.
 fn slide(friction_n: f32, way_n: f32, coulomb_n: f32) -> f32 {
     let most_n = coulomb_n + absolute(way_n);
     if most_n > 0.0 { (friction_n + way_n) * coulomb_n / most_n } else { 0.0 }
@@ -625,7 +627,7 @@ mod tests {
         Config { hysteresis: Hysteresis::NONE, ..Config::default() }
     }
 
-    /// One behind valves so narrow that no pulse can be spared.
+    /// A muscle behind valves so narrow that no pulse can be spared.
     fn narrow() -> Config {
         let mut config = plain();
         config.valve.conductance_m3_s_pa = 1.0e-12;
@@ -650,7 +652,7 @@ mod tests {
         ChamberPort::of_air(feedback.pressure_pa, muscle().volume_m3(feedback.length_m))
     }
 
-    /// Absolute pressure at which the muscle pulls so much at [`LENGTH_M`].
+    /// Absolute pressure at which the muscle pulls with this force at [`LENGTH_M`].
     fn pressure_pa(force_n: f32) -> f32 {
         AMBIENT_PA + muscle().gauge_pressure_for_force_pa(force_n, LENGTH_M)
     }
@@ -665,7 +667,7 @@ mod tests {
         Contracting { contraction, age_steps: 0, load_n: LOAD_N, softening: 1.0, most_pa: 6.6e5 }
     }
 
-    /// It learns nothing either: the reference stands for the length.
+    /// Nor does it learn anything: the reference takes the place of the length.
     #[test]
     fn without_a_length_the_reference_goes_no_further_than_pressure() {
         let config = plain();
@@ -685,7 +687,7 @@ mod tests {
         assert_eq!(contracting.effort_n, 0.0);
     }
 
-    /// A reference at rest at 0.25 m, and its next values for these targets.
+    /// A reference at rest at 0.25 m, and its following values for these targets.
     fn references(targets_m: impl Iterator<Item = f32>) -> Vec<Reference> {
         let config = plain();
         let gains = Gains::new(&config, 10);
@@ -716,7 +718,7 @@ mod tests {
         }
     }
 
-    /// Slower than the rate limit, a set point is led to where it will be at the end of the period.
+    /// A set point slower than the rate limit is led to its value at the end of the period.
     #[test]
     fn a_ramp_is_followed_without_lag() {
         for speed_m_s in [-0.1_f32, 0.1] {
@@ -729,8 +731,9 @@ mod tests {
         }
     }
 
-    /// The lead ends where its force is a quarter of a turn behind the speed. Beyond, it is what friction takes: 4/pi of
-    /// 15 N against 10 kN/m of gas, 10/14 of it led, half of that pushing, over 3 mm; without a mass it is whole.
+    /// The lead ends where its force is a quarter of a turn behind the speed. Beyond, it is as much as friction
+    /// absorbs: 4/pi of 15 N against 10 kN/m of gas, 10/14 of it led, half of that pushing, over 3 mm; without a mass
+    /// it is whole.
     #[test]
     fn a_lead_that_comes_too_late_to_damp_is_left_to_friction() {
         let config = plain();
@@ -749,7 +752,8 @@ mod tests {
         assert!(lead(50.0, 2.0) < 0.95, "{}", lead(50.0, 2.0));
     }
 
-    /// 20 kg on 12 kN/m swing at 24.5 rad/s: seven tenths of that, no more than is configured, and that without a mass.
+    /// 20 kg on 12 kN/m swing at 24.5 rad/s: the pole is at seven tenths of that, no higher than configured, and at the
+    /// configured value without a mass.
     #[test]
     fn a_step_of_a_heavy_load_is_slower() {
         let rad_s = |mass_kg: f32, most_rad_s: f32| {
@@ -760,7 +764,8 @@ mod tests {
         for (mass_kg, most_rad_s) in [(20.0, 10.0), (0.0, 90.0), (0.1, 90.0)] {
             assert!((rad_s(mass_kg, most_rad_s) / most_rad_s - 1.0).abs() < 1e-6);
         }
-        // A third of a step is left after 2.2/w, a sixtieth after 6.2/w. A set point that moves then is followed at once.
+        // A third of a step is left after 2.2/w, a sixtieth after 6.2/w. A set point that then moves is followed at
+        // once.
         let spring = GasSpring { gas_n_m: 1.0e4, inverse_s2: 20.0 / 1.2e4 };
         let config = plain();
         let (gains, port) = (Gains::new(&config, 10), port(&feedback(3.0e5, 0.25)));
@@ -784,8 +789,7 @@ mod tests {
         assert!((moving.length_m - 0.2395).abs() < 6e-4 && moving.step_rad <= 0.0, "{moving:?}");
     }
 
-    /// 30/s2 and 0.7/s of 0.3 m: at most 9 m/s2 while it gains speed, at most 0.21 m/s, and not past
-    /// its target.
+    /// 30/s2 and 0.7/s of 0.3 m: at most 9 m/s2 while it gains speed, at most 0.21 m/s, and not past its target.
     #[test]
     fn a_large_step_is_followed_at_the_limits_of_speed_and_acceleration() {
         for step_m in [-0.05_f32, 0.05] {
@@ -803,7 +807,7 @@ mod tests {
         }
     }
 
-    /// Each way of a tenth of F/k leaves 1/1.1 of what friction lacks of the Coulomb force.
+    /// Each way of a tenth of F/k leaves 1/1.1 of the difference between friction and the Coulomb force.
     #[test]
     fn friction_builds_up_along_the_way() {
         for way_n in [-1.5, 1.5_f32] {
@@ -819,8 +823,8 @@ mod tests {
         assert_eq!([slide(0.0, 0.0, 0.0), slide(5.0, 1.0, 0.0)], [0.0; 2], "no friction at all");
     }
 
-    /// 1.03 times 15 N of friction explain a measured force that is none of the load; a learnt load, up to
-    /// its limit, the rest. On the stop the load is unknown.
+    /// Friction of 1.03 times 15 N explains the part of a measured force that the load does not; a learnt load, up to
+    /// its limit, explains the rest. On the stop the load is unknown.
     #[test]
     fn a_start_takes_the_measured_force_for_the_one_wanted() {
         let mut config = plain();
@@ -866,8 +870,8 @@ mod tests {
         assert!(off_kg.abs() < 5e-3 * expected_kg.abs() + 2e-9, "{kg} kg, expected {expected_kg}");
     }
 
-    /// On a muscle that follows at once, behind valves that are never late: each period moves what the next state has
-    /// more, until the muscle is where it should be and pulls its load and friction.
+    /// On a muscle that follows at once, behind valves without delay: each period moves the mass by which the next
+    /// state differs, until the muscle is at its goal and pulls its load and friction.
     #[test]
     fn the_gas_of_the_reference_is_what_is_moved() {
         let mut config = narrow();
@@ -879,7 +883,7 @@ mod tests {
                 let asked = active.period(&config, &muscle(), &now, &port(&now), &wanted(goal_m));
                 let Some((kg, _)) = asked else { break };
                 let change_m3 = active.arrival.volume_m3 - muscle().volume_m3(now.length_m);
-                // It is ahead of what is measured where the speed changes: damping.
+                // It leads the measurement where the speed changes: damping.
                 let change_pa = active.arrival.pressure_pa - now.pressure_pa;
                 if active.reference.acceleration_m_s2.abs() < 1e-3 {
                     close(kg, mass_kg(&now, change_pa, change_m3));
@@ -893,8 +897,8 @@ mod tests {
         }
     }
 
-    /// Pressure and length that are off at rest: 10 of 14 ms of the gas that is missing, with the length
-    /// taken where it will be 10 ms later and counted as seven tenths, less what the last pulse still moves.
+    /// Pressure and length that are off at rest: 10 of 14 ms of the missing gas, for the length 10 ms later, counted as
+    /// seven tenths, less the mass that the last pulse still moves.
     #[test]
     fn missing_gas_is_closed_by_its_share() {
         let mut config = narrow();
@@ -946,8 +950,8 @@ mod tests {
         }
     }
 
-    /// Of 5 N, an error of 0.3 mm takes 0.12 N in 10 ms: six times that from a muscle that moves by no more than a
-    /// third of the dead zone, 0.06 mm.
+    /// Of 5 N, an error of 0.3 mm removes 0.12 N in 10 ms: six times that if the muscle moves by no more than a third
+    /// of the dead zone, 0.06 mm.
     #[test]
     fn the_integral_shrinks_faster_while_the_muscle_sticks() {
         let config = plain();
@@ -968,8 +972,8 @@ mod tests {
         }
     }
 
-    /// A load that needs more pressure than there may be stays too long, and one that ambient pressure pulls too far
-    /// stays too short, for as long as it takes: an integral of that would be in the way back.
+    /// A load that needs more pressure than permitted stays too long, and one that ambient pressure pulls too far stays
+    /// too short, for as long as that lasts: an integral of that error would be in the way on the way back.
     #[test]
     fn an_error_that_no_pressure_cures_is_not_integrated() {
         let config = plain();
@@ -986,7 +990,7 @@ mod tests {
         }
     }
 
-    /// Slip and creep along the reference are lifted, and fade at rest.
+    /// Slip and creep along the reference are overcome, and fade at rest.
     #[test]
     fn slip_and_creep_are_held() {
         let config = Config::default();
@@ -1005,7 +1009,7 @@ mod tests {
             active
         };
         let creeps = run(&config);
-        // 6.5 N of slip, 20 mm of 2.47 kN/m that have begun to fade, and of 1.5 kN/m.
+        // 6.5 N of slip, and creep from 20 mm at 2.47 kN/m, which has begun to fade, and at 1.5 kN/m.
         let held_n = creeps.held.force_n();
         assert!((55.0..75.0).contains(&held_n), "{held_n} N");
         assert_eq!(run(&plain()).held, Held::default());
@@ -1020,18 +1024,19 @@ mod tests {
         assert!((left - (-1.0_f32).exp()).abs() < 1e-3, "{left}");
     }
 
-    /// A pulse that has ended lets a small mass wait, once; one that nearly fills its period fills it.
+    /// A pulse that has ended lets a small mass wait, once; a pulse that nearly fills its period is extended to all of
+    /// it.
     #[test]
     fn pulses_are_spared() {
         let now = feedback(pressure_pa(LOAD_N), LENGTH_M);
         let mut active = started(&plain(), &now);
         let port = port(&now);
         let mut give = |wanted_kg: f32| 1.0e6 * active.spare(&port, wanted_kg, 3.0e-5, 1.0e-3, 0.0);
-        // Of 30 mg that an open period moves; the gas for 0.0043 of the rest length are 4.3 mg.
+        // An open period moves 30 mg; the gas for 0.0043 of the rest length is 4.3 mg.
         let given: [f32; 5] = [2.0e-6, 2.0e-6, -2.0e-6, -4.5e-6, -4.5e-6].map(&mut give);
         let expected = [2.0, 0.0, -2.0, -4.5, -4.5];
         assert!(given.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{given:?}");
-        // One that turns does not wait, beyond the 0.9 mg of one and a half dead zones.
+        // A reversal does not wait, beyond the 0.9 mg of one and a half dead zones.
         let given: [f32; 4] = [1.0e-6, -1.0e-6, 0.8e-6, 0.8e-6].map(&mut give);
         let expected = [1.0, -1.0, 0.0, 0.8];
         assert!(given.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{given:?}");
@@ -1040,7 +1045,7 @@ mod tests {
         assert!(given.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3), "{given:?}");
     }
 
-    /// A muscle cannot push: what is learnt leaves a load that pulls, or none.
+    /// A muscle cannot push: the learnt disturbance leaves a load that pulls, or none.
     #[test]
     fn no_load_is_learnt_that_a_slack_muscle_would_have_to_push() {
         let config = plain();
@@ -1055,7 +1060,7 @@ mod tests {
         assert!(muscle().force_n(0.0, 0.24) < -30.0);
         let mut active = ContractionLoop::new(&config, &gains, &muscle(), &slack, 5.0, 1.0);
         assert_eq!(active.observer.disturbance_n, -5.0);
-        // Creep that is believed and not there is not to be lifted.
+        // Believed creep that does not exist must not be overcome.
         active.held.fast_n = 60.0;
         let goal = Contracting { load_n: 5.0, ..wanted(0.23) };
         for _ in 0..10 {
@@ -1066,7 +1071,7 @@ mod tests {
         assert!((most_n..-40.0).contains(&learnt_n), "{learnt_n} N of {most_n} N");
     }
 
-    /// The gas is that of where a moving reference is 2 ms later, half of the stroke and the dead time.
+    /// The gas is for the place of a moving reference 2 ms later, half of the stroke plus the dead time.
     #[test]
     fn the_gas_is_for_the_time_at_which_it_arrives() {
         let config = plain();
@@ -1081,8 +1086,8 @@ mod tests {
         assert!((ahead_m + 2.0e-3 * 0.05).abs() < 5e-6, "{ahead_m} m at 50 mm/s");
     }
 
-    /// Friction against the motion, softened; viscous friction with the speed; the mass with the
-    /// acceleration: a muscle that starts to contract has to pull more for each.
+    /// Friction against the motion, softened; viscous friction with the speed; the mass with the acceleration: a muscle
+    /// that starts to contract must pull more for each.
     #[test]
     fn the_pressure_is_that_of_load_friction_speed_and_acceleration() {
         let mut config = plain();
@@ -1103,7 +1108,7 @@ mod tests {
         }
     }
 
-    /// One that has come to rest so far off its goal of 0.27 m, with a pressure for that force.
+    /// A loop that has come to rest `off_m` from its goal of 0.27 m, at the pressure for `force_n`.
     fn resting(config: &Config, off_m: f32, force_n: f32) -> ContractionLoop {
         let now = feedback(pressure_pa(force_n), LENGTH_M + off_m);
         let mut active = started(config, &now);
@@ -1114,7 +1119,7 @@ mod tests {
         active
     }
 
-    /// Whether it rests within 30 periods, from 0.27 m on: at these lengths, with these goals.
+    /// Whether the loop rests within 30 periods, from 0.27 m on, at these lengths, with these goals.
     fn rests(config: &Config, length_and_goal_m: impl Fn(u16) -> (f32, f32)) -> bool {
         let mut active = started(config, &feedback(pressure_pa(LOAD_N), LENGTH_M));
         (1..30).any(|period| {
@@ -1124,8 +1129,7 @@ mod tests {
         })
     }
 
-    /// Within the dead zone of 0.18 mm, moving by no more than that in a period, and with nothing left
-    /// to follow.
+    /// Within the dead zone of 0.18 mm, moving by no more than that in a period, and with nothing left to follow.
     #[test]
     fn it_rests_only_where_it_is_to_be() {
         let config = plain();
@@ -1146,7 +1150,8 @@ mod tests {
         assert!(!rests(&slow, on_its_way), "the goal is far");
     }
 
-    /// It rests until one and a half dead zones of 0.18 mm away from its goal, from wherever it came.
+    /// A loop at rest stays at rest up to one and a half dead zones of 0.18 mm from its goal, whatever side it came
+    /// from.
     #[test]
     fn a_muscle_at_rest_is_as_far_off_as_it_is_from_its_goal() {
         let config = plain();
@@ -1162,8 +1167,8 @@ mod tests {
         }
     }
 
-    /// While it rested the gas has cooled, or the load has changed: it goes on from what is measured then.
-    /// Of what the learnt load does not explain 15.45 N are friction, as at a start.
+    /// The gas has cooled during the rest, or the load has changed: the loop continues from the new measurement. Of the
+    /// force that the learnt load does not explain, 15.45 N are friction, as at a start.
     #[test]
     fn a_muscle_that_has_rested_goes_on_from_what_is_measured() {
         let config = narrow();

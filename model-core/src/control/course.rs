@@ -1,64 +1,64 @@
 //! The course of a set point between its values.
 //!
-//! A host sends values when it likes, some 20 to 200 times a second; a loop acts at the starts of its own periods. In a
-//! period the last value would change by none, one or two intervals of the host, and the speed of the set point would jump
-//! by as much. A value therefore counts from the step in which it came, and goes on from there at the speed since the one
-//! before, until the next one is due.
+//! A host sends values at its own rate, some 20 to 200 times a second; a loop acts at the starts of its own periods. In
+//! a period the last value would change by none, one or two intervals of the host, and the speed of the set point would
+//! jump accordingly. A value therefore counts from the step in which it came, and continues from there at the speed
+//! since the previous value until the next one is due.
 //!
-//! Values that come irregularly, because a host or its line has other things to do, were meant for other times. Half of
-//! what is new in each is taken then, and it goes on for half an interval more.
+//! Values that come irregularly, because a host or its line is busy, were meant for other times. Only half of the
+//! change in each is then taken, and it continues for another half interval.
 //!
-//! A joint accelerates more within an interval than a muscle with a load does. Its course bends: a value goes on by speed
-//! and acceleration, both by a filter whose memory fades. A value that follows a rest has neither, and one that the
-//! joint could not have come to by its acceleration leaves the speed as it was: both are steps. A course that nothing
-//! follows is left after one interval, or slows down within another half where values come irregularly.
+//! A joint accelerates more within an interval than a muscle with a load does. Its course bends: a value continues with
+//! speed and acceleration, both from a filter whose memory fades. A value that follows a rest has neither, and a value
+//! that the joint could not have reached by its acceleration leaves the speed unchanged: both are steps. A course
+//! without further values stops after one interval, or slows down within another half if values come irregularly.
 
 use crate::math::{absolute, limit};
 
-/// Longest interval between two values of a set point that moves \[s\]: 20 values a second.
+/// Longest interval between two values of a moving set point \[s\]: 20 values a second.
 const LONGEST_S: f32 = 0.05;
-/// The same for a course that bends: values that come 20 times a second may be late by 5 ms.
+/// Longest interval for a course that bends: values that come 20 times a second may be 5 ms late.
 const LONGEST_BENT_S: f32 = 0.055;
-/// Interval whose value counts for half in the filter of a course that bends: the longer it is, the less it matters
-/// that a value is late by some milliseconds \[s\].
+/// Interval whose value has half the weight in the filter of a course that bends: the longer the interval, the less it
+/// matters that a value is some milliseconds late \[s\].
 const HALF_S: f32 = 0.011;
-/// Share of its speed by which a late value may seem to be faster or slower.
+/// Share of its speed by which a late value may seem faster or slower.
 const LATE: f32 = 1.0;
-/// Share of what is new in an irregular value, and in its speed. Simulated with 10 and 20 kg on a sine of 13.5 mm, values
-/// up to 1, 3 and 8 ms late, four seeds: 0.23, 0.31 and 0.65 mm off; all of it leaves 0.28, 0.53 and 1.09 mm,
-/// three tenths with a tenth of the speed 0.8 mm.
+/// Share of the change in an irregular value, and in its speed, that is taken. Simulated with 10 and 20 kg on a sine of
+/// 13.5 mm, values up to 1, 3 and 8 ms late, four seeds: 0.23, 0.31 and 0.65 mm off; taking all of it leaves 0.28, 0.53
+/// and 1.09 mm, three tenths with a tenth of the speed 0.8 mm.
 const NEW: f32 = 0.5;
-/// Values after one at another interval that count as irregular.
+/// Number of values that count as irregular after one at another interval.
 const IRREGULAR: u8 = 20;
 
-/// Loop for which the course is.
+/// Timing of the loop that the course serves.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pace {
-    /// Steps in its period, and the reciprocal.
+    /// Steps in the loop's period, and their reciprocal.
     period_steps: u16,
     per_steps: f32,
-    /// Steps within which a set point that moves has another value.
+    /// Steps within which a moving set point has another value.
     longest_steps: u16,
-    /// Of a course that bends.
+    /// Bend of the course; `None` for a straight one.
     bends: Option<Bends>,
 }
 
-/// How a course bends.
+/// Limits of a course that bends.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bends {
-    /// Square of the interval whose value counts for half, in periods.
+    /// Square of the interval whose value has half the weight, in periods.
     half_squared: f32,
-    /// By how much its change in a period may change in a period.
+    /// Largest change, per period, of the change in a period.
     most: f32,
 }
 
 impl Pace {
-    /// For steps of `step_s`.
+    /// Pace of a straight course in steps of `step_s`.
     pub fn new(period_steps: u16, step_s: f32) -> Self {
         Self::within(LONGEST_S, period_steps, step_s)
     }
 
-    /// For steps of `step_s` of a set point that accelerates by up to `most_per_s2`.
+    /// Pace of a course that bends in steps of `step_s`, for a set point that accelerates by up to `most_per_s2`.
     pub fn bending(period_steps: u16, step_s: f32, most_per_s2: f32) -> Self {
         let period_s = f32::from(period_steps) * step_s;
         let half = HALF_S / period_s;
@@ -80,15 +80,15 @@ impl Pace {
 /// Set point of a period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
-    /// At its start.
+    /// Value at its start.
     pub value: f32,
-    /// By how much it changes in the period.
+    /// Change within the period.
     pub change: f32,
-    /// By how much that changes from period to period.
+    /// Change of that from period to period.
     pub bend: f32,
-    /// It has a new value, or goes on.
+    /// Whether it has a new value or continues to move.
     pub moves: bool,
-    /// It has changed by more than a motion does.
+    /// Whether it has changed by more than a motion does.
     pub steps: bool,
 }
 
@@ -96,30 +96,30 @@ pub struct Target {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Course {
     value: f32,
-    /// Change in a period: to go on with, and as the last two values have it.
+    /// Change in a period: with which the course continues, and between the last two values.
     change: f32,
     rate: f32,
-    /// By how much it changes from period to period.
+    /// Change of that from period to period.
     bend: f32,
-    /// The last value as it is taken while it goes on.
+    /// Last value, as taken for the course to continue from.
     from: f32,
-    /// Steps since the last value came, and between the last ones.
+    /// Steps since the last value came, and between the last two.
     age_steps: u16,
     interval_steps: u16,
-    /// Steps for which it goes on.
+    /// Steps for which the course continues.
     lasts_steps: u16,
-    /// The last value came after twice the interval.
+    /// Whether the last value came after twice the interval.
     twice: bool,
-    /// The last value began a motion: there is no speed yet.
+    /// Whether the last value began a motion: there is no speed yet.
     begins: bool,
-    /// The last value was none that the joint could have come to.
+    /// Whether the joint could not have reached the last value.
     leapt: bool,
-    /// Values until their times are taken for regular.
+    /// Values left until their times count as regular.
     irregular: u8,
 }
 
 impl Course {
-    /// At rest.
+    /// A course at rest.
     pub fn at(value: f32, pace: &Pace) -> Self {
         Self {
             value,
@@ -137,8 +137,9 @@ impl Course {
         }
     }
 
-    /// One period, at whose start the set point has had that value for so many steps; while it moves it changes by no
-    /// more than `fastest` in a period. Without `BENDS` it does not bend, and an image has no code for it.
+    /// Advances by one period, at whose start the set point has had this value for `age_steps`; while it moves it
+    /// changes by no more than `fastest` in a period. Without `BENDS` the course does not bend, and the image has no
+    /// code for it.
     pub fn advance<const BENDS: bool>(
         &mut self,
         pace: &Pace,
@@ -176,7 +177,7 @@ impl Course {
         }
     }
 
-    /// Where a course that does not bend has gone on to.
+    /// Returns the place that a straight course has reached.
     fn straight_on(&self, pace: &Pace, has_new: bool, steps: bool) -> Target {
         let change = if self.age_steps < self.lasts_steps { self.change } else { 0.0 };
         let moves = has_new || change != 0.0;
@@ -188,7 +189,8 @@ impl Course {
         Target { value, change, bend: 0.0, moves, steps }
     }
 
-    /// Where a course that bends has gone on to. An irregular value that is late finds it slower, and no step back.
+    /// Returns the place that a bending course has reached. An irregular value that is late finds the course slower,
+    /// but no step back.
     fn bent_on(&self, pace: &Pace, has_new: bool, steps: bool) -> Target {
         let on_time = self.age_steps < self.lasts_steps;
         let late_steps = self.age_steps.saturating_sub(self.lasts_steps);
@@ -208,10 +210,11 @@ impl Course {
         Target { value, change: left * speed, bend: 0.0, moves: true, steps }
     }
 
-    /// Takes the times of a value that came after so many steps, and in a period that began so many after the last value's.
+    /// Records the time of a value that came `since_steps` after the last, and in a period that began `after_steps`
+    /// after the last value's period.
     fn time(&mut self, pace: &Pace, since_steps: u16, after_steps: u16) {
         let before_steps = self.interval_steps;
-        // One that was due may have been the same as the last: a turn of a sine has two of a value.
+        // A value that was due may have equalled the last: a turn of a sine has two equal values.
         let is_late = self.age_steps >= self.lasts_steps;
         let twice = is_late && after_steps == before_steps.saturating_mul(2);
         if since_steps > pace.longest_steps {
@@ -227,7 +230,7 @@ impl Course {
         };
     }
 
-    /// Takes a value of a course that does not bend; whether it is a step.
+    /// Takes a value of a straight course; returns whether it is a step.
     fn straight(&mut self, pace: &Pace, gained: f32, before_steps: u16, fastest: f32) -> bool {
         let intervals = if self.interval_steps == pace.period_steps {
             1.0
@@ -252,7 +255,7 @@ impl Course {
         steps
     }
 
-    /// Takes a value of a course that bends, so many periods after the last; whether it is a step.
+    /// Takes a value of a bending course, this many periods after the last; returns whether it is a step.
     fn bent(
         &mut self,
         bends: &Bends,
@@ -279,7 +282,7 @@ impl Course {
         } else if leaps {
             (self.from, self.bend) = (self.value, 0.0);
         } else {
-            // Of second order, whose weights fade by `left` with each value.
+            // A second-order filter, whose weights fade by `left` with each value.
             let square = periods * periods;
             let new = square / (square + bends.half_squared);
             let left = 1.0 - new;
@@ -303,7 +306,7 @@ mod tests {
     /// Change of a ramp in a step.
     const RATE: f32 = 0.05;
 
-    /// Targets of the periods of a set point that has value(n) from the n-th of these steps on.
+    /// Targets of the periods of a set point that has the value `value(n)` from the n-th of these steps on.
     fn targets(period: u16, came: &[u16], value: impl Fn(usize) -> f32) -> Vec<(u16, Target)> {
         let pace = Pace::new(period, STEP_S);
         let mut course = Course::at(0.0, &pace);
@@ -316,7 +319,7 @@ mod tests {
         starts.filter_map(target).collect()
     }
 
-    /// The last value of a ramp, whose values came in these steps.
+    /// A ramp whose values came in these steps.
     fn ramp(period: u16, came: &[u16]) -> Vec<(u16, Target)> {
         targets(period, came, |n| RATE * f32::from(came[n]))
     }
@@ -326,7 +329,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whenever its values come, a ramp is no more than five steps off.
+        /// Whenever its values come, a ramp is off by no more than five steps.
         #[test]
         fn a_ramp_goes_on_between_its_values(
             period in 5_u16..20,
@@ -339,7 +342,7 @@ mod tests {
             let [.., last] = came[..] else { unreachable!() };
             for (start, target) in ramp(period, &came) {
                 let within = start >= came[30] && start < last;
-                // A value that is late by more than the interval before it stops the course.
+                // A value that is later than the interval before it stops the course.
                 if within && target.change != 0.0 {
                     let off = target.value - RATE * f32::from(start);
                     prop_assert!(off.abs() < 5.0 * RATE, "{off} at {start}");
@@ -358,14 +361,14 @@ mod tests {
         {
             let came = regular(interval, 600);
             for (start, target) in ramp(period, &came) {
-                // A host that sends less often than the loop acts is known for one after its third value.
+                // A host that sends less often than the loop acts is recognised after its third value.
                 let within = start > 3 * interval.max(period) && start < came[came.len() - 1];
                 assert!(target.change != 0.0 || !within, "{period}, {interval}: {start}");
             }
         }
     }
 
-    /// No further than one and a half intervals beyond the last value, and back to it.
+    /// No further than one and a half intervals beyond the last value, and then back to it.
     #[test]
     fn a_ramp_that_ends_is_left_when_the_next_value_is_due() {
         for (period, interval) in [(10, 10), (10, 20), (5, 10), (10, 50), (12, 10)] {
@@ -383,7 +386,7 @@ mod tests {
         }
     }
 
-    /// A step is none of a motion, whatever came before.
+    /// A step is not part of a motion, whatever came before.
     #[test]
     fn a_step_does_not_go_on() {
         for (period, interval) in [(10, 10), (10, 20), (5, 10), (10, 50)] {
@@ -401,7 +404,7 @@ mod tests {
         }
     }
 
-    /// Targets of a course that bends, at the starts of periods of 10 steps. It accelerates by up to 100 /s2.
+    /// Targets of a course that bends, at the starts of periods of 10 steps. Acceleration is limited to 100 /s2.
     fn bent(came: &[u16], value: impl Fn(u16) -> f32) -> Vec<(u16, Target)> {
         let pace = Pace::bending(10, STEP_S, 100.0);
         let mut course = Course::at(value(0), &pace);
@@ -412,7 +415,7 @@ mod tests {
         (1..100).map(|n| n * 10).filter_map(target).collect()
     }
 
-    /// A sine of 1 Hz, by values 20, 50 and 100 times a second: its speed, of up to 1.26.
+    /// A sine of 1 Hz, from values 20, 50 and 100 times a second: its speed, of up to 1.26.
     #[test]
     fn a_sine_goes_on_between_its_values() {
         let w = core::f32::consts::TAU;
@@ -442,7 +445,7 @@ mod tests {
         }
     }
 
-    /// A value at which no joint arrives by its acceleration is taken, and the speed stays.
+    /// A value that no joint reaches by its acceleration is taken, and the speed stays.
     #[test]
     fn a_leap_within_a_motion_has_no_speed() {
         let leaps = |step: u16| 5e-4 * f32::from(step) + if step < 500 { 0.0 } else { 0.03 };
@@ -453,7 +456,8 @@ mod tests {
     }
 
     proptest! {
-        /// A slider is dragged by hand, and left: it goes on for one and a half intervals, and back.
+        /// A slider that is dragged by hand and then left: the course continues for one and a half intervals, and
+        /// returns.
         #[test]
         fn a_hand_that_stops_is_not_left_far_behind(
             ways in prop::collection::vec(-0.04_f32..0.04, 20),

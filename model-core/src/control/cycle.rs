@@ -5,19 +5,19 @@
 //! m_ref(t) = m_0 + flow (period - t)  period/2 <= t < period
 //! ```
 //!
-//! Valves alone do not close that circle: a flow that is off by 5 %, or a pulse by a millisecond, and
-//! the pressure climbs from stroke to stroke. So the flow is corrected by what the estimated gas mass
-//! P V/(R T) is off the reference, and every stroke begins where the first one did. Time decides when
-//! a stroke turns, not the PWM's periods: a turn may lie within one.
+//! Valves alone do not close that circle: with a flow that is off by 5 %, or a pulse by a millisecond, the pressure
+//! climbs from stroke to stroke. So the flow is corrected by the error of the estimated gas mass P V/(R T) against the
+//! reference, and every stroke begins where the first one did. Time decides when a stroke turns, not the PWM's periods:
+//! a turn may lie within one.
 
 use super::chamber_port::ChamberPort;
 use crate::math::limit;
 
-/// Share of an error of the mass that one PWM period closes. More would follow the noise of the mass, and
-/// a pulse that changes makes the estimator begin another line; less would let a pulse that moves too
-/// much carry a stroke further.
+/// Share of an error of the mass that one PWM period closes. A larger one would follow the noise of the mass, and
+/// changing pulses make the estimator begin another line; a smaller one would let a pulse that moves too much carry a
+/// stroke further.
 const CLOSES: f32 = 0.2;
-/// Time is counted in these parts of a step, so that no rounding adds up.
+/// Parts of a step in which time is counted, so that no rounding adds up.
 const PARTS: f32 = 65_536.0;
 const PART_BITS: u32 = 16;
 
@@ -42,13 +42,13 @@ pub struct Cycle {
 }
 
 impl Cycle {
-    /// A cycle that starts with this mass \[kg\].
+    /// Creates a cycle that starts with this mass \[kg\].
     pub fn new(mass_kg: f32) -> Self {
         Self { start_kg: mass_kg, phase: 0 }
     }
 
-    /// Mass to move in the coming PWM period \[kg\], positive into the muscle. `elapsed_steps` have
-    /// passed since the last one, `coming_steps` is its length.
+    /// Mass to move in the coming PWM period \[kg\], positive into the muscle. `elapsed_steps` have passed since the
+    /// last period; `coming_steps` is the length of the coming one.
     pub fn period(
         &mut self,
         strokes: &Strokes,
@@ -69,17 +69,17 @@ impl Cycle {
         let change_kg = reference_kg(end) - now_kg;
         let error_kg = now_kg - port.gas_mass_kg() - port.in_flight_kg;
         let wanted_kg = change_kg + CLOSES * error_kg + port.leaked_kg;
-        // A stroke goes one way: what is too much is waited for, not let out.
+        // A stroke goes one way: excess gas is waited for, not let out.
         if change_kg > 0.0 { limit(wanted_kg, 0.0, 1.0) } else { limit(wanted_kg, -1.0, 0.0) }
     }
 }
 
-/// `phase` within a cycle of that length: mostly it is.
+/// Returns `phase` within a cycle of this length: mostly it already is.
 fn wrapped(phase: u64, length: u64) -> u64 {
     if phase < length { phase } else { remainder(phase, length) }
 }
 
-/// By subtraction: a division of 64 bits takes a kilobyte of flash. Not inlined: two calls.
+/// Remainder by subtraction: a division of 64 bits takes a kilobyte of flash. Not inlined: two calls.
 #[inline(never)]
 fn remainder(mut phase: u64, length: u64) -> u64 {
     if length == 0 {
@@ -101,8 +101,8 @@ mod tests {
 
     const VOLUME_M3: f32 = 1.5e-4;
 
-    /// Gas masses at the start of each stroke and largest gas mass, of a cycle whose periods move
-    /// `moved_kg` of what is wanted.
+    /// Gas masses at the start of each stroke and largest gas mass, of a cycle whose periods move `moved_kg` of the
+    /// requested mass.
     fn masses_kg(strokes: &Strokes, cycles: f32, moved_kg: impl Fn(f32) -> f32) -> (Vec<f32>, f32) {
         let mut mass_kg = 2.0e-4;
         let mut cycle = Cycle::new(mass_kg);
@@ -122,8 +122,8 @@ mod tests {
         (starts_kg, most_kg)
     }
 
-    /// A period that is no multiple of the PWM's, one of two PWM periods a stroke, a long one; flows 5 %
-    /// too large, pulses that move twice what they should, or always some more.
+    /// A period that is no multiple of the PWM's, one with two PWM periods per stroke, a long one; flows 5 % too large,
+    /// pulses that move twice their mass, or always some more.
     #[test]
     fn every_stroke_begins_where_the_first_one_did() {
         for period_s in [0.04, 1.25, 0.777, 5.0] {
@@ -153,7 +153,7 @@ mod tests {
         }
     }
 
-    /// 49.7 days of steps would overflow 32 bits; a changed period does not lose its way either.
+    /// 49.7 days of steps would overflow 32 bits; a changed period does not lose its place either.
     #[test]
     fn the_phase_stays_within_the_period() {
         assert_eq!([3, 10, 19, 20, 1_234_567].map(|phase| wrapped(phase, 10)), [3, 0, 9, 0, 7]);
@@ -163,19 +163,19 @@ mod tests {
     /// 1 mg a period in and out, a stroke of ten periods each way, 0.2 g at its start.
     const STROKES: Strokes = Strokes { flow_kg_s: 1.0e-4, period_s: 0.2, step_s: 0.001 };
 
-    /// A port behind which there is so much gas.
+    /// A port in front of this much gas.
     fn port(mass_kg: f32, in_flight_kg: f32) -> ChamberPort {
         let pressure_pa = mass_kg * 287.05 * 298.0 / VOLUME_M3;
         ChamberPort { in_flight_kg, ..ChamberPort::of_air(pressure_pa, VOLUME_M3) }
     }
 
-    /// The first period after so many steps, with so much gas more than at the start \[mg\].
+    /// First period after this many steps, with this much more gas than at the start \[mg\].
     fn first_mg(steps: u32, more_mg: f32, in_flight_mg: f32) -> f32 {
         let port = port(2.0e-4 + more_mg * 1.0e-6, in_flight_mg * 1.0e-6);
         1.0e6 * Cycle::new(2.0e-4).period(&STROKES, &port, steps, 10)
     }
 
-    /// A fifth of what is off the reference is closed; what is in flight counts as there.
+    /// 20 % of the error is closed; gas in flight counts as arrived.
     #[test]
     fn a_period_moves_its_flow_and_a_fifth_of_what_is_missing() {
         for (steps, more_mg, in_flight_mg, expected_mg) in [

@@ -1,39 +1,39 @@
-//! Load, friction and mass, from the balance of forces of what moves.
+//! Load, friction and mass, from the balance of forces of all that moves.
 //!
 //! ```text
 //! F(P, L) = load + held + friction + d + m a      the chamber's pull and what it works against
 //! d       = Q (F - load - held - friction) - m Q a        Q = 1/(tau s + 1),  Q a = (v - Q v)/tau
 //! ```
 //!
-//! d is what the configuration does not explain, measured and not integrated: it does not wind up while a
-//! valve is fully open. Load and friction separate at a turn: before it only their sum is known, so
-//! that least squares give either half of what d changes by after it. Later changes are the load's. What d
-//! has in common with the acceleration is mass.
+//! d is the force that the configuration does not explain, measured and not integrated: it does not wind up while a
+//! valve is fully open. Load and friction separate at a turn: before it only their sum is known, so least squares give
+//! each of them half of the change of d after it. Later changes are the load's. The part of d that correlates with the
+//! acceleration is mass.
 
 use crate::math::{absolute, limit};
 
-/// tau, in PWM periods. A mass that is believed dm too small takes dm w/tau from the damping of the load on its
-/// gas spring, while the lead adds some 100 N s/m: 8 kg at 5 Hz leave some of it. Twice the periods take
-/// twice the time to follow a turn.
+/// tau, in PWM periods. A mass that is believed too small by dm takes dm w/tau from the damping of the load on its gas
+/// spring, while the lead adds some 100 N s/m: 8 kg at 5 Hz leave some of it. Twice the periods take twice the time to
+/// follow a turn.
 const PERIODS: f32 = 5.0;
 const GAIN: f32 = 1.0 / (PERIODS + 1.0);
-/// Share of the Coulomb force from which on it slides.
+/// Share of the Coulomb force beyond which the muscle slides.
 const SLIDES: f32 = 0.8;
-/// Share of a change of d that is friction's right after a turn (least squares of two unknowns).
+/// Share of a change of d that is assigned to friction right after a turn (least squares of two unknowns).
 const HALF: f32 = 0.5;
-/// Share that is left of it after a period: load and friction are apart after some 20 periods, four tau.
+/// Fraction of that share that remains after a period: load and friction are separated after some 20 periods, four tau.
 const FADES: f32 = 0.95;
-/// A high pass of ten periods keeps what changes slowly, a load or a wrong stiffness, out of the mass.
+/// A high pass of ten periods keeps slow changes, a load or a wrong stiffness, out of the mass.
 const SLOWLY: f32 = 0.1;
-/// Share that a period leaves of the weight of earlier accelerations: 200 periods.
+/// Share of the weight of earlier accelerations that remains after a period: 200 periods.
 const FORGETS: f32 = 0.995;
-/// Weight of the configured mass, in squared accelerations \[m2/s4\]: ten times the noise of a speed from two
-/// readings 0.02 mm off, over 200 periods (0.06 m/s2 behind Q).
+/// Weight of the configured mass, in squared accelerations \[m2/s4\]: ten times the noise of a speed from two readings
+/// that are 0.02 mm off, over 200 periods (0.06 m/s2 behind Q).
 const CONFIGURED: f32 = 10.0;
 /// Largest mass beyond the configured one \[kg\].
 const MOST_KG: f32 = 50.0;
 
-/// Balance of forces over one period. Forces are positive where they hold the contraction back.
+/// Balance of forces over one period. Forces are positive if they oppose the contraction.
 #[derive(Debug, Clone, Copy)]
 pub struct Balance {
     /// Pull of the chamber at measured pressure and length \[N\].
@@ -42,7 +42,7 @@ pub struct Balance {
     pub load_n: f32,
     /// Friction along the reference \[N\].
     pub friction_n: f32,
-    /// The most that it can be \[N\].
+    /// Largest possible friction \[N\].
     pub coulomb_n: f32,
     /// Speed of the reference's contraction \[m/s\].
     pub reference_m_s: f32,
@@ -63,24 +63,24 @@ pub struct LoadObserver {
     pub friction_n: f32,
     /// Mass beyond the configured one \[kg\].
     pub mass_kg: f32,
-    /// Pull less inertia: the share of load and friction in the period before \[N\].
+    /// Pull less load and friction in the period before \[N\].
     before_n: f32,
-    /// Behind Q: force \[N\] and speed \[m/s\].
+    /// Filtered by Q: force \[N\] and speed \[m/s\].
     filtered_n: f32,
     filtered_m_s: f32,
-    /// Behind the low pass of the mass: d \[N\] and acceleration \[m/s2\].
+    /// Filtered by the low pass of the mass: d \[N\] and acceleration \[m/s2\].
     slow_n: f32,
     slow_m_s2: f32,
-    /// Squared accelerations \[m2/s4\].
+    /// Sum of squared accelerations \[m2/s4\].
     weight: f32,
-    /// Direction in which it slid last.
+    /// Direction in which the muscle last slid.
     side: f32,
-    /// Share of a change that is friction's.
+    /// Share of a change that is assigned to friction.
     share: f32,
 }
 
 impl LoadObserver {
-    /// At rest, with nothing learnt.
+    /// An observer at rest, with nothing learnt.
     pub fn new() -> Self {
         Self {
             disturbance_n: 0.0,
@@ -97,12 +97,12 @@ impl LoadObserver {
         }
     }
 
-    /// Coulomb friction, where that much is configured \[N\].
+    /// Coulomb friction, for this configured friction \[N\].
     pub fn coulomb_n(&self, configured_n: f32) -> f32 {
         limit(configured_n + self.friction_n, 0.0, f32::MAX)
     }
 
-    /// Goes on from rest with that disturbance \[N\]; friction and mass stay learnt.
+    /// Continues from rest with this disturbance \[N\]; the learnt friction and mass stay.
     pub fn restart(&mut self, disturbance_n: f32) {
         *self = Self {
             disturbance_n,
@@ -117,10 +117,10 @@ impl LoadObserver {
         };
     }
 
-    /// One PWM period; the disturbance stays within `least_n` and `most_n`.
+    /// Runs one PWM period; the disturbance stays within `least_n` and `most_n`.
     pub fn period(&mut self, balance: &Balance, [least_n, most_n]: [f32; 2]) {
         let Balance { force_n, load_n, friction_n, speed_m_s, mass_kg, pwm_hz, .. } = *balance;
-        // The speed is the mean over the period, and so is the force: both are as late.
+        // The speed is the mean over the period, and so is the force: both have the same delay.
         let left_n = force_n - load_n - friction_n;
         self.filtered_n += GAIN * (0.5 * (left_n + self.before_n) - self.filtered_n);
         self.before_n = left_n;
@@ -135,7 +135,7 @@ impl LoadObserver {
         }
     }
 
-    /// Recursive least squares of the mass, with what changes within ten periods.
+    /// Recursive least squares of the mass, from changes within ten periods.
     fn learn_mass(&mut self, configured_kg: f32, acceleration_m_s2: f32) {
         let unexplained_n =
             self.filtered_n - (configured_kg + self.mass_kg) * acceleration_m_s2 - self.slow_n;
@@ -147,7 +147,7 @@ impl LoadObserver {
         self.mass_kg = limit(self.mass_kg + more_kg, -configured_kg, MOST_KG);
     }
 
-    /// Gives friction its share of what the disturbance changed by; their sum stays.
+    /// Assigns to friction its share of the change of the disturbance; their sum stays.
     fn learn_friction(&mut self, balance: &Balance, before_n: f32, most_n: f32) {
         let way = balance.reference_m_s;
         if way == 0.0 {
@@ -188,7 +188,7 @@ mod tests {
         pwm_hz: PWM_HZ,
     };
 
-    /// A load step is seen at once for half a period, and behind Q: a sixth of what is left per period.
+    /// A load step is seen at half its size at once, then through Q: a sixth of the rest per period.
     #[test]
     fn a_load_is_seen_within_its_time() {
         for step_n in [-50.0, 50.0_f32] {
@@ -208,8 +208,9 @@ mod tests {
         }
     }
 
-    /// Strokes of a second, to and fro, with that load beside 100 N, and friction and mass that are not those
-    /// configured. Returns the observer and the largest disturbance off that load after four strokes \[N\].
+    /// Strokes to and fro at `hz`, with this load beside 100 N, and with friction and mass that differ from the
+    /// configured ones. Returns the observer and the largest difference between disturbance and load after four strokes
+    /// \[N\].
     fn strokes(load_n: f32, friction_n: f32, mass_kg: f32, hz: f32) -> (LoadObserver, f32) {
         let mut observer = LoadObserver::new();
         let (mut before_n, mut off_n) = (0.0, 0.0_f32);
@@ -240,7 +241,7 @@ mod tests {
     }
 
     proptest! {
-        /// Load and friction come apart by the turns, whatever they are.
+        /// Load and friction are separated by the turns, whatever their values.
         #[test]
         fn load_and_friction_come_apart(load_n in -80.0_f32..80.0, friction_n in 0.5_f32..60.0) {
             let (observer, off_n) = strokes(load_n, friction_n, 2.0, 0.5);
@@ -249,7 +250,8 @@ mod tests {
             prop_assert!(off_n < 1.0 + 0.1 * (friction_n - 15.0).abs(), "{off_n} N");
         }
 
-        /// A mass shows where it is accelerated, a third of it and a kilogram within four strokes; slow ones say nothing.
+        /// A mass shows where it is accelerated: a third of it, give or take a kilogram, within four strokes; slow
+        /// strokes show nothing.
         #[test]
         fn a_mass_shows_in_its_acceleration(mass_kg in 0.5_f32..20.0) {
             let (observer, _) = strokes(0.0, 15.0, mass_kg, 2.0);

@@ -13,16 +13,16 @@
 //!   +--- every fault that vents, clear, arm, disarm, set(Vent): from everywhere, at once
 //! ```
 //!
-//! All of them enter *Vent* by [`Controller::set`], which forgets the openings of the period under way, the mass
-//! that is owed and the loop's state. Only the phase of the period stays.
+//! All of them enter *Vent* by [`Controller::set`], which forgets the openings of the period under way, the owed mass
+//! and the loop's state. Only the phase of the period stays.
 //!
-//! Entering *Pressure* or *Contraction* starts the loop from what is measured (bumpless); the same
-//! kind again keeps what it has learnt. *Holding*: both valves closed, the gas locked in, friction
-//! keeping the muscle where it is. No set point is followed beyond the working limit, a little below
-//! the pressure at which the supervisor vents; what asks for more is marked as limited.
+//! Entering *Pressure* or *Contraction* starts the loop from the measured values (bumpless); another set point of the
+//! same kind keeps what the loop has learnt. *Holding*: both valves closed, the gas locked in, friction keeping the
+//! muscle in place. No set point is followed beyond the working limit, a little below the pressure at which the
+//! supervisor vents; one that needs more is marked as limited.
 //!
-//! Work is done once per PWM period, at its start; the friction at the estimated wall temperature in
-//! the middle of the period before, because an exponential is dear without an FPU.
+//! Work is done once per PWM period, at its start; the friction at the estimated wall temperature is computed in the
+//! middle of the period before, because an exponential is expensive without an FPU.
 
 pub(crate) mod chamber_port;
 mod contraction;
@@ -48,16 +48,16 @@ use crate::math::limit;
 use crate::physics::chamber::Chamber;
 use crate::sample::{Command, Duty};
 
-/// Shortest period of the contraction loop \[s\]: its speeds are differences of two readings, which are rounded to 0.12 mm,
-/// and in 5 ms a valve that takes 2 ms to close is not shut before the other one is to open. Simulated with valves of 200
-/// and 500 Hz, 20 kg on a sine of 15 mm were 0.9 and 3.7 mm off, at 100 Hz 0.2 mm.
+/// Shortest period of the contraction loop \[s\]: its speeds are differences of two readings, which are rounded to 0.12
+/// mm, and within 5 ms a valve that takes 2 ms to close is not shut before the other one has to open. Simulated with
+/// valves of 200 and 500 Hz, 20 kg on a sine of 15 mm were 0.9 and 3.7 mm off, at 100 Hz 0.2 mm.
 const CONTRACTION_S: f32 = 0.008;
 
-/// Beyond so much of the working limit a contraction lets gas out: a load that swings on its gas compresses it, and would
-/// trip the limit at which the muscle vents \[-\].
+/// Multiple of the working limit beyond which a contraction lets gas out: a load that swings on its gas compresses it,
+/// and would trip the limit at which the muscle vents \[-\].
 const SPILLS: f32 = 1.01;
 
-/// The loop that is closed, if one is.
+/// The active loop, if there is one.
 #[expect(clippy::large_enum_variant, reason = "there is no allocator to box one with")]
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum ActiveLoop {
@@ -73,18 +73,18 @@ pub struct Controller {
     target: Target,
     drive: FlowDrive,
     gains: Gains,
-    /// PWM periods that the contraction loop joins.
+    /// PWM periods that the contraction loop joins into one.
     contraction_periods: u8,
     per_k: f32,
     active: ActiveLoop,
-    /// Openings of the PWM period under way, and of all that its loop has joined.
+    /// Openings of the PWM period under way, and of all periods that the loop has joined.
     command: Command,
     joined_command: Command,
-    /// PWM periods of these that have begun.
+    /// Number of the joined PWM periods that have begun.
     begun: u8,
-    /// Highest pressure that a set point is followed to \[Pa\].
+    /// Highest pressure to which a set point is followed \[Pa\].
     working_limit_pa: f32,
-    /// The set point asks for more than that.
+    /// Whether the set point needs more than the working limit.
     limited: bool,
     /// Steps since the last PWM period began.
     elapsed_steps: u32,
@@ -99,7 +99,7 @@ pub struct Controller {
 }
 
 impl Controller {
-    /// A controller that vents.
+    /// Creates a controller that vents.
     ///
     /// ```
     /// use model_core::control::{Controller, Feedback, Target};
@@ -142,8 +142,8 @@ impl Controller {
         }
     }
 
-    /// Changes the set point from the next PWM period on; to vent, at once. The same kind again keeps what its
-    /// loop has learnt.
+    /// Changes the set point from the next PWM period on; venting starts at once. A set point of the same kind keeps
+    /// what its loop has learnt.
     pub fn set(&mut self, target: Target) {
         let kind = |target: &Target| core::mem::discriminant(&target.set_point());
         if kind(&target) != kind(&self.target) {
@@ -155,7 +155,7 @@ impl Controller {
             self.age_steps = 0;
         }
         self.target = target;
-        // A start that is vented first has the state of one that is not: a record of it replays to the bit.
+        // A start that is vented first has the same state as one that is not: its record then replays to the bit.
         if target == Target::VENT && self.command != Command::VENT {
             self.command = self.drive.direct(Command::VENT);
         }
@@ -171,12 +171,12 @@ impl Controller {
         self.working_limit_pa = working_limit_pa;
     }
 
-    /// Whether something other than to vent is wanted.
+    /// Whether the set point is anything but venting.
     pub fn driven(&self) -> bool {
         self.target != Target::VENT
     }
 
-    /// Whether the last step began a PWM period, the one in which it works.
+    /// Whether the last step began a PWM period, in which the controller works.
     pub fn worked(&self) -> bool {
         self.elapsed_steps == 1
     }
@@ -186,7 +186,7 @@ impl Controller {
         self.remaining_steps == 0
     }
 
-    /// Whether the set point asks for more than the working limit gives.
+    /// Whether the set point needs more than the working limit.
     pub fn limited(&self) -> bool {
         self.limited
     }
@@ -208,8 +208,8 @@ impl Controller {
         }
     }
 
-    /// Openings for this step, before which `missed_steps` were left out. But for venting they change at the
-    /// start of a PWM period only: in between the hardware would not take them.
+    /// Returns the openings for this step, before which `missed_steps` were left out. Except for venting, they change
+    /// only at the start of a PWM period: in between the hardware would not accept them.
     pub fn step(
         &mut self,
         config: &Config,
@@ -218,7 +218,7 @@ impl Controller {
         missed_steps: u8,
     ) -> Command {
         let period_steps = config.pwm_period_steps;
-        // The hardware's period went on meanwhile.
+        // The hardware's period continued meanwhile.
         for _ in 0..missed_steps {
             self.count(period_steps);
         }
@@ -232,7 +232,7 @@ impl Controller {
         self.command
     }
 
-    /// One step of the PWM period has passed.
+    /// Counts one step of the PWM period.
     fn count(&mut self, period_steps: u16) {
         let before = if self.remaining_steps == 0 { period_steps } else { self.remaining_steps };
         self.remaining_steps = before.saturating_sub(1);
@@ -240,7 +240,7 @@ impl Controller {
         self.age_steps = self.age_steps.saturating_add(1);
     }
 
-    /// Openings of a PWM period that begins.
+    /// Returns the openings of a PWM period that begins.
     fn begin(&mut self, config: &Config, chamber: &impl Chamber, feedback: &Feedback) -> Command {
         if self.begun >= self.drive.joined() {
             self.begun = 0;
@@ -311,7 +311,7 @@ impl Controller {
         }
     }
 
-    /// Length of the contraction loop's reference \[m\]; `None`: another loop is active.
+    /// Length of the contraction loop's reference \[m\]; `None` while another loop is active.
     pub fn reference_m(&self) -> Option<f32> {
         match &self.active {
             ActiveLoop::Contraction(active) => Some(active.reference_m()),
@@ -319,7 +319,7 @@ impl Controller {
         }
     }
 
-    /// Mass of the working cycle in the coming period \[kg\].
+    /// Mass that the working cycle moves in the coming period \[kg\].
     fn cycle_mass_kg(&mut self, config: &Config, port: &ChamberPort, strokes: &Strokes) -> f32 {
         let (mut active, elapsed_steps) = match self.active {
             ActiveLoop::Cycle(active) => (active, self.elapsed_steps),
@@ -330,7 +330,7 @@ impl Controller {
         mass_kg
     }
 
-    /// Mass that the pressure loop asks for \[kg\]; `None` to rest.
+    /// Mass that the pressure loop requests \[kg\]; `None` if the valves rest.
     fn pressure_mass_kg(
         &mut self,
         config: &Config,
@@ -351,7 +351,7 @@ impl Controller {
         mass_kg
     }
 
-    /// Openings that the contraction loop asks for. Where a load that swings on its gas compresses it beyond the limit,
+    /// Openings that the contraction loop requests. If a load that swings on its gas compresses it beyond the limit,
     /// gas is let out, also at rest.
     fn contract(
         &mut self,
@@ -386,8 +386,7 @@ impl Controller {
         self.drive.mass_through(config, mass_kg, feedback.muscle(), open)
     }
 
-    /// `wanted_kg`, limited to the mass that brings the pressure to the working limit at the present
-    /// volume \[kg\].
+    /// Limits `wanted_kg` to the mass that brings the pressure to the working limit at the present volume \[kg\].
     fn limited_kg(&mut self, port: &ChamberPort, wanted_kg: f32) -> f32 {
         if !(wanted_kg > 0.0) {
             return wanted_kg;
@@ -401,7 +400,7 @@ impl Controller {
     /// Change of the volume over the last period, eq. (11) \[m3\].
     fn volume_change_m3(&self, chamber: &impl Chamber, feedback: &Feedback) -> f32 {
         let moved_m = feedback.length_m - self.length_m;
-        // A length that pressure stands for would feed the pressure back. The first period after a start has none to
+        // A length derived from pressure would feed the pressure back. The first period after a start has no length to
         // compare with.
         if self.length_m > 0.0 && !feedback.length_lost {
             chamber.volume_slope_m2(feedback.length_m) * moved_m
@@ -415,7 +414,7 @@ impl Controller {
     }
 }
 
-/// PWM periods that the contraction loop joins: as many as last its shortest one.
+/// PWM periods that the contraction loop joins: as many as its shortest period takes.
 fn contraction_periods(config: &Config) -> u8 {
     // Casts saturate.
     let steps = (CONTRACTION_S / config.step_s + 0.5) as u16;
@@ -440,7 +439,7 @@ mod tests {
         AnyChamber::new(&config.chamber)
     }
 
-    /// Runs for some PWM periods; the last openings.
+    /// Runs for this many PWM periods; returns the last openings.
     fn periods(controller: &mut Controller, config: &Config, count: u16, now: Feedback) -> Command {
         let chamber = chamber(config);
         let mut command = Command::VENT;
@@ -482,8 +481,8 @@ mod tests {
         }
     }
 
-    /// Every kind after every kind, and what each drives.
-    /// Pulses of 200 and 500 Hz are joined to periods of 10 and 8 ms, each to one pulse; longer periods are left.
+    /// Every kind after every kind, and the valves that each drives. Pulses of 200 and 500 Hz are joined to periods of
+    /// 10 and 8 ms, each to one pulse; longer periods stay as they are.
     #[test]
     fn short_periods_are_joined() {
         for (period_steps, joined) in [(1, 8), (2, 4), (5, 2), (7, 2), (8, 1), (10, 1), (1000, 1)] {
@@ -513,7 +512,7 @@ mod tests {
                 set(&mut controller, from);
                 periods(&mut controller, &config, 3, feedback(2.0e5, LENGTH_M));
                 set(&mut controller, to);
-                // Two periods: after the outlet was open to the period's end the inlet waits one.
+                // Two periods: after the outlet was open to the period's end, the inlet waits for one.
                 let command = periods(&mut controller, &config, 2, feedback(2.0e5, LENGTH_M));
                 assert_eq!(controller.mode(), mode_of(&to), "{from:?} to {to:?}");
                 let (inlet, outlet) = (command.inlet > Duty::ZERO, command.outlet > Duty::ZERO);
@@ -523,8 +522,8 @@ mod tests {
         }
     }
 
-    /// Another goal of the same kind goes on from what the loop has learnt; after another kind it starts
-    /// from scratch.
+    /// Another goal of the same kind continues from what the loop has learnt; after another kind it starts from
+    /// scratch.
     #[test]
     fn what_a_loop_has_learnt_lasts_as_long_as_its_kind() {
         let config = Config::default();
@@ -552,7 +551,7 @@ mod tests {
         }
     }
 
-    /// The shortest period of which a share is left, the default, and the longest.
+    /// The shortest period that leaves a share, the default, and the longest.
     #[test]
     fn venting_forgets_the_openings_of_the_period_and_keeps_its_phase() {
         for period_steps in [2, 10, 1000] {
@@ -563,7 +562,7 @@ mod tests {
                 let mut controller = Controller::new(&config);
                 set(&mut controller, *from);
                 let mut step = || controller.step(&config, &muscle, &now, 0);
-                // A loop at a short period takes some until its pulse is worth giving.
+                // With a short period a loop takes several until its pulse is long enough.
                 let fills = (0..100 * u32::from(period_steps)).find(|count| {
                     step().inlet > Duty::ZERO && count % u32::from(period_steps) == 0
                 });
@@ -592,7 +591,7 @@ mod tests {
         }
     }
 
-    /// Neither a flow that is stopped nor one that is reversed moves what the one before it owed.
+    /// Neither a stopped flow nor a reversed one moves the mass that the flow before it owed.
     #[test]
     fn what_a_flow_owes_is_forgotten_where_it_stops_or_turns() {
         let now = feedback(2.0e5, LENGTH_M);
@@ -619,7 +618,7 @@ mod tests {
         }
     }
 
-    /// Gas that is owed is cut to the room below the working limit, and is not owed later either.
+    /// Owed gas is limited to the room below the working limit, and the rest is not owed later either.
     #[test]
     fn what_a_flow_owes_does_not_pass_the_working_limit() {
         let config = Config::default();
@@ -688,7 +687,7 @@ mod tests {
         let held = feedback(balance_pa(&config), LENGTH_M);
         let mut controller = Controller::new(&config);
         set(&mut controller, SetPoint::Contraction { contraction: 0.1 });
-        // Entered at its goal: nothing moves, and after five calm periods it rests.
+        // Entered at its goal: nothing moves, and after five calm periods the loop rests.
         for _ in 0..5 {
             assert_eq!(periods(&mut controller, &config, 1, held), Command::CLOSED);
         }
@@ -707,7 +706,7 @@ mod tests {
         assert!(command.inlet > Duty::ZERO && command.outlet == Duty::ZERO);
     }
 
-    /// A set point that needs more pressure than allowed stops a little below the limit, and says so.
+    /// A set point that needs more pressure than allowed stops a little below the limit, and is marked as limited.
     #[test]
     fn the_working_limit_is_not_passed() {
         let config = Config::default();
@@ -757,7 +756,7 @@ mod tests {
         }
     }
 
-    /// The PWM of the board goes on while steps are left out.
+    /// The PWM of the board continues while steps are left out.
     #[test]
     fn missed_steps_do_not_shift_the_period() {
         let config = Config::default();
@@ -775,7 +774,7 @@ mod tests {
         // Steps 5 to 8 and 9: the tenth begins a period.
         assert_eq!(step(&mut controller, 4), Command::VENT);
         assert_ne!(step(&mut controller, 0), Command::VENT);
-        // Over a whole period and into the next.
+        // Over a whole period and into the next one.
         assert_ne!(step(&mut controller, 13), Command::VENT);
         set(&mut controller, SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
         for count in 25..30 {
@@ -784,7 +783,7 @@ mod tests {
         assert_eq!(step(&mut controller, 0), Command::CLOSED, "step 30");
     }
 
-    /// Friction softens with the wall whatever the PWM period.
+    /// Friction softens with the wall at every PWM period.
     #[test]
     fn softening_follows_the_wall_at_every_period() {
         for period_steps in [1, 2, 3, 10, 1000] {
@@ -798,7 +797,7 @@ mod tests {
         }
     }
 
-    /// A change of mode at rest moves next to nothing, whatever the load really is.
+    /// A change of mode at rest moves next to nothing, whatever the real load.
     #[test]
     fn a_change_of_mode_is_bumpless() {
         let config = Config::default();
@@ -815,7 +814,7 @@ mod tests {
         }
     }
 
-    /// Eq. (6) backwards: dP/dt of the mass that [`ChamberPort::mass_kg`] asks for is the one wanted.
+    /// Eq. (6) backwards: dP/dt of the mass that [`ChamberPort::mass_kg`] returns is the requested one.
     #[test]
     fn mass_is_eq_6_solved_for_it() {
         let config = Config::default();
@@ -856,7 +855,7 @@ mod tests {
         }
     }
 
-    /// A piston in a cylinder of 0.01 m2 that gives way by a millimetre takes 10 ml more.
+    /// A piston in a cylinder of 0.01 m2 that yields by a millimetre takes 10 ml more.
     #[test]
     fn a_volume_that_grows_is_filled_up() {
         let vessel = ChamberConfig::Vessel(Vessel { section_m2: 0.01, surface_m2: 0.1 });
@@ -874,7 +873,7 @@ mod tests {
         assert_eq!(fresh.volume_change_m3(&vessel, &at(0.3)), 0.0);
     }
 
-    /// Inflow has the supply's temperature, what leaves the gas's: warm gas takes less of it.
+    /// Inflow has the temperature of the supply, outflow that of the gas: of warm gas, less mass is moved.
     #[test]
     fn gas_passes_the_port_at_its_own_temperature() {
         let mut config = Config::default();
@@ -914,7 +913,7 @@ mod tests {
         }
     }
 
-    /// One period brings no more than leads to the working limit, and says that it was asked more.
+    /// One period moves no more than reaches the working limit, and marks the set point as limited.
     #[test]
     fn a_period_brings_no_more_than_leads_to_the_working_limit() {
         let config = Config::default();

@@ -1,15 +1,15 @@
 //! Pressure: the gas mass that brings the next period's end to the set point, from eq. (6) with the
 //! estimated temperature and the measured speed.
 //!
-//! Gas that has been filled in is warm, and what is left of a vented gas is cold. Left alone, its pressure goes on to
-//! that at the wall's temperature, at one gas mass and volume:
+//! Gas that has just flowed in is warm, and the rest of a vented gas is cold. Left alone, its pressure drifts to that
+//! at the wall's temperature, at constant gas mass and volume:
 //!
 //! ```text
 //! P_end = m R T_wall/V = P T_wall/T        so that m* = P_ref V/(R T_wall) ends at the set point
 //! ```
 //!
-//! The loop aims that much beyond the set point, but by no more than a share of its last step, and lets the
-//! pressure relax to as much on the other side before it gives gas again.
+//! The loop aims that far beyond the set point, but by no more than a share of its last step, and lets the pressure
+//! relax as far on the other side before it acts again.
 
 use super::chamber_port::{ChamberPort, Feedback};
 use super::valve_drive::least_kg;
@@ -22,19 +22,20 @@ use crate::sample::Estimate;
 pub struct PressureLoop {
     /// Set point after the rate limit \[Pa\].
     reference_pa: f32,
-    /// Flow that the loop has learnt to add: heat to the wall, a leak that is not configured, a wrong conductance \[kg/s\].
+    /// Flow that the loop has learnt to add \[kg/s\]: for heat to the wall, a leak that is not configured, a wrong
+    /// conductance.
     bias_kg_s: f32,
     /// Set point of the period before \[Pa\].
     set_point_pa: f32,
-    /// How far the pressure may be off the set point while the gas relaxes \[Pa\].
+    /// Permitted distance of the pressure from the set point while the gas relaxes \[Pa\].
     band_pa: f32,
-    /// The set point has been reached since its last step.
+    /// Whether the set point has been reached since its last step.
     reached: bool,
     holding: bool,
 }
 
 impl PressureLoop {
-    /// A loop that starts from the measured pressure: nothing jumps.
+    /// Creates a loop that starts from the measured pressure: nothing jumps.
     pub fn new(feedback: &Feedback) -> Self {
         Self {
             reference_pa: feedback.pressure_pa,
@@ -46,12 +47,12 @@ impl PressureLoop {
         }
     }
 
-    /// Whether the pressure is where it should be and the valves rest.
+    /// Whether the pressure is at its goal and the valves rest.
     pub fn holding(&self) -> bool {
         self.holding
     }
 
-    /// A step of the set point allows a share of itself while the gas relaxes.
+    /// Takes a step of the set point: a share of it is permitted as error while the gas relaxes.
     fn take_step(&mut self, set_point_pa: f32) {
         if set_point_pa != self.set_point_pa {
             self.band_pa = RELAXES * absolute(set_point_pa - self.set_point_pa);
@@ -60,8 +61,8 @@ impl PressureLoop {
         }
     }
 
-    /// Mass to move in the coming period \[kg\], positive into the muscle; `None` to rest.
-    /// `volume_change_m3` is what the volume changed by over the last one.
+    /// Mass to move in the coming period \[kg\], positive into the muscle; `None` if the valves rest.
+    /// `volume_change_m3` is the change of the volume over the last period.
     pub fn period(
         &mut self,
         config: &Config,
@@ -81,13 +82,13 @@ impl PressureLoop {
         self.reference_pa += change_pa;
         let off_pa = absolute(self.reference_pa - feedback.pressure_pa);
         let beyond_pa = limit(falls_pa(feedback), -self.band_pa, self.band_pa);
-        // On its way it runs past its goal a little: most of the room is left for that.
+        // On its way the pressure overshoots its goal a little: most of the band is left for that.
         let aims_pa = if self.reached { beyond_pa } else { 0.25 * beyond_pa };
         let error_pa = self.reference_pa + aims_pa - feedback.pressure_pa;
         // Hysteresis: rest within half of the dead zone, act again outside of it.
         let zone_pa = tuning.pressure_dead_zone_pa;
         let allowed_pa = limit(absolute(beyond_pa), zone_pa, f32::MAX);
-        // A load that moves, or a leak, takes it out of what single pulses keep.
+        // A moving load, or a leak, takes the pressure beyond what single pulses can hold.
         self.reached &= !moving && off_pa <= LOST * allowed_pa;
         let within = if self.reached {
             arrives(port, self.reference_pa - feedback.pressure_pa, allowed_pa)
@@ -113,8 +114,8 @@ impl PressureLoop {
         Some(worth_it(config, feedback, port, wanted_kg, all_kg))
     }
 
-    /// One period of the bias. Anti-windup: nothing is learnt while the valve is fully open, nor from an error that one
-    /// period's flow would not close.
+    /// Runs one period of the bias. Anti-windup: nothing is learnt while the valve is fully open, nor from an error
+    /// that one period's flow would not close.
     fn learn(
         &mut self,
         tuning: &ControllerConfig,
@@ -133,14 +134,14 @@ impl PressureLoop {
     }
 }
 
-/// Whether an error \[Pa\] will be within that \[Pa\] once the gas that is on its way has arrived.
+/// Whether an error \[Pa\] will be within `within_pa` once the gas in flight has arrived.
 fn arrives(port: &ChamberPort, error_pa: f32, within_pa: f32) -> bool {
     let left_kg = port.mass_kg(error_pa, 0.0) - port.in_flight_kg;
     absolute(left_kg) <= port.mass_kg(within_pa, 0.0)
 }
 
-/// A mass that is less than the shortest pulse's is raised to it where that leaves less of what is missing in all:
-/// otherwise the pressure would stay where it is.
+/// Raises a mass below that of the shortest pulse to it, if that leaves less of the total error: otherwise the pressure
+/// would stay where it is.
 fn worth_it(
     config: &Config,
     feedback: &Feedback,
@@ -157,22 +158,22 @@ fn worth_it(
     }
 }
 
-/// Fall of the pressure \[Pa\] until the gas is as warm as the wall.
+/// Fall of the pressure \[Pa\] until the gas has the temperature of the wall.
 fn falls_pa(feedback: &Feedback) -> f32 {
     let Estimate { gas_k, wall_k, .. } = feedback.estimate;
     feedback.pressure_pa * (gas_k - wall_k) / gas_k
 }
 
-/// Share of a step of the set point that the pressure may be off while the gas relaxes \[-\]: within the 2 % that
+/// Share of a step of the set point by which the pressure may be off while the gas relaxes \[-\]: within the 2 % that
 /// usually count as settled.
 const RELAXES: f32 = 0.015;
-/// Beyond so many times what is allowed, the set point has to be reached again.
+/// Multiple of the permitted error beyond which the set point has to be reached again.
 const LOST: f32 = 2.0;
-/// The shortest pulse is not to be lost by rounding \[-\].
+/// Factor that keeps the shortest pulse from being lost to rounding \[-\].
 const ROUNDED: f32 = 1.001;
 /// Share of the pressure within which the bias learns \[-\].
 const LEARNING_BAND: f32 = 0.05;
-/// Largest bias: the gas that this share of the pressure is, per second \[1/s\].
+/// Largest bias: this share of the pressure, as gas, per second \[1/s\].
 const LARGEST_BIAS: f32 = 1.0;
 
 #[cfg(test)]
@@ -181,10 +182,10 @@ mod tests {
     use crate::control::valve_drive::OpenFlow;
     use crate::sample::Estimate;
 
-    /// 0.18 l of air at 298 K: what a pascal of it weighs is eq. (6) without motion \[kg/Pa\].
+    /// 0.18 l of air at 298 K: mass per pascal by eq. (6) without motion \[kg/Pa\].
     const VOLUME_M3: f32 = 1.8e-4;
     const KG_PER_PA: f32 = VOLUME_M3 / (1.4 * 287.05 * 298.0);
-    /// A period of 10 ms closes that much of an error, the loop's time being 14 ms.
+    /// Share of an error that a period of 10 ms closes, the loop's time being 14 ms.
     const GAIN: f32 = 0.01 / 0.014;
 
     fn feedback(pressure_pa: f32) -> Feedback {
@@ -208,7 +209,7 @@ mod tests {
         assert!((moved_pa - expected_pa).abs() < 20.0, "{moved_pa} Pa, expected {expected_pa}");
     }
 
-    /// Beyond a twentieth of the pressure, or with the valve fully open, nothing is learnt.
+    /// Beyond 5 % of the pressure, or with the valve fully open, nothing is learnt.
     #[test]
     fn a_period_closes_its_share_of_the_error() {
         let started = PressureLoop::new(&feedback(3.0e5));
@@ -225,7 +226,7 @@ mod tests {
         assert!(moved_pa(&mut started.clone(), &in_flight, 3.0e5).is_some(), "it will be beyond");
         let arrives = ChamberPort { in_flight_kg: 3000.0 * KG_PER_PA, ..port(2.97e5) };
         assert_eq!(moved_pa(&mut started.clone(), &arrives, 3.0e5), None, "it will be there");
-        // The growth of the volume is filled up: k P dV/V.
+        // The growth of the volume is filled: k P dV/V.
         let moved_kg = started.clone().period(
             &Config::default(),
             &feedback(3.0e5),
@@ -236,7 +237,7 @@ mod tests {
         close(moved_kg.map(|kg| kg / KG_PER_PA), GAIN * 2.0e4 + 1.4 * 3.0e5 * 0.01);
     }
 
-    /// Of a valve whose shortest pulse moves 4 kPa: it is given where more than half of that is missing.
+    /// A valve whose shortest pulse moves 4 kPa: the pulse is given if more than half of that is missing.
     #[test]
     fn an_error_worth_a_pulse_gets_one() {
         let mut config = Config::default();
@@ -256,8 +257,8 @@ mod tests {
         }
     }
 
-    /// A leak: the error stays, and in every period the loop adds its share over the reset time, up to
-    /// the gas that there is per second.
+    /// A leak: the error stays, and in every period the loop adds its share over the reset time, up to the mass of the
+    /// gas per second.
     #[test]
     fn a_lasting_error_is_learnt_up_to_a_limit() {
         for error_pa in [-1.4e4, 1.4e4] {
@@ -286,7 +287,7 @@ mod tests {
         }
     }
 
-    /// 1e7 Pa/s are 1 bar in a period; it goes neither below the ambient pressure nor above the limit.
+    /// 1e7 Pa/s are 1 bar in a period; the set point goes neither below the ambient pressure nor above the limit.
     #[test]
     fn the_set_point_is_approached_at_its_rate_and_within_its_bounds() {
         for (start_pa, goal_pa, ways_pa) in [
@@ -302,7 +303,7 @@ mod tests {
         }
     }
 
-    /// It first rests once it is within half of its dead zone of 15 mbar, and gives a pulse beyond the whole.
+    /// The loop first rests within half of its dead zone of 15 mbar, and gives a pulse beyond the whole zone.
     #[test]
     fn a_set_point_that_moves_is_followed_within_the_dead_zone_too() {
         let mut active = PressureLoop::new(&feedback(3.0e5));
@@ -319,8 +320,8 @@ mod tests {
         }
     }
 
-    /// Gas that has reached the set point is warm, or cold: 10 K of 298 are 3.2 % of the pressure, which
-    /// would fall to the wall's temperature, and 1.5 % of a step of 2 bar are allowed for it, to either side.
+    /// Gas that has reached the set point is warm, or cold: 10 K of 298 are 3.2 % of the pressure, by which it would
+    /// drift to the wall's temperature, and 1.5 % of a step of 2 bar are permitted for it, to either side.
     #[test]
     fn gas_that_relaxes_is_let_pass_the_set_point() {
         for side in [-1.0_f32, 1.0] {
@@ -336,13 +337,13 @@ mod tests {
                 let asked = active.period(&Config::default(), &now, &port, 0.0, goal_pa);
                 asked.map(|kg| side * kg / KG_PER_PA)
             };
-            // At 1 bar a period, it is on its way for two; then 0.75 kPa beyond are the goal.
+            // At 1 bar a period, it is on its way for two periods; then 0.75 kPa beyond the set point is the goal.
             assert!(at(-2.0e5, true).is_some() && at(-1.0e5, true).is_some());
             assert!(at(-100.0, true).is_some(), "not yet there");
             for off_pa in [750.0, 2900.0, 0.0, -2900.0] {
                 assert_eq!(at(off_pa, true), None, "{off_pa} Pa");
             }
-            // One pulse to the other side.
+            // One pulse takes it to the other side.
             let moved_pa = at(-3100.0, true).unwrap();
             assert!((moved_pa - 6100.0).abs() < 20.0, "{moved_pa} Pa");
             assert_eq!(at(2900.0, true), None);

@@ -5,8 +5,8 @@ use crate::math::{SMALLEST, absolute};
 use crate::physics::chamber::Chamber;
 use crate::sample::{Faults, SetPoint};
 
-/// PWM periods in a working cycle, at least: two a stroke, and a thousandth less for rounding. Fewer
-/// show no flow.
+/// Fewest PWM periods in a working cycle: two per stroke, less a thousandth for rounding. With fewer there is no flow
+/// to see.
 const LEAST_PERIODS: f32 = 3.996;
 /// Longest working cycle \[s\]: a day.
 const LONGEST_CYCLE_S: f32 = 86_400.0;
@@ -18,9 +18,9 @@ const LARGEST_FLOW_KG_S: f32 = 1.0;
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum SetPointField {
-    /// Share for which the inlet is open.
+    /// Share of the time for which the inlet is open.
     Inlet,
-    /// Share for which the outlet is open.
+    /// Share of the time for which the outlet is open.
     Outlet,
     /// Mass flow.
     Flow,
@@ -35,7 +35,7 @@ pub enum SetPointField {
 }
 
 impl SetPointField {
-    /// Its key, the unit included.
+    /// Key of the value, including the unit.
     pub const fn key(self) -> &'static str {
         match self {
             Self::Inlet => "inlet",
@@ -49,23 +49,23 @@ impl SetPointField {
     }
 }
 
-/// Why a set point is not taken; what held before goes on.
+/// Reason why a set point is not accepted; the set point before then stays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum SetPointError {
     /// A value is not a number, or out of its range.
     Range {
-        /// Which one.
+        /// The value that was refused.
         field: SetPointField,
-        /// The refused value, in the unit of its key.
+        /// Its size, in the unit of its key.
         value: f32,
-        /// Smallest value allowed.
+        /// Smallest permitted value.
         minimum: f32,
-        /// Largest value allowed.
+        /// Largest permitted value.
         maximum: f32,
     },
-    /// Faults that vent hold, or are latched.
+    /// Venting faults are present or latched.
     Faults(Faults),
     /// The core has not been armed since it started or since a fault last made it vent.
     NotArmed,
@@ -98,10 +98,10 @@ impl core::error::Error for SetPointError {}
 pub struct Target(SetPoint);
 
 impl Target {
-    /// To vent.
+    /// The set point that vents.
     pub const VENT: Self = Self(SetPoint::Vent);
 
-    /// `set_point` for a core of this configuration, and its chamber.
+    /// Checks `set_point` for a core with this configuration and its chamber.
     ///
     /// ```
     /// use model_core::control::Target;
@@ -117,7 +117,7 @@ impl Target {
     /// ```
     ///
     /// # Errors
-    /// [`SetPointError::Range`] names the first value that is none.
+    /// [`SetPointError::Range`] names the first value that is not permitted.
     pub fn new(
         set_point: &SetPoint,
         config: &Config,
@@ -158,7 +158,7 @@ impl Target {
     }
 }
 
-/// Least and largest contraction that the chamber can have, 0 for what does not move \[-\].
+/// Smallest and largest contraction of the chamber, 0 for a chamber that does not move \[-\].
 ///
 /// ```
 /// use model_core::physics::chamber::AnyChamber;
@@ -185,7 +185,7 @@ fn within(
     maximum: f32,
 ) -> Result<f32, SetPointError> {
     let value = if absolute(value) < SMALLEST { 0.0 } else { value };
-    // Not a number fails both.
+    // NaN fails both.
     if value >= minimum && value <= maximum {
         Ok(value)
     } else {
@@ -259,7 +259,7 @@ mod tests {
         }
     }
 
-    /// The ends of a range are within it.
+    /// The ends of a range belong to it.
     #[test]
     fn what_lies_at_the_end_of_its_range_is_taken() {
         let config = Config::default();
@@ -288,7 +288,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever the bits, what is taken is within its range.
+        /// Whatever the bits, an accepted value is within its range.
         #[test]
         fn what_is_taken_holds_no_nonsense(a in any::<u32>(), b in any::<u32>(), kind in 0..5) {
             let [a, b] = [a, b].map(f32::from_bits);

@@ -1,7 +1,7 @@
-//! From a wanted gas mass to valve openings, one PWM period at a time.
+//! From a requested gas mass to valve openings, one PWM period at a time.
 //!
-//! The mass flow of the open valve (ISO 6358) gives the time for which a valve has to be open; a
-//! poppet that needs a switching time t_s for its stroke turns a pulse w into an opening o of
+//! The mass flow of the open valve (ISO 6358) gives the time for which a valve must be open; a poppet that needs a
+//! switching time t_s for its stroke turns a pulse w into an opening o of
 //!
 //! ```text
 //! o = w                for t_s <= w <= T - t_s    what opening loses, closing gains
@@ -9,17 +9,16 @@
 //! o = T - (T-w)^2/t_s  for w > T - t_s            the same with the gap between two pulses
 //! ```
 //!
-//! and this module inverts that. Dead time only shifts a pulse: what of it arrives after the
-//! next period's measurement goes to the loops ([`FlowDrive::in_flight_kg`]). A pulse shorter
-//! than the shortest one worth giving is not given; flows that need such pulses become rare ones
-//! of the shortest length ([`FlowDrive::flow`]). The valves are never open together: after a
-//! pulse that reaches into the next period the other valve waits for one, within which the first is shut:
-//! `Config::check` allows no switching time longer than a period.
+//! and this module inverts that. Dead time only shifts a pulse: its part that arrives after the next period's
+//! measurement goes to the loops ([`FlowDrive::in_flight_kg`]). Pulses shorter than the shortest useful one are not
+//! given; flows that need such pulses become rare ones of the shortest length ([`FlowDrive::flow`]). The valves are
+//! never open together: after a pulse that reaches into the next period the other valve waits for one, within which the
+//! first shuts: `Config::check` allows no switching time longer than a period.
 //!
-//! A proportional valve is held open by the share of the period for which a switching one would be open;
-//! its command is the inverse of the static curve ([`Spool::command`]). The opening s follows with a lag tau.
-//! Its equation is linear, so that a command for the opening o moves o T in all, however slow the valve is; after
-//! the period, of which it feels T - d behind a dead time d,
+//! A proportional valve is held open by the share of the period for which a switching valve would be open; its command
+//! is the inverse of the static curve ([`Spool::command`]). The opening s follows with a lag tau. Its equation is
+//! linear, so a command for the opening o moves o T in all, however slow the valve is. The command acts for T - d of
+//! its period, d being the dead time; after the period,
 //!
 //! ```text
 //! o d + tau (o + (s - o) exp(-(T - d)/tau))
@@ -33,7 +32,7 @@ use crate::physics::gas::Reservoir;
 use crate::physics::valve::{Spool, Valve, ValveKind};
 use crate::sample::{Command, Duty};
 
-/// Which valve the last period drove beyond its own end.
+/// The valve that the last pulse keeps open beyond its period's end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum CarryOver {
     None,
@@ -41,10 +40,10 @@ enum CarryOver {
     Outlet,
 }
 
-/// Openings smaller than this are not given: a proportional valve repeats to a percent at best (assumption). A loop
-/// that is nearly at rest then waits until its error is worth one \[-\].
+/// Smallest opening that is given: a proportional valve repeats to a percent at best (assumption). A loop that is
+/// nearly at rest then waits until its error is worth one \[-\].
 const LEAST_OPENING: f32 = 0.01;
-/// A valve that closes counts as shut below this opening \[-\].
+/// Opening below which a closing valve counts as shut \[-\].
 const SHUT: f32 = 1.0e-3;
 
 /// One proportional valve.
@@ -52,14 +51,14 @@ const SHUT: f32 = 1.0e-3;
 struct Follower {
     /// Opening at the end of the last period, a dead time late \[-\].
     opening: f32,
-    /// Flow of the open valve when it was driven last \[kg/s\].
+    /// Flow of the open valve when it was last driven \[kg/s\].
     open_kg_s: f32,
 }
 
 impl Follower {
     const SHUT: Self = Self { opening: 0.0, open_kg_s: 0.0 };
 
-    /// A period with a command for this opening; mass that moves after it \[kg\].
+    /// Runs a period with a command for this opening; returns the mass that moves after it \[kg\].
     fn follow(&mut self, lag: &Lag, opening: f32) -> f32 {
         let approach = |share: f32| opening + (self.opening - opening) * share;
         let at_end = approach(lag.felt);
@@ -94,20 +93,20 @@ impl Lag {
     }
 }
 
-/// An opening that is wanted for a period.
+/// A requested opening for a period.
 struct Ask {
     filling: bool,
-    /// Time for which the valve has to be open \[s\].
+    /// Time for which the valve must be open \[s\].
     opening_s: f32,
     /// Flow of the open valve \[kg/s\].
     full_kg_s: f32,
     period_s: f32,
 }
 
-/// How an opening becomes a command.
+/// Conversion of an opening into a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Stage {
-    /// And the mass that a pulse moves later than a period after its own end \[kg\].
+    /// With the mass that a pulse moves later than a period after its own end \[kg\].
     Pulsed {
         carry_over: CarryOver,
         later_kg: f32,
@@ -133,7 +132,7 @@ impl Stage {
         }
     }
 
-    /// A period with both valves closed; mass that comes after its end \[kg\].
+    /// Runs a period with both valves closed; returns the mass that arrives after its end \[kg\].
     fn close(&mut self) -> f32 {
         match self {
             Self::Pulsed { carry_over, later_kg } => {
@@ -146,8 +145,8 @@ impl Stage {
         }
     }
 
-    /// Share of the command for an opening, and the mass that comes after the period \[kg\]; `None` where it is too
-    /// little, or has to wait for the other valve.
+    /// Returns the share of the command for an opening, and the mass that arrives after the period \[kg\]; `None` if
+    /// the opening is too small, or has to wait for the other valve.
     fn give(&mut self, config: &Config, ask: &Ask, pwm_hz: f32) -> Option<(f32, f32)> {
         let Ask { filling, opening_s, full_kg_s, period_s } = *ask;
         match self {
@@ -166,7 +165,7 @@ impl Stage {
                     (true, false) => CarryOver::Outlet,
                 };
                 let flow_kg_s = if filling { full_kg_s } else { -full_kg_s };
-                // The poppet starts to move a dead time after the pin and is closed a switching time after the pulse.
+                // The poppet starts to move a dead time after the pin, and is closed a switching time after the pulse.
                 let shut_s = shuts_s + config.valve.dead_time_s;
                 let after_kg = |end_s: f32| {
                     if shut_s <= end_s {
@@ -195,7 +194,7 @@ impl Stage {
         }
     }
 
-    /// Openings that were given outright.
+    /// Takes over openings that a set point gives directly.
     fn take(&mut self, command: Command) {
         match self {
             Self::Pulsed { carry_over, later_kg } => {
@@ -208,7 +207,7 @@ impl Stage {
                     CarryOver::None
                 };
             }
-            // The next period takes it as having arrived; what it moves after that is not known.
+            // The next period assumes that it has arrived; the mass that it moves after that is unknown.
             Self::Metered { spool, inlet, outlet, .. } => {
                 let taken = |duty: Duty| Follower {
                     opening: spool.opening(duty.share()),
@@ -227,7 +226,7 @@ pub struct FlowDrive {
     joined: u8,
     period_s: f32,
     pwm_hz: f32,
-    /// Mass still to move, positive into the muscle \[kg\].
+    /// Mass that remains to be moved, positive into the muscle \[kg\].
     owed_kg: f32,
     in_flight_kg: f32,
     stage: Stage,
@@ -235,7 +234,7 @@ pub struct FlowDrive {
 }
 
 impl FlowDrive {
-    /// Nothing owed.
+    /// Creates a drive that owes nothing.
     ///
     /// ```
     /// use model_core::control::valve_drive::FlowDrive;
@@ -261,8 +260,8 @@ impl FlowDrive {
         }
     }
 
-    /// From now on so many PWM periods are one: a pulse is one pulse over all of them, a proportional valve's command
-    /// is held for all.
+    /// Treats `joined` PWM periods as one from now on: a pulse is one pulse over all of them, a proportional valve's
+    /// command is held for all.
     pub fn join(&mut self, config: &Config, joined: u8) {
         if joined != self.joined {
             self.joined = joined;
@@ -275,12 +274,12 @@ impl FlowDrive {
         }
     }
 
-    /// PWM periods that are one.
+    /// Number of PWM periods that are joined into one.
     pub fn joined(&self) -> u8 {
         self.joined
     }
 
-    /// Openings in the PWM period number `begun` of a command for all that are joined.
+    /// Openings in the PWM period number `begun` of a command for all joined ones.
     pub fn part(&self, command: Command, begun: u8) -> Command {
         if self.joined == 1 || matches!(self.stage, Stage::Metered { .. }) {
             return command;
@@ -290,17 +289,17 @@ impl FlowDrive {
         Command { inlet: of(command.inlet), outlet: of(command.outlet) }
     }
 
-    /// Forgets what is owed: a new set point starts clean.
+    /// Forgets the owed mass: a new set point starts without it.
     pub fn reset(&mut self) {
         self.owed_kg = 0.0;
     }
 
-    /// PWM period, or several that are joined \[s\].
+    /// Length of the PWM period, or of the joined ones \[s\].
     pub fn period_s(&self) -> f32 {
         self.period_s
     }
 
-    /// Its reciprocal \[Hz\].
+    /// Reciprocal of the period \[Hz\].
     pub fn pwm_hz(&self) -> f32 {
         self.pwm_hz
     }
@@ -310,19 +309,19 @@ impl FlowDrive {
         self.in_flight_kg
     }
 
-    /// Whether the last period was asked for more than the open valve passes.
+    /// Whether more was requested for the last period than the open valve passes.
     pub fn saturated(&self) -> bool {
         self.saturated
     }
 
-    /// Both valves closed for a period.
+    /// Closes both valves for a period.
     pub fn closed(&mut self) -> Command {
         self.in_flight_kg = self.stage.close();
         self.saturated = false;
         Command::CLOSED
     }
 
-    /// Openings that a set point gives outright; what they move is not known.
+    /// Takes openings directly from a set point; the mass that they move is unknown.
     pub fn direct(&mut self, command: Command) -> Command {
         self.in_flight_kg = 0.0;
         self.saturated = false;
@@ -330,8 +329,8 @@ impl FlowDrive {
         command
     }
 
-    /// Mass that a flow of `flow_kg_s` (negative: out) is to move in the coming period, with what is owed in
-    /// its own direction. The mass that a flow before it owes in the other one would drive against it.
+    /// Mass that a flow of `flow_kg_s` (negative: out) has to move in the coming period, including the mass owed in its
+    /// own direction. Mass owed in the other direction would work against it.
     pub fn owing_kg(&self, flow_kg_s: f32) -> f32 {
         let owed_kg = if flow_kg_s > 0.0 {
             limit(self.owed_kg, 0.0, f32::MAX)
@@ -343,22 +342,21 @@ impl FlowDrive {
         owed_kg + flow_kg_s * self.period_s
     }
 
-    /// Openings for the coming period that move what of [`Self::owing_kg`] is allowed. What the period cannot
-    /// move of it, or what is too little for a pulse, is owed to the next one.
+    /// Openings for the coming period that move the permitted part of [`Self::owing_kg`]. Mass that the period cannot
+    /// move, or that is too little for a pulse, is owed to the next one.
     pub fn flow(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> Command {
         let (command, moved_kg, full_kg) = self.pulse(config, mass_kg, muscle, None);
-        // Gas that one open period cannot move is not owed for longer than one more.
+        // Mass beyond two open periods is not owed.
         self.owed_kg = limit(mass_kg - moved_kg, -2.0 * full_kg, 2.0 * full_kg);
         command
     }
 
-    /// Openings for the coming period that move `mass_kg` (negative: out), once. For a loop, which
-    /// measures what is left.
+    /// Openings for the coming period that move `mass_kg` (negative: out), once. For a loop, which measures the rest.
     pub fn mass(&mut self, config: &Config, mass_kg: f32, muscle: Reservoir) -> Command {
         self.pulse(config, mass_kg, muscle, None).0
     }
 
-    /// [`mass`](Self::mass), where the loop has worked out an open valve's flow already.
+    /// Does the same as [`mass`](Self::mass) for a loop that has already computed an open valve's flow.
     pub fn mass_through(
         &mut self,
         config: &Config,
@@ -369,7 +367,7 @@ impl FlowDrive {
         self.pulse(config, mass_kg, muscle, Some(open)).0
     }
 
-    /// The command for a mass; the mass that it moves, and the one of a whole period.
+    /// Returns the command for a mass, the mass that it moves, and the mass of a whole period.
     fn pulse(
         &mut self,
         config: &Config,
@@ -421,10 +419,10 @@ pub struct OpenFlow {
 }
 
 impl OpenFlow {
-    /// Of none.
+    /// No flow.
     pub const NONE: Self = Self { filling: true, kg_s: 0.0 };
 
-    /// Of the valve that moves a mass in this direction \[kg\].
+    /// Flow of the valve that moves a mass in this direction \[kg\].
     pub fn new(config: &Config, mass_kg: f32, muscle: Reservoir) -> Self {
         let filling = mass_kg > 0.0;
         let (upstream, downstream) =
@@ -447,12 +445,12 @@ fn pulse_for_opening_s(valve: &Valve, period_s: f32, opening_s: f32) -> f32 {
     }
 }
 
-/// Opening \[s\] of a poppet in the time until it is shut \[s\], above 0.
+/// Opening \[s\] of a poppet in the time until it is shut \[s\]; the time is above 0.
 fn tail_s(until_s: f32, switch_s: f32) -> f32 {
     if until_s < switch_s { 0.5 * until_s * until_s / switch_s } else { until_s - 0.5 * switch_s }
 }
 
-/// Opening of the shortest pulse that is given in a period \[s\].
+/// Opening of the shortest pulse in a period \[s\].
 pub fn least_opening_s(config: &Config, period_s: f32) -> f32 {
     match config.valve_kind {
         ValveKind::Switching => {
@@ -464,7 +462,7 @@ pub fn least_opening_s(config: &Config, period_s: f32) -> f32 {
     }
 }
 
-/// Mass of that pulse, in the direction of a mass \[kg\].
+/// Mass of the shortest pulse, in the direction of `mass_kg` \[kg\].
 pub(super) fn least_kg(config: &Config, period_s: f32, mass_kg: f32, muscle: Reservoir) -> f32 {
     least_opening_s(config, period_s) * OpenFlow::new(config, mass_kg, muscle).kg_s
 }
@@ -474,7 +472,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Opening of a pulse repeated in every period.
+    /// Opening of a pulse that is repeated in every period.
     fn opening_s(pulse_s: f32) -> f32 {
         let switch_s = Config::default().valve.switch_time_s;
         if pulse_s < switch_s {
@@ -486,14 +484,14 @@ mod tests {
         }
     }
 
-    /// The openings of one period for a flow that nothing limits.
+    /// Openings of one period for an unlimited flow.
     fn flowing(drive: &mut FlowDrive, flow_kg_s: f32, muscle: Reservoir) -> Command {
         let mass_kg = drive.owing_kg(flow_kg_s);
         drive.flow(&Config::default(), mass_kg, muscle)
     }
 
     proptest! {
-        /// Whatever the flow, its mean arrives and the valves are never open together.
+        /// For any flow, its mean arrives and the valves are never open together.
         #[test]
         fn the_mean_flow_arrives(flow in -3.0e-4_f32..3.0e-4, pressure in 1.3e5_f32..5.0e5) {
             let config = Config::default();
@@ -527,8 +525,7 @@ mod tests {
             prop_assert!((opening_s(pulse) / opening - 1.0).abs() < 1e-3);
         }
 
-        /// Flow in and out at random, as a loop may ask: the poppets never overlap, however slowly they
-        /// close.
+        /// Random flow in and out, as a loop may request it: the poppets never overlap, however slowly they close.
         #[test]
         fn never_both_open(
             masses in prop::collection::vec(-4.0e-5_f32..4.0e-5, 200),
@@ -567,7 +564,7 @@ mod tests {
         drive.mass(&config, 1.0, muscle);
         assert!(drive.saturated());
         assert!((drive.in_flight_kg() / (0.002 * full) - 1.0).abs() < 1e-4);
-        // Closing from 9 to 11 ms: of the last millisecond's slope a quarter millisecond is left.
+        // Closing from 9 to 11 ms: of the last millisecond's slope 0.25 ms is left.
         drive.mass(&config, 0.008 * full, muscle);
         assert!((drive.in_flight_kg() / (0.000_25 * full) - 1.0).abs() < 1e-3);
         // Closed 6 ms after the pin has risen: nothing is left.
@@ -588,7 +585,7 @@ mod tests {
         (0.01 * flow(7.0e5, 3.0e5), 0.01 * flow(3.0e5, 101_325.0))
     }
 
-    /// Both ways: mass of a pulse in shares of an open period, and whether it is more than that.
+    /// Both ways: mass of a pulse in shares of an open period, and whether it is more than one.
     #[test]
     fn more_than_an_open_valve_passes_is_marked() {
         let config = Config::default();
@@ -603,15 +600,15 @@ mod tests {
             }
             drive.closed();
             assert!(!drive.saturated());
-            // The other valve has to wait for the end of that pulse, and is asked too much all the same.
+            // The other valve must wait for the end of that pulse, and too much is requested of it all the same.
             drive.mass(&config, 1.5 * full_kg, MUSCLE);
             assert_eq!(drive.mass(&config, -10.0 * full_kg, MUSCLE), Command::CLOSED);
             assert!(drive.saturated());
         }
     }
 
-    /// A valve that closes within its period lets the other one open in the next; one that does not
-    /// makes it wait for one period.
+    /// A valve that closes within its period lets the other one open in the next; a valve that does not makes it wait
+    /// for one period.
     #[test]
     fn after_a_pulse_to_the_end_of_its_period_the_other_valve_waits_for_one() {
         let config = Config::default();
@@ -639,7 +636,7 @@ mod tests {
         }
     }
 
-    /// Flow that no valve passes is owed for two periods of an open one; another set point owes none.
+    /// Flow that no valve passes is owed for two periods of an open valve; another set point owes none.
     #[test]
     fn what_cannot_be_moved_is_owed_for_two_periods() {
         let config = Config::default();
@@ -663,7 +660,7 @@ mod tests {
         }
     }
 
-    /// A poppet of 2 ms opens half a millisecond's worth in a pulse of one, the shortest.
+    /// A poppet of 2 ms opens for the equivalent of half a millisecond in a pulse of 1 ms, the shortest.
     #[test]
     fn a_mass_that_is_too_little_for_a_pulse_is_not_moved() {
         let config = Config::default();
@@ -691,7 +688,7 @@ mod tests {
         }
     }
 
-    /// A pulse of a valve as slow as this one would end after its period, however short.
+    /// A pulse of such a slow valve would end after its period, however short it is.
     #[test]
     fn where_nothing_is_asked_for_nothing_is_in_flight() {
         let mut config = Config::default();
@@ -710,7 +707,7 @@ mod tests {
         let (_, outlet_kg) = full_kg();
         let mut drive = FlowDrive::new(&config);
         drive.mass(&config, -1.0, MUSCLE);
-        // 2 ms of the 10 that are in a period, outwards.
+        // 2 ms of the 10 ms in a period, outwards.
         assert!((drive.in_flight_kg() / (-0.2 * outlet_kg) - 1.0).abs() < 1e-4);
         drive.direct(Command::VENT);
         assert_eq!(drive.in_flight_kg(), 0.0, "not known");
@@ -723,7 +720,7 @@ mod tests {
         config
     }
 
-    /// A command jumps over the dead band; one that is too small to be given is owed.
+    /// A command skips the dead band; one that is too small to be given is owed.
     #[test]
     fn a_proportional_valve_opens_by_the_share_that_is_wanted() {
         let config = proportional(50.0);
@@ -750,8 +747,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever is asked for one after the other: what has moved, and what is in flight, is what was given.
-        /// The valves follow here in steps of 10 us.
+        /// For any sequence of requests, the moved mass plus the mass in flight equals the mass given. The valves
+        /// follow here in steps of 10 us.
         #[test]
         fn what_is_in_flight_of_a_proportional_valve_moves_after_its_period(
             bandwidth_hz in 5.0_f32..300.0,

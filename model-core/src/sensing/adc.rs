@@ -1,4 +1,4 @@
-//! The board's converter: what a code stands for, as a share of the reference.
+//! The board's converter: the share of the reference that a code stands for.
 //!
 //! Every channel is ratiometric: sensor, bridge and ADC share one reference, so that only fractions
 //! of it matter. The arithmetic of the circuits is in `docs/reference/board.md`.
@@ -6,7 +6,7 @@
 use crate::parameter::parameters;
 use crate::sample::{AdcCode, CODE_MAX, OVERSAMPLING, PartCode, RawCode};
 
-/// Codes nearer to a rail than this are a broken or saturated sensor: 2 % of the range.
+/// Codes nearer to a rail than this come from a broken or saturated sensor: 2 % of the range.
 pub const RAIL_MARGIN: u16 = CODE_MAX / 50;
 /// Codes of 12 bit over the whole reference.
 const CODES: f32 = 4096.0;
@@ -19,31 +19,30 @@ parameters! {
 }
 
 impl Adc {
-    /// Half the width of its widest codes, in the unit of a sensor of which one code is worth `resolution`.
+    /// Half the width of the converter's widest codes, in the unit of a sensor whose codes are worth `resolution` each.
     pub fn half_width(&self, resolution: f32) -> f32 {
         0.5 * self.wide_code_lsb * resolution
     }
 }
 
-/// Halves of wide codes below any code, and none.
+/// Number of possible halves of wide codes below a code, zero included.
 const MOST_HALVES: usize = 9;
 
-/// Undoes erratum RP2040-E11. Four codes swallow `wide_code_lsb` of input each, and with the
-/// curve's ends where they belong it is steeper by as much in between: an error of up to 4.5 LSB,
-/// or at 120 kPa almost 1 % of the pressure. A wide code itself only shows that the input
-/// lies in it, and is read as its middle.
+/// Undoes erratum RP2040-E11. Four codes swallow `wide_code_lsb` of input each. As the ends of the curve are right, it
+/// is steeper by as much in between: an error of up to 4.5 LSB, or at 120 kPa almost 1 % of the pressure. A wide code
+/// itself only shows that the input lies in it, and is read as its middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearisation {
     /// Input per code.
     slope: f32,
     /// Half of the input that one wide code swallows, in units of a summed code.
     half_swallowed: f32,
-    /// Multiples of it: looked up in every step, which takes less than to multiply.
+    /// Its multiples, looked up in every step because that is faster than multiplying.
     swallowed: [f32; MOST_HALVES],
 }
 
 impl Linearisation {
-    /// Works the constants out.
+    /// Computes the constants.
     ///
     /// ```
     /// use model_core::AdcCode;
@@ -62,18 +61,18 @@ impl Linearisation {
         }
     }
 
-    /// Whether the converter makes this code so wide that a healthy line may stand still in it.
+    /// Whether the converter makes this code so wide that a healthy channel may stay in it.
     pub fn widens(&self, code: AdcCode) -> bool {
         is_wide(code) && self.half_swallowed > 0.0
     }
 
-    /// The ideal code for a code as read; need not be whole.
+    /// The ideal code for a code as read; not necessarily whole.
     pub fn ideal(&self, code: AdcCode) -> f32 {
         let halves = (wide_halves_below(code.0) as usize).min(MOST_HALVES - 1);
         self.slope * f32::from(code.0) + self.swallowed.get(halves).unwrap_or(&0.0)
     }
 
-    /// The mean of the ideal codes of a sum; `None` of none.
+    /// The mean of the ideal codes of a sum; `None` if the sum is empty.
     pub fn mean(&self, sum: &CodeSum) -> Option<f32> {
         (sum.count > 0).then(|| {
             let total =
@@ -83,8 +82,8 @@ impl Linearisation {
     }
 }
 
-/// Halves of wide codes below a code: they lie at 512 + 1024 i, here times eight; of the one that is
-/// read, one half.
+/// Halves of wide codes below a code: they lie at 512 + 1024 i, here times eight; of a wide code itself, one half
+/// counts.
 fn wide_halves_below(code: u16) -> u32 {
     let code = u32::from(code);
     ((code + 4096) >> 13) + ((code + 4095) >> 13)
@@ -125,12 +124,12 @@ impl CodeSum {
         self.count = self.count.saturating_add(1);
     }
 
-    /// Their mean as they are; `None` of none.
+    /// Mean of the codes as read; `None` if there are none.
     pub fn mean(&self) -> Option<f32> {
         (self.count > 0).then(|| self.codes as f32 / f32::from(self.count))
     }
 
-    /// How many they are.
+    /// Number of codes.
     pub fn count(&self) -> u16 {
         self.count
     }
@@ -153,7 +152,7 @@ pub struct Characteristic {
 }
 
 impl Characteristic {
-    /// The one through two points. Not inlined: three calls, each at a start.
+    /// Creates the characteristic through two points. Not inlined: three calls, each at a start.
     ///
     /// ```
     /// use model_core::sensing::adc::{Characteristic, Point};
@@ -164,12 +163,11 @@ impl Characteristic {
     #[inline(never)]
     pub fn through(low: Point, high: Point) -> Self {
         let per_code = 1.0 / (CODES * f32::from(OVERSAMPLING));
-        // A conversion truncates: the middle of a code lies half a step above it, for a sum of
-        // eight that is four.
+        // A conversion truncates: the middle of a code lies half an LSB above it, which is four for a sum of eight.
         Self::over(per_code, 0.5 * f32::from(OVERSAMPLING) * per_code, low, high)
     }
 
-    /// The same over the [codes](PartCode) of a digital part, its output's whole scale being the reference.
+    /// Creates the same over the [codes](PartCode) of a digital part, with its output's full scale as the reference.
     pub fn of_part(low: Point, high: Point) -> Self {
         Self::over(1.0 / 32_768.0, 0.0, low, high)
     }
@@ -179,12 +177,12 @@ impl Characteristic {
         Self { offset: low.value + slope * (half - low.share), slope: slope * per_code }
     }
 
-    /// The same with other values: `gain` times as large, and that much more.
+    /// Scales the values by `gain`, then adds `offset`.
     pub fn scaled(self, gain: f32, offset: f32) -> Self {
         Self { offset: gain * self.offset + offset, slope: gain * self.slope }
     }
 
-    /// Its value at an ideal code.
+    /// Value at an ideal code.
     pub fn at(&self, ideal_code: f32) -> f32 {
         self.offset + self.slope * ideal_code
     }
@@ -200,7 +198,7 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// The curve of the erratum, written down as the datasheet tells it, comes back straight.
+        /// The curve of the erratum, written as in the datasheet, becomes straight again.
         #[test]
         fn linearisation_undoes_the_erratum(input in 1.0_f64..4094.0) {
             let steep = 4095.0 / (4095.0 - 4.0 * 8.9);
@@ -244,7 +242,7 @@ mod tests {
         }
     }
 
-    /// 512, 1536, 2560 and 3584, each eight times in a row.
+    /// 512, 1536, 2560 and 3584, each as a sum of eight equal conversions.
     #[test]
     fn four_codes_are_wide() {
         let wide: Vec<u16> = (0..=CODE_MAX).filter(|&code| is_wide(AdcCode(code))).collect();

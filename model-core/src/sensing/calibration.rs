@@ -1,10 +1,10 @@
-//! Calibration: value = gain (reading + correction) + offset. Two points give gain and offset; what
-//! is bent between them, as the five points of a calibration certificate state it, is the correction.
+//! Calibration: value = gain (reading + correction) + offset. Two points give gain and offset; the correction follows
+//! the bend between them, as the five points of a calibration certificate state it.
 
 use super::adc::Characteristic;
 use crate::math::limit;
 
-/// Corrections at a quarter, half and three quarters of a sensor's range, as shares of it; at both ends there is none.
+/// Corrections at a quarter, half and three quarters of a sensor's range, as shares of it; both ends have none.
 pub type Corrections = [f32; 3];
 
 /// Calibration of a sensor.
@@ -14,7 +14,7 @@ pub struct Calibration {
     pub gain: f32,
     /// In the sensor's unit.
     pub offset: f32,
-    /// Added to the reading, linear between these; as shares of the range \[-\].
+    /// Correction that is added to the reading, linear between these points; as shares of the range \[-\].
     pub corrections: Corrections,
 }
 
@@ -25,17 +25,17 @@ pub struct Calibrated {
     bend: Option<Bend>,
 }
 
-/// A point of the correction.
+/// The correction of a bent sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Bend {
     /// Quarters of the range over codes.
     quarters: Characteristic,
-    /// At the quarters, in the sensor's unit.
+    /// Corrections at the quarters, in the sensor's unit.
     values: [f32; 5],
 }
 
 impl Calibrated {
-    /// A sensor of that range, 0 to `range`, in its own unit.
+    /// Creates a calibrated sensor with the range 0 to `range`, in its own unit.
     ///
     /// ```
     /// use model_core::sensing::adc::{Characteristic, Point};
@@ -58,7 +58,7 @@ impl Calibrated {
         }
     }
 
-    /// Its value at an ideal code.
+    /// Value at an ideal code.
     pub fn at(&self, ideal_code: f32) -> f32 {
         let value = self.line.at(ideal_code);
         match &self.bend {
@@ -69,7 +69,7 @@ impl Calibrated {
 }
 
 impl Bend {
-    /// Not inlined: most sensors are straight, and their readings take a step's time.
+    /// Not inlined: most sensors are straight, and this would slow down their readings.
     #[inline(never)]
     fn at(&self, ideal_code: f32) -> f32 {
         let place = limit(self.quarters.at(ideal_code), 0.0, 4.0);
@@ -93,7 +93,7 @@ mod tests {
         Calibrated::new(line, 6.0e5, Calibration { gain: 1.02, offset: 300.0, corrections })
     }
 
-    /// Code of a reading \[Pa\].
+    /// Ideal code of a reading \[Pa\].
     fn code(reading_pa: f32) -> f32 {
         (reading_pa + 1.0e5) / 8.0e5 * 32_768.0
     }

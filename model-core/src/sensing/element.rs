@@ -23,7 +23,7 @@ pub trait Element {
     /// Whether it is read over a bus, at the converter's own rate.
     const DIGITAL: bool = false;
 
-    /// Limits of the digital converter; none where the element is on the board's converter.
+    /// Limits of the digital converter; `None` if the element is on the board's converter.
     fn part(&self) -> Option<Limits> {
         None
     }
@@ -31,6 +31,6 @@ pub trait Element {
 
 /// Temperature over codes.
 pub trait Curve {
-    /// Temperature \[K\] at an ideal code; finite at any.
+    /// Temperature \[K\] at an ideal code; finite for any code.
     fn at_k(&self, ideal_code: f32) -> f32;
 }

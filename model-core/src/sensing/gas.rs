@@ -2,11 +2,11 @@
 //!
 //! # How to add an element
 //!
-//! A file beside this one, with the element's parameters, its [`Element`] and its [`Curve`], and its line in
-//! `elements!` below. In `host-sim` the plant's side of it: a file in `simulation/elements/` with its line
-//! there, and in `scenario/tables/sensors.rs` its word and its table. `docs/reference/board.md` has a row for each.
-//! One that is read over a bus sets `DIGITAL` and its [`Element::part`]; the firmware's side is `firmware/src/parts.rs`.
-//! A new element comes last, and raises `PROTOCOL` in `link`: boards of the one before do not know it.
+//! Add a file beside this one with the element's parameters, its [`Element`] and its [`Curve`], and list it in
+//! `elements!` below. For the plant in `host-sim`, add a file in `simulation/elements/` and its line there, and its
+//! word and its table in `scenario/tables/sensors.rs`. `docs/reference/board.md` has a row for each element. An element
+//! that is read over a bus sets `DIGITAL` and its [`Element::part`]; the firmware's part is `firmware/src/parts.rs`. A
+//! new element comes last and raises `PROTOCOL` in `link`: boards with the previous protocol do not support it.
 
 pub use super::element::{Curve, Element};
 pub use super::max31865::Max31865;
@@ -43,7 +43,7 @@ macro_rules! elements {
         }
 
         impl GasElement {
-            /// One of each, with its defaults.
+            /// All elements with their defaults.
             pub fn all() -> impl Iterator<Item = Self> {
                 [$(Self::$element($element::default())),*].into_iter()
             }
@@ -65,7 +65,7 @@ macro_rules! elements {
                 }
             }
 
-            /// Limits of the digital converter; none where the element is on the board's converter.
+            /// Limits of the digital converter; `None` if the element is on the board's converter.
             pub(super) fn part(&self) -> Option<Limits> {
                 match self {
                     $(Self::$element(element) => element.part(),)*
@@ -111,7 +111,7 @@ impl Default for GasElement {
     }
 }
 
-/// A gas sensor with its constants worked out.
+/// A gas sensor with its computed constants.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GasLine {
     gain: f32,
@@ -120,7 +120,7 @@ pub struct GasLine {
 }
 
 impl GasLine {
-    /// Works the constants out.
+    /// Computes the constants.
     pub fn new(sensor: &GasSensor, element: &GasElement) -> Self {
         Self { gain: sensor.gain, offset_k: sensor.offset_k, curve: element.curve() }
     }

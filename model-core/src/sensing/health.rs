@@ -1,38 +1,37 @@
-//! Whether a line of the converter is healthy, by its codes.
+//! Whether a channel of the converter is healthy, judged by its codes.
 
 use super::Validity;
 use super::adc::number_at_rail;
 use crate::sample::CODE_MAX;
 
-/// Conversions with gas flowing for which a code may stand still. The noise of eight summed conversions
-/// moves it at almost every step, and so does gas that flows; only in a code of erratum RP2040-E11
-/// neither is seen.
+/// Conversions with flowing gas for which a code may stay the same. The noise of eight summed conversions changes it at
+/// almost every step, and so does flowing gas; only a wide code of erratum RP2040-E11 hides both.
 pub const FROZEN_CODES: u16 = 60;
 
-/// A change of the change from code to code beyond this is a jerk: 2 % of the range. The gas of a
-/// muscle behind a fast valve makes a fifth of it.
+/// A second difference of the codes beyond this is a jerk: 2 % of the range. The gas of a muscle behind a fast valve
+/// makes 20 % of it.
 const JERK: i32 = (CODE_MAX / 50) as i32;
 /// Count that a jerk adds for a noisy channel; a code without one takes 1 away.
 const JERK_WEIGHT: u16 = 4;
-/// Count from which a line is noisy, ten jerks, and the most that is counted.
+/// Count from which a channel is noisy, ten jerks, and the highest count.
 const NOISY: u16 = 40;
 const MOST_NOISY: u16 = 60;
 
-/// How long a channel may be frozen in its present state.
+/// Meaning of an unchanged code in the channel's present state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stillness {
-    /// Gas flows: a code that stands still is a frozen one.
+    /// Gas flows: an unchanged code is frozen.
     Suspicious,
-    /// Nothing moves, or the sensor is slow: a frozen code proves nothing.
+    /// Nothing moves, or the sensor is slow: an unchanged code proves nothing.
     Usual,
-    /// The code is so wide that a healthy line stands still in it.
+    /// The code is so wide that a healthy channel may stay in it.
     Wide,
 }
 
-/// The last codes of a line.
+/// The last codes of a channel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Health {
-    /// Codes at a rail in a row from which the line is lost.
+    /// Codes in a row at a rail from which the channel is lost.
     patience: u16,
     last: u16,
     before: u16,
@@ -42,12 +41,12 @@ pub struct Health {
 }
 
 impl Health {
-    /// Nothing seen yet; so many codes at a rail in a row make a line lost.
+    /// Creates the health of a channel without codes yet; `patience` codes in a row at a rail make it lost.
     pub fn new(patience: u16) -> Self {
         Self { patience, last: 0, before: 0, jerks: 0, still: 0, at_rail: 0 }
     }
 
-    /// The same line, judged as patiently as `other`.
+    /// Returns the same health with the patience of `other`.
     pub fn with_patience_of(self, other: &Self) -> Self {
         Self { patience: other.patience, ..self }
     }

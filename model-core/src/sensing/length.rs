@@ -29,8 +29,7 @@ impl LengthSensor {
         Calibrated::new(line, self.range_m, calibration)
     }
 
-    /// Width of a 12-bit code \[m\]. Eight conversions are summed, so that the noise of a reading is
-    /// less.
+    /// Width of a 12-bit code \[m\]. A reading's noise is less, because eight conversions are summed.
     pub fn resolution_m(&self) -> f32 {
         self.gain * (self.range_m / (0.9 * 4096.0))
     }

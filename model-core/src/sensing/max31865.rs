@@ -1,7 +1,7 @@
 //! Platinum resistor on a MAX31865, with 2 or 4 wires. The circuit is in `docs/reference/board.md`.
 //!
-//! The chip gives R/R_ref in 15 bits (data sheet 19-6478, "ADC code = (R_RTD x 2^15)/R_REF"), here every 20 ms: its filter
-//! is that for 50 Hz.
+//! The chip returns R/R_ref in 15 bits (data sheet 19-6478, "ADC code = (R_RTD x 2^15)/R_REF"), here every 20 ms: its
+//! filter is set for 50 Hz.
 
 use super::element::{Curve, Element};
 use super::part::Limits;
@@ -10,7 +10,7 @@ use crate::math::limit;
 use crate::parameter::{ConfigError, parameters, within};
 
 parameters! {
-    /// Platinum resistor on a MAX31865. It is lost when it reads outside of its range.
+    /// Platinum resistor on a MAX31865. It counts as lost when it reads outside its range.
     "sensor.max31865": Max31865 {
         zero_ohm: 100.0, "Ohm", 10.0 to 10000.0, "resistance at 0 degC: 100 for a Pt100, 1000 for a Pt1000";
         reference_ohm: 430.0, "Ohm", 10.0 to 100000.0, "reference resistor: about four times zero_ohm";
@@ -20,7 +20,7 @@ parameters! {
     }
 }
 
-/// Codes of the chip's whole scale.
+/// Codes of the chip's full scale.
 const SCALE: f32 = 32_768.0;
 
 impl Max31865 {
@@ -35,7 +35,7 @@ impl Element for Max31865 {
     const DIGITAL: bool = true;
 
     fn check_ranges(&self) -> Result<(), ConfigError> {
-        // The least of the upper end follows from the lower one.
+        // The minimum of the upper end depends on the lower one.
         const HIGHEST_K: f32 = 1100.0;
         Self { highest_k: HIGHEST_K, ..*self }.check()?;
         within("sensor.max31865.highest_k", self.highest_k, self.lowest_k + 1.0, HIGHEST_K)
@@ -46,7 +46,7 @@ impl Element for Max31865 {
     }
 
     fn resolution_k(&self) -> f32 {
-        // One of 15 bits, by the slope at 25 degC.
+        // One code of 15 bits, by the slope at 25 degC.
         self.reference_ohm / (SCALE * 3.879e-3 * self.zero_ohm)
     }
 
@@ -54,7 +54,7 @@ impl Element for Max31865 {
         // The first conversion takes 63 ms after the command to convert.
         let first_s = self.timeout_s.max(0.2);
         let codes = self.code(self.lowest_k)..=self.code(self.highest_k);
-        // Half of its 20 ms, and of the step in which it comes.
+        // Half of its 20 ms, plus half of the step in which it arrives.
         Some(Limits { timeout_s: self.timeout_s, first_s, latency_s: 0.010_5, codes })
     }
 }
@@ -68,8 +68,8 @@ pub struct Ratio {
 
 impl Curve for Ratio {
     fn at_k(&self, ideal_code: f32) -> f32 {
-        // Up to 3 times the resistance at 0 degC, 870 K: beyond it lies what `part` refuses, and in the end the
-        // polynomial's top.
+        // Up to 3 times the resistance at 0 degC, 870 K: beyond it `part` rejects the code, and higher up the
+        // polynomial has its maximum.
         let ohm = limit(self.ohm_per_code * ideal_code, 0.0, 4.0 * self.zero_ohm);
         platinum_temperature_k(self.zero_ohm, ohm)
     }
@@ -88,7 +88,7 @@ mod tests {
             [(0x35ee_u16, -40.0), (0x4000, 0.0), (0x49f2, 40.0), (0x58a4, 100.0)]
         {
             let error_k = chip.curve().at_k(f32::from(register) / 2.0) - 273.15 - celsius;
-            // Half a step, and what the polynomial leaves out below 0 degC.
+            // Half an LSB, and the polynomial's omission below 0 degC.
             assert!(error_k.abs() < 0.05, "{error_k} K at {celsius} degC");
         }
     }

@@ -1,12 +1,12 @@
-//! From raw codes to readings in SI. All knowledge of converter and sensors is here.
+//! From raw codes to readings in SI units. Only this module deals with converter and sensors.
 //!
 //! ```text
 //! Sample --adc: linearised code--> sensor: value, calibrated --health: lost?--> Readings
 //! ```
 //!
-//! Estimator, controller and supervisor see [`Reading`]s, whatever they come from.
-//! Pressure and length have one in every step; the gas sensor, which is slow, the mean of an interval. A digital
-//! part gives one at its own rate: until the next one comes, a pressure stays what it was.
+//! Estimator, controller and supervisor use [`Reading`]s, whatever their origin. Pressure and length have one in every
+//! step; the slow gas sensor has the mean over an interval. A digital part reads at its own rate: between readings, a
+//! pressure keeps its last value.
 
 pub mod adc;
 pub mod calibration;
@@ -73,19 +73,19 @@ pub enum Validity {
     Valid,
     /// Not now; it may be a disturbance.
     Suspect,
-    /// Not at all: its line is open, shorted, frozen or noisy.
+    /// Not at all: its channel is open, shorted, frozen or noisy.
     Lost,
 }
 
 /// One reading of a sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {
-    /// In SI.
+    /// Value in SI units.
     pub value: f32,
-    /// Half the width of the code that it stands in, where a healthy line may stand still in it; the truth
-    /// is anywhere within. 0: the code is no wider than the others.
+    /// Half the width of the reading's code, if a healthy channel may stay in it; the true value lies anywhere within.
+    /// 0: the code is no wider than the others.
     pub wide: f32,
-    /// How far it may be used.
+    /// How far the reading may be used.
     pub validity: Validity,
 }
 
@@ -109,9 +109,9 @@ pub struct GasReading {
     pub value_k: f32,
     /// Variance of its noise \[K2\].
     pub noise_k2: f32,
-    /// It is not the same code ever since the reading before.
+    /// Whether the code has changed since the reading before.
     pub moved: bool,
-    /// For how many steps it has been so, in the mean; `None`: it is the mean over the whole interval.
+    /// Mean age of the readings \[steps\]; `None`: they are the mean over the whole interval.
     pub age_steps: Option<f32>,
 }
 
@@ -122,15 +122,15 @@ pub struct Readings {
     pub pressure: Reading,
     /// Length \[m\].
     pub length: Reading,
-    /// How far those of the gas sensor may be used.
+    /// How far the readings of the gas sensor may be used.
     pub gas: Validity,
 }
 
-/// A line of the converter with a sensor that has a reading in every step.
+/// A channel of the converter whose sensor has a reading in every step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Channel {
     sensor: Calibrated,
-    /// Half the width of its widest codes.
+    /// Half the width of the channel's widest codes.
     wide: f32,
     health: Health,
 }
@@ -147,7 +147,7 @@ impl Channel {
         }
     }
 
-    /// The same from a digital part, of which `value` was the last one.
+    /// Reads the channel from a digital part whose last value was `value`.
     fn read_part(
         &mut self,
         (part, value): &mut (Part, f32),
@@ -171,7 +171,7 @@ pub struct Sensing {
     gas_codes: CodeSum,
     /// Last code, of the converter or of the part.
     gas_code: Option<u16>,
-    /// Growth of the readings' ages since they came, summed up \[steps\].
+    /// Growth of the readings' ages since they arrived, summed \[steps\].
     gas_ages: u16,
     gas_moved: bool,
     gas_health: Health,
@@ -179,19 +179,19 @@ pub struct Sensing {
     linearisation: Linearisation,
     pressure: Channel,
     length: Channel,
-    /// The pressure's digital part, and what it has read last.
+    /// The pressure's digital part, and its last value.
     pressure_part: Option<(Part, f32)>,
     gas: GasLine,
-    /// Variance of the noise of a code \[K2\], and of how many conversions it is the sum.
+    /// Variance of the noise of a code \[K2\], and the number of conversions summed in it.
     gas_noise_k2: f32,
     gas_conversions: f32,
-    /// Age of a digital part's reading when it comes \[steps\].
+    /// Age of a digital part's reading when it arrives \[steps\].
     gas_latency_steps: f32,
 }
 
 impl Sensing {
-    /// Sensing without any reading; [`Config::sensing`](crate::Config::sensing) calls it. A digital
-    /// pressure sensor reads `ambient_pa` until its first conversion arrives.
+    /// Creates sensing without any reading; [`Config::sensing`](crate::Config::sensing) calls it. A digital pressure
+    /// sensor reads `ambient_pa` until its first conversion arrives.
     ///
     /// ```
     /// use model_core::{AdcCode, Config, Sample};
@@ -205,16 +205,17 @@ impl Sensing {
         let Sensors { adc, pressure, length, gas, gas_element, pressure_part } = sensors;
         let part = pressure_part.part();
         let patience_steps = StepCounts::new(step_s).patience_steps;
-        // Without the gas temperature the model goes on, so that it is well until it is known to be lost.
+        // The model can continue without the gas temperature, so the part counts as healthy until it is known to be
+        // lost.
         let limits = gas_element.part();
         let latency_s = limits.as_ref().map_or(0.0, |part| part.latency_s);
         let gas_part = limits.map(|part| Part::new(&part, step_s, Validity::Valid));
-        // Quantization of a digital converter, beside its noise.
+        // A digital converter adds quantization to its noise.
         let step_k = if gas_part.is_some() { gas_element.resolution_k() } else { 0.0 };
         Self {
             linearisation: Linearisation::new(adc),
-            // One disturbed pressure is no fault, ten milliseconds of them are. Without length or gas
-            // temperature the model goes on, so that there is nothing to wait for.
+            // One disturbed pressure is no fault, ten milliseconds of them are. Without length or gas temperature the
+            // model can continue, so those channels need not wait.
             pressure: Channel {
                 sensor: pressure_part.calibrated(pressure),
                 wide: adc.half_width(pressure.resolution_pa()),
@@ -240,8 +241,8 @@ impl Sensing {
         }
     }
 
-    /// The sensing of a core that restarts with `other`: it keeps the health of the channels, where their sensors are
-    /// of the same type, and for how long a digital gas sensor has been silent.
+    /// Returns the sensing of a core that restarts with `other`: it keeps the health of channels whose sensor type
+    /// stays the same, and how long a digital gas sensor has been silent.
     pub fn after_restart(&self, other: &Self) -> Self {
         let mut next = *other;
         next.length.health = self.length.health;
@@ -266,8 +267,7 @@ impl Sensing {
         next
     }
 
-    /// The readings of one step; `flowing`: gas flows, so that healthy lines of pressure and length do not
-    /// stand still.
+    /// Returns the readings of one step; `flowing`: gas flows, so that healthy channels of pressure and length change.
     pub fn read(&mut self, sample: &Sample, flowing: bool) -> Readings {
         let usual = if flowing { Stillness::Suspicious } else { Stillness::Usual };
         Readings {
@@ -276,7 +276,7 @@ impl Sensing {
                 None => self.pressure.read(&self.linearisation, sample.pressure.adc(), usual),
             },
             length: self.length.read(&self.linearisation, sample.length, usual),
-            // The sensor's lag keeps its code still for long: the estimator knows when it is frozen.
+            // The sensor's lag keeps its code the same for long; the estimator detects when it is frozen.
             gas: match &mut self.gas_part {
                 Some(part) => part.add(&mut self.gas_health, sample.gas, Stillness::Usual),
                 None => self.gas_health.add(sample.gas.adc().0, Stillness::Usual),
@@ -284,17 +284,17 @@ impl Sensing {
         }
     }
 
-    /// Absolute pressure \[Pa\] by one code.
+    /// Absolute pressure \[Pa\] for one code.
     pub fn pressure_pa(&self, code: impl Into<RawCode>) -> f32 {
         self.pressure.sensor.at(self.ideal(code.into()))
     }
 
-    /// Length \[m\] by one code.
+    /// Length \[m\] for one code.
     pub fn length_m(&self, code: AdcCode) -> f32 {
         self.length.sensor.at(self.linearisation.ideal(code))
     }
 
-    /// The ideal code; a digital part has no converter between.
+    /// The ideal code; a digital part has no converter of the board to correct.
     fn ideal(&self, code: RawCode) -> f32 {
         match code {
             RawCode::Adc(code) => self.linearisation.ideal(code),
@@ -302,8 +302,7 @@ impl Sensing {
         }
     }
 
-    /// Takes a code of the gas sensor for the next [mean](Self::take_gas); one of a digital part, where it is
-    /// fresh.
+    /// Adds a code of the gas sensor to the next [mean](Self::take_gas); a digital part's code only if it is fresh.
     pub fn add_gas(&mut self, code: impl Into<RawCode>) {
         let code = match (&self.gas_part, code.into()) {
             (None, code) => code.adc().0,
@@ -318,7 +317,7 @@ impl Sensing {
         self.gas_codes.add(code);
     }
 
-    /// Temperature of the gas sensor \[K\] by one code.
+    /// Temperature of the gas sensor \[K\] for one code.
     pub fn gas_k(&self, code: impl Into<RawCode>) -> f32 {
         self.gas.at(self.ideal(code.into()))
     }
@@ -410,7 +409,7 @@ mod tests {
         }
     }
 
-    /// Gain and offset turn a sensor's value into the true one.
+    /// Gain and offset turn a sensor's value into the true value.
     #[test]
     fn a_calibration_puts_a_sensor_right() {
         let mut sensors = straight();
@@ -425,7 +424,7 @@ mod tests {
         assert!((gas_k - (1.01 * raw_k - 2.5)).abs() < 1e-3, "{gas_k} of {raw_k}");
     }
 
-    /// The mean is that of the codes since the last one, and says whether any of them moved.
+    /// The mean covers the codes since the last mean, and shows whether any of them changed.
     #[test]
     fn the_gas_is_read_as_a_mean() {
         let mut sensing = sensing(Sensors::default());
@@ -487,7 +486,7 @@ mod tests {
             sensing.add_gas(sample.gas);
             if step == 25 {
                 let gas = sensing.take_gas().unwrap();
-                // 18 steps ago, and half of the 20 ms that the chip took, and half a step.
+                // 18 steps ago, plus half of the 20 ms that the chip took, plus half a step.
                 assert!(gas.moved && (gas.age_steps.unwrap() - 28.5).abs() < 1e-3, "{gas:?}");
                 assert_eq!(sensing.take_gas(), None);
             }
@@ -495,11 +494,11 @@ mod tests {
         let (mean, one) = (sensing.take_gas().unwrap(), sensing.last_gas().unwrap());
         assert!(!mean.moved && mean.value_k == one.value_k);
         assert!((one.noise_k2 / mean.noise_k2 - 2.0).abs() < 1e-5, "two of them");
-        // Its step of 0.034 K hides a hundredth of a kelvin.
+        // Its step of 0.034 K hides 0.01 K.
         assert!((one.noise_k2.sqrt() - 0.051).abs() < 0.001, "{}", one.noise_k2.sqrt());
     }
 
-    /// Steps until pressure and gas are lost, when this comes in the place of every sample.
+    /// Steps until pressure and gas are lost when every sample is changed like this.
     fn lost_after(change: impl Fn(u32, Sample) -> Sample) -> [Option<u32>; 2] {
         let mut sensing = sensing(on_parts());
         for step in 0..100 {
@@ -521,22 +520,22 @@ mod tests {
     #[test]
     fn a_part_that_is_silent_broken_or_nonsense_is_lost() {
         assert_eq!(lost_after(|_, sample| sample), [None; 2]);
-        // 19 steps of silence before the first of these.
+        // 19 steps of silence came before the first of these.
         let silent = lost_after(|_, _| sample_of_parts(false));
         assert_eq!(silent, [Some(50 - 19), Some(100 - 19)]);
-        // 0 is what a broken part gives; beside it 5 % of either scale, 158 K and 1700 K or beyond.
+        // A broken part reads 0; the others are about 2 % from either end of the scale, 158 K and 1700 K or beyond.
         for reading in [0, 600, 32_000] {
             let nonsense = lost_after(|_, sample| Sample {
                 pressure: RawCode::of_part(reading, sample.pressure.is_fresh()),
                 gas: RawCode::of_part(reading, sample.gas.is_fresh()),
                 ..sample
             });
-            // The second one in a row.
+            // The second in a row.
             assert_eq!(nonsense[1], Some(21), "{reading}");
             let rail = !(656..=32_111).contains(&reading);
             assert_eq!(nonsense[0], rail.then_some(21), "{reading}");
         }
-        // One alone is left out.
+        // A single one is left out.
         let once = lost_after(|step, sample| match step {
             1..=19 => Sample { gas: RawCode::of_part(0, sample.gas.is_fresh()), ..sample },
             _ => sample,

@@ -4,7 +4,7 @@
 //! 1/T = 1/298.15 K + x/beta + square x^2 + cube x^3,   x = ln(R/R_25)
 //! ```
 //!
-//! Without the last two it is the Beta equation. Steinhart and Hart's 1/T = A + B ln R + C ln^3 R is the same
+//! Without the last two terms this is the Beta equation. Steinhart and Hart's 1/T = A + B ln R + C ln^3 R is the same
 //! curve: 1/beta = B + 3 C ln^2 R_25, square = 3 C ln R_25, cube = C.
 
 use super::adc::{Characteristic, Point};
@@ -26,7 +26,7 @@ parameters! {
 
 /// 25 degC \[K\].
 const REFERENCE_K: f32 = 298.15;
-/// No thermistor is hotter, or colder; what it would take for that is a broken line \[K\].
+/// Temperatures that no thermistor exceeds; a reading beyond them is a broken channel \[K\].
 const HOTTEST_K: f32 = 1000.0;
 const COLDEST_K: f32 = 100.0;
 
@@ -54,7 +54,7 @@ impl Element for Ntc {
     }
 }
 
-/// The divider with its constants worked out.
+/// The divider with its computed constants.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Divider {
     /// R/(R + R_series) over codes.
@@ -68,7 +68,7 @@ pub struct Divider {
 
 impl Curve for Divider {
     fn at_k(&self, ideal_code: f32) -> f32 {
-        // Neither rail is a resistance.
+        // A ratio at a rail is no resistance.
         let ratio = limit(self.ratio.at(ideal_code), 1.0e-4, 1.0 - 1.0e-4);
         let x = ln(self.series_share * ratio_to_resistance(ratio));
         let powers = self.slope_per_k + x * (self.square_per_k + x * self.cube_per_k);
@@ -80,13 +80,13 @@ impl Curve for Divider {
 mod tests {
     use super::*;
 
-    /// Temperature \[K\] that it makes of a resistance.
+    /// Temperature \[K\] that a thermistor reads at a resistance.
     fn read_k(ntc: &Ntc, resistance_ohm: f32) -> f32 {
         let ratio = resistance_ohm / (resistance_ohm + ntc.series_ohm);
         ntc.curve().at_k(ratio * 32_768.0 - 4.0)
     }
 
-    /// B = ln(R1/R2) / (1/T1 - 1/T2), as a data sheet has it for 25 and 85 degC.
+    /// B = ln(R1/R2) / (1/T1 - 1/T2), as a data sheet states it for 25 and 85 degC.
     #[test]
     fn beta_is_what_a_data_sheet_means() {
         let ntc = Ntc::default();

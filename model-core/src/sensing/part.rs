@@ -6,24 +6,24 @@ use crate::sample::{PartCode, RawCode};
 use crate::step_counts::timeout_steps;
 use core::ops::RangeInclusive;
 
-/// Readings in a row that are nonsense, or the part's word that it is broken, from which it is lost: one may be a
+/// Nonsense readings, or reports of the part that it is broken, in a row from which it is lost: a single one may be a
 /// disturbance of the bus.
 pub const PATIENCE: u16 = 2;
 
 /// Limits of a digital sensor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Limits {
-    /// Silence after which it is lost \[s\].
+    /// Silence after which the part is lost \[s\].
     pub timeout_s: f32,
-    /// Time that its first reading may take \[s\].
+    /// Time that the first reading may take \[s\].
     pub first_s: f32,
     /// Age of a reading when it arrives \[s\].
     pub latency_s: f32,
-    /// Codes that it may give.
+    /// Codes that the part may deliver.
     pub codes: RangeInclusive<u16>,
 }
 
-/// When a part was heard last, and what it has said.
+/// Time since a part's last reading, and its state.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Part {
     timeout_steps: u32,
@@ -35,7 +35,7 @@ pub struct Part {
 }
 
 impl Part {
-    /// One that has not been heard yet, and counts as `validity` until then; at a step of `step_s`.
+    /// Creates a part without a reading yet, which counts as `validity` until then, for a step of `step_s`.
     #[cold]
     pub fn new(limits: &Limits, step_s: f32, validity: Validity) -> Self {
         Self {
@@ -47,7 +47,7 @@ impl Part {
         }
     }
 
-    /// The silence of the part before a restart counts.
+    /// Continues the part's silence from before a restart.
     pub fn goes_on_from(&mut self, before: &Self) {
         self.left_steps = self.left_steps.min(before.left_steps);
     }

@@ -4,21 +4,21 @@ use crate::math::sqrt;
 
 /// R = R0 (1 + A t + B t^2) above 0 degC, \[1/K\].
 pub const PLATINUM_A: f32 = 3.9083e-3;
-/// The same, \[1/K2\].
+/// Coefficient B of the same equation, \[1/K2\].
 pub const PLATINUM_B: f32 = -5.775e-7;
 /// 0 degC \[K\].
 pub const ZERO_CELSIUS_K: f32 = 273.15;
 
-/// Resistance \[ohm\] of an element of `zero_ohm` at 0 degC, at a temperature \[K\], without the term below
-/// 0 degC (at -40 degC it is 0.02 %). Not inlined: four calls, each at a start.
+/// Resistance \[ohm\] at a temperature \[K\] of an element with `zero_ohm` at 0 degC, without the term for temperatures
+/// below 0 degC (0.02 % at -40 degC). Not inlined: four calls, each at a start.
 #[inline(never)]
 pub fn platinum_resistance_ohm(zero_ohm: f32, temperature_k: f32) -> f32 {
     let celsius = temperature_k - ZERO_CELSIUS_K;
     zero_ohm * (1.0 + celsius * (PLATINUM_A + celsius * PLATINUM_B))
 }
 
-/// Temperature \[K\] of such an element of a resistance \[ohm\]: the quadratic of
-/// [`platinum_resistance_ohm`], solved so that nothing cancels. Not inlined: two calls.
+/// Temperature \[K\] of such an element at a resistance \[ohm\]: the quadratic of [`platinum_resistance_ohm`], solved
+/// without cancellation. Not inlined: two calls.
 #[inline(never)]
 pub fn platinum_temperature_k(zero_ohm: f32, resistance_ohm: f32) -> f32 {
     let excess = resistance_ohm / zero_ohm - 1.0;

@@ -1,5 +1,5 @@
-//! Pressure sensor: 10 to 90 % of the reference over its range, ratiometric on the converter or by a part that
-//! is read over a bus.
+//! Pressure sensor: 10 to 90 % of the reference over its range, ratiometric on the converter or from a part that is
+//! read over a bus.
 
 use super::adc::{Characteristic, Point};
 use super::calibration::{Calibrated, Calibration};
@@ -24,8 +24,8 @@ parameters! {
 }
 
 parameters! {
-    /// Honeywell MPR on I2C, transfer function A: 10 to 90 % of its 24 bits over `sensor.pressure.range_pa`. Its
-    /// readings come every 6 ms.
+    /// Honeywell MPR on I2C, transfer function A: 10 to 90 % of its 24 bits over `sensor.pressure.range_pa`. It has a
+    /// reading every 6 ms.
     "sensor.mpr": Mpr {
         timeout_s: 0.05, "s", 0.01 to 0.2, "silence after which the part is lost";
     }
@@ -43,7 +43,7 @@ pub enum PressurePart {
     Mpr(Mpr),
 }
 
-/// Codes of a digital part outside of these 2 % at either end are no pressure.
+/// Codes of a digital part within 2 % of either end are no pressure.
 const LOWEST: u16 = 32_768 / 50;
 const HIGHEST: u16 = 32_767 - LOWEST;
 
@@ -68,7 +68,7 @@ impl PressurePart {
     pub(super) fn part(&self) -> Option<Limits> {
         match self {
             Self::Ratiometric => None,
-            // Nothing is driven before its first reading, or the want of one is known.
+            // Nothing is driven before the first reading has arrived or is known to be missing.
             Self::Mpr(mpr) => Some(Limits {
                 timeout_s: mpr.timeout_s,
                 first_s: 0.05,
@@ -78,7 +78,7 @@ impl PressurePart {
         }
     }
 
-    /// Pressure of that sensor over codes.
+    /// Pressure of the sensor over codes.
     pub(super) fn calibrated(&self, sensor: &PressureSensor) -> Calibrated {
         let zero = Point { share: 0.1, value: 0.0 };
         let full = Point { share: 0.9, value: sensor.range_pa };
@@ -95,10 +95,10 @@ impl PressurePart {
         Calibrated::new(line, sensor.range_pa, calibration)
     }
 
-    /// Variance of the noise of one reading, with what is left of linearising the converter \[Pa2\].
+    /// Variance of the noise of one reading, including the error that remains after linearising the converter \[Pa2\].
     pub fn noise_pa2(&self, sensor: &PressureSensor) -> f32 {
         if self.is_digital() {
-            // Its steps are an eighth of those of 12 bit: their noise is 0.3 of one.
+            // Its LSB is an eighth of a 12-bit LSB; the quantization noise is 0.3 LSB.
             let rounding_pa = (0.3 / 8.0) * sensor.resolution_pa();
             return sensor.noise_pa * sensor.noise_pa + rounding_pa * rounding_pa;
         }

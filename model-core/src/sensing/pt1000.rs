@@ -6,7 +6,7 @@ use super::platinum::{platinum_resistance_ohm, platinum_temperature_k};
 use crate::parameter::{ConfigError, parameters, within};
 
 parameters! {
-    /// Pt1000 in a half bridge, amplified so that this range takes 5 to 95 % of the reference.
+    /// Pt1000 in a half bridge, amplified so that this range spans 5 to 95 % of the reference.
     "sensor.gas": Pt1000 {
         range_min_k: 270.0, "K", 73.0 to 800.0, "lowest temperature resolved";
         range_max_k: 330.0, "K", 74.0 to 1100.0, "highest temperature resolved";
@@ -22,7 +22,7 @@ impl Element for Pt1000 {
     type Curve = Bridge;
 
     fn check_ranges(&self) -> Result<(), ConfigError> {
-        // The least of the upper end follows from the lower one.
+        // The minimum of the upper end depends on the lower one.
         const HIGHEST_K: f32 = 1100.0;
         Self { range_max_k: HIGHEST_K, ..*self }.check()?;
         within("sensor.gas.range_max_k", self.range_max_k, self.range_min_k + 1.0, HIGHEST_K)
