@@ -1,7 +1,7 @@
 //! The full energy balance of the gas, eq. (3), with the inflow's own temperature.
 //!
 //! Mass m and internal energy U are the integrated states; T = U/(m cv) and P = (k-1) U/V follow,
-//! so that pressure and temperature stay continuous where a flow starts, stops or turns round.
+//! so pressure and temperature stay continuous when a flow starts, stops or reverses.
 
 use crate::math::CompensatedSum;
 use crate::physics::gas::Gas;

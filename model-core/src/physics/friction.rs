@@ -1,15 +1,15 @@
-//! Friction of what moves, and the heat that it makes.
+//! Friction of the moving parts, and the heat that it makes.
 
 use crate::math::{exp, limit};
 use crate::parameter::parameters;
 
-/// No wall makes friction so many times what it is at the reference temperature \[-\].
+/// Largest factor by which a wall may increase friction over its value at the reference temperature \[-\].
 const STIFFEST: f32 = 1.0e3;
 
-/// Gauge pressure at which friction and slip are the configured ones \[Pa\].
+/// Gauge pressure at which the configured friction and slip apply \[Pa\].
 const CONFIGURED_AT_PA: f32 = 4.0e5;
 
-/// Factor on a force of which a share follows gauge pressure \[-\].
+/// Factor on a force, `share` of which follows gauge pressure \[-\].
 pub(super) fn at_pressure(share: f32, gauge_pressure_pa: f32) -> f32 {
     let above = gauge_pressure_pa * (1.0 / CONFIGURED_AT_PA) - 1.0;
     limit(1.0 + share * above, 0.0, f32::MAX)
@@ -40,8 +40,7 @@ impl Friction {
         at_pressure(self.pressure_factor, gauge_pressure_pa)
     }
 
-    /// Factor of a wall temperature on every part of friction \[-\]: exp(-beta (T_w - T_ref)), 1000 at
-    /// most.
+    /// Factor of a wall temperature on every part of friction \[-\]: exp(-beta (T_w - T_ref)), at most 1000.
     pub fn softening(&self, wall_temperature_k: f32) -> f32 {
         let warmer_k = wall_temperature_k - self.reference_temperature_k;
         limit(exp(-self.softening_per_k * warmer_k), 0.0, STIFFEST)
@@ -59,7 +58,7 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A configuration mistake that gives e^140 leaves a number.
+    /// A configuration mistake that gives e^140 still leaves a number.
     #[test]
     fn no_wall_stiffens_friction_without_end() {
         let friction = Friction { softening_per_k: -0.2, ..crate::Config::default().friction };

@@ -13,7 +13,7 @@ parameters! {
     }
 }
 
-/// Gas at rest in something large.
+/// Gas at rest in a large volume.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reservoir {
     /// Absolute pressure \[Pa\].

@@ -6,21 +6,21 @@
 //! qi' = mi x' - qi/Ti                                            creep: a spring and a dashpot in series
 //! ```
 //!
-//! x is the contraction (positive where the muscle shortens), and so are z and q where they hold it
-//! back. A step with a constant speed is exact: z is clamped, and
+//! x is the contraction (positive where the muscle shortens); z and q are positive where they oppose it. A step with a
+//! constant speed is exact: z is clamped, and
 //!
 //! ```text
 //! qi <- di qi + mi phi_i dx,   di = exp(-dt/Ti),   phi_i = (1 - di) Ti/dt
 //! ```
 //!
-//! One Prandtl element and two Maxwell arms: a muscle that others measured needs no more of either
+//! One Prandtl element and two Maxwell arms: muscles measured by others need no more of either
 //! (`docs/background/validation.md`). All defaults were measured on a Festo DMSP-10-250.
 
 use super::friction::at_pressure;
 use crate::math::{exp, limit};
 use crate::parameter::parameters;
 
-/// Below this share of an arm's time, the series of exp holds to 1e-7 and its difference from 1 does not.
+/// Share of an arm's time below which the series of exp holds to 1e-7 and its difference from 1 does not.
 const SHORT: f32 = 0.02;
 
 parameters! {
@@ -37,7 +37,7 @@ parameters! {
 }
 
 impl Hysteresis {
-    /// A chamber without any, such as a cylinder.
+    /// Hysteresis of a chamber without any, such as a cylinder.
     pub const NONE: Self = Self {
         slip_force_n: 0.0,
         slip_stiffness_n_m: 0.0,
@@ -48,7 +48,7 @@ impl Hysteresis {
         creep_slow_s: 1.0,
     };
 
-    /// Force at which it slips \[N\], at a gauge pressure and a factor for the wall's temperature
+    /// Force at which the braid slips \[N\], at a gauge pressure and a factor for the wall's temperature
     /// ([`super::friction::Friction::softening`]).
     pub fn slip_n(&self, gauge_pressure_pa: f32, softening: f32) -> f32 {
         softening * self.slip_force_n * at_pressure(self.slip_pressure_factor, gauge_pressure_pa)
@@ -67,7 +67,7 @@ pub struct Held {
 }
 
 impl Held {
-    /// All of it \[N\].
+    /// Sum of slip and creep \[N\].
     pub fn force_n(&self) -> f32 {
         self.slip_n + self.fast_n + self.slow_n
     }
@@ -76,18 +76,18 @@ impl Held {
 /// A Maxwell arm over one interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Arm {
-    /// Share of its force that an interval leaves \[-\].
+    /// Share of the arm's force that remains after an interval \[-\].
     keeps: f32,
     /// Force per way at a constant speed \[N/m\].
     gains_n_m: f32,
-    /// Heat of an interval per squared force \[J/N2\]: dt/(m T).
+    /// Heat in an interval per squared force \[J/N2\]: dt/(m T).
     loses_j_n2: f32,
 }
 
 impl Arm {
     fn new(stiffness_n_m: f32, time_s: f32, interval_s: f32) -> Self {
         let share = interval_s / time_s;
-        // (1 - exp(-x))/x, which rounding spoils where x is small.
+        // (1 - exp(-x))/x, which rounding spoils for small x.
         let mean = if share < SHORT {
             1.0 - share * (0.5 - share * (1.0 / 6.0 - share * (1.0 / 24.0)))
         } else {
@@ -97,7 +97,7 @@ impl Arm {
         Self { keeps: 1.0 - share * mean, gains_n_m: stiffness_n_m * mean, loses_j_n2 }
     }
 
-    /// Heat of an interval in which its force changes straight \[J\].
+    /// Heat in an interval over which the force changes linearly \[J\].
     fn heat_j(&self, before_n: f32, after_n: f32) -> f32 {
         let squared_n2 = before_n * before_n + before_n * after_n + after_n * after_n;
         self.loses_j_n2 * (1.0 / 3.0) * squared_n2
@@ -108,18 +108,18 @@ impl Arm {
     }
 }
 
-/// The law over a fixed interval, with its exponentials worked out once.
+/// The law over a fixed interval, with its exponentials computed once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Law {
     configured: Hysteresis,
-    /// 1 over the slip's stiffness \[m/N\].
+    /// Reciprocal of the slip's stiffness \[m/N\].
     slip_m_n: f32,
     fast: Arm,
     slow: Arm,
 }
 
 impl Law {
-    /// For an interval \[s\], such as the valves' PWM period.
+    /// Computes the law for an interval \[s\], such as the valves' PWM period.
     ///
     /// ```
     /// use model_core::physics::hysteresis::{Held, Hysteresis, Law};
@@ -152,7 +152,7 @@ impl Law {
         }
     }
 
-    /// Heat of slip and creep in an interval that led from one state to another over `way_m` \[J\].
+    /// Heat of slip and creep in an interval from one state to another over `way_m` \[J\].
     pub fn heat_j(&self, before: &Held, after: &Held, way_m: f32) -> f32 {
         let slid_m = way_m - (after.slip_n - before.slip_n) * self.slip_m_n;
         after.slip_n * slid_m
@@ -231,7 +231,7 @@ mod tests {
         assert_eq!(Hysteresis::default().slip_n(0.0, 1.0), 6.5);
     }
 
-    /// A step that is held turns all that the arms store into heat: m x^2/2 each.
+    /// A held step turns all the energy that the arms store into heat: m x^2/2 each.
     #[test]
     fn what_creep_stores_becomes_heat() {
         let law = Law::new(&Hysteresis { slip_force_n: 0.0, ..Hysteresis::default() }, 0.01);

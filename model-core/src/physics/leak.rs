@@ -1,5 +1,5 @@
-//! Permanent leakage from the chamber to ambient, through fittings and bladder. The law is the valves',
-//! ISO 6358.
+//! Permanent leakage from the chamber to ambient, through fittings and bladder. It follows the law of the valves, ISO
+//! 6358.
 
 use crate::parameter::parameters;
 use crate::physics::gas::{Gas, Reservoir};
@@ -14,12 +14,12 @@ parameters! {
 }
 
 impl Leak {
-    /// Whether anything leaks: what is tight need not be worked out.
+    /// Whether there is a leak: without one nothing needs to be computed.
     pub fn leaks(&self) -> bool {
         self.conductance_m3_s_pa > 0.0
     }
 
-    /// Mass flow \[kg/s\] from the gas in the chamber to ambient; negative where the gas is below it.
+    /// Mass flow \[kg/s\] from the gas in the chamber to ambient; negative if the gas is below ambient pressure.
     ///
     /// ```
     /// use model_core::physics::gas::{Gas, Reservoir};
@@ -57,7 +57,7 @@ mod tests {
     const GAS_K: f32 = 293.15;
     const VOLUME_M3: f32 = 2.0e-4;
 
-    /// Time in V/(C rho0 R sqrt(T0 T)) in which gas that keeps its temperature falls to ambient over x:
+    /// Time in units of V/(C rho0 R sqrt(T0 T)) in which gas that keeps its temperature falls towards ambient over x:
     /// ln(P0/P) down to x = b, from there on the integral of dx/(x phi(x)), with x = b + (1 - b) sin a.
     fn times(x: f64, x0: f64, b: f64) -> f64 {
         let root = (1.0 - 2.0 * b).sqrt();
@@ -85,7 +85,7 @@ mod tests {
                 inflow_kg_s: 0.0,
                 inflow_temperature_k: GAS_K,
                 outflow_kg_s: 0.0,
-                // As fast as a step can take, of the gas that is left at the end.
+                // As fast as a step can take, for the gas that is left at the end.
                 wall_w_k: state.mass_kg() * (from / to) as f32 * gas.cv_j_kg_k() / step_s,
                 wall_temperature_k: GAS_K,
                 volume_start_m3: VOLUME_M3,

@@ -11,7 +11,7 @@ use crate::physics::gas::{Gas, Reservoir};
 pub const REFERENCE_PRESSURE_PA: f32 = 100_000.0;
 /// Reference atmosphere (ISO 8778, ANR): temperature \[K\].
 pub const REFERENCE_TEMPERATURE_K: f32 = 293.15;
-/// Root of it \[K^0.5\].
+/// Square root of the reference temperature \[K^0.5\].
 const SQRT_REFERENCE_K: f32 = 17.121_624;
 /// Above this pressure ratio the flow is taken as linear in the pressure difference: the square
 /// root's slope is infinite at no flow, a real valve's is not (laminar flow, ISO 6358-1 annex).
@@ -23,7 +23,7 @@ pub fn reference_density_kg_m3(gas: &Gas) -> f32 {
 }
 
 parameters! {
-    /// A valve; conductance and critical ratio are those of the open one.
+    /// A valve; conductance and critical ratio apply when it is open.
     "valve": Valve {
         conductance_m3_s_pa: 4.0e-9, "m3/(s Pa)", 1.0e-13 to 1.0e-3, "sonic conductance C at ANR (ISO 6358)";
         critical_ratio: 0.3, "", 0.01 to 0.99, "critical pressure ratio b";
@@ -33,7 +33,7 @@ parameters! {
 }
 
 parameters! {
-    /// How a proportional valve opens over its command.
+    /// Static curve and bandwidth of a proportional valve.
     "valve": Spool {
         dead_band: 0.2, "", 0.0 to 0.9, "command of a proportional valve up to which it stays shut, share of the largest one";
         bandwidth_hz: 50.0, "Hz", 1.0 to 10000.0, "frequency at which a proportional valve's opening has fallen by 3 dB";
@@ -58,7 +58,7 @@ impl Spool {
     }
 }
 
-/// How a command opens both valves.
+/// Kind of both valves: how a command opens them.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ValveKind {
@@ -75,7 +75,7 @@ impl ValveKind {
         matches!(self, Self::Switching)
     }
 
-    /// Time by which the valve acts later than its command: its dead time, and half of its stroke or its lag \[s\].
+    /// Delay of the valve behind its command: its dead time, and half of its stroke or its lag \[s\].
     pub fn late_s(&self, valve: &Valve) -> f32 {
         let moves_s = match self {
             Self::Switching => 0.5 * valve.switch_time_s,
@@ -114,8 +114,8 @@ impl Valve {
         }
     }
 
-    /// Mass flow \[kg/s\] of the fully open valve to the absolute pressure `downstream_pa`; 0 where the
-    /// pressure difference points back.
+    /// Mass flow \[kg/s\] of the fully open valve to the absolute pressure `downstream_pa`; 0 if the pressure
+    /// difference is reversed.
     pub fn mass_flow_kg_s(&self, gas: &Gas, upstream: Reservoir, downstream_pa: f32) -> f32 {
         let Reservoir { pressure_pa: upstream_pa, temperature_k: upstream_k } = upstream;
         if !(upstream_pa > downstream_pa && upstream_k > 0.0) {

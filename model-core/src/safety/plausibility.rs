@@ -1,35 +1,33 @@
-//! The plausibility monitor: gas and muscle against what valves and load can cause.
+//! The plausibility monitor: compares gas and muscle with what valves and load can cause.
 //!
-//! Pressure and length tell, by the energy balance (3), how much gas came or went:
+//! Pressure and length show, by the energy balance (3), how much gas came or went:
 //!
 //! ```text
 //! H = dU + P dV + heat        U = P V/(k-1)      (4)
 //! gained = H/(cp T m)         share of the gas
 //! ```
 //!
-//! The heat is the least certain of it. Only what no heat transfer between none and the believed one
-//! explains counts: what is left is bounded, the gas can never be more than a tenth or so warmer or
-//! colder than its wall. A hole is not bounded. So for either valve, while the other one is shut, what it
-//! must have passed is added up, less what came to be there:
+//! The heat is the least certain part. Only gas that no heat transfer between none and the believed one explains is
+//! counted: heat alone has a bounded effect, as the gas can never be more than a tenth or so warmer or colder than its
+//! wall. A hole has no such bound. So for either valve, while the other one is shut, the gas that it must have passed
+//! is added up, less the change that is found:
 //!
-//! - gas that the inlet must have let in, and that is not there, is missing. It has left by a hole, or it
-//!   never came;
-//! - gas that the outlet must have let out, and that is still there, has stayed. Other gas has come in its
-//!   place, or it never went.
+//! - gas that the inlet must have let in, and that is not there, is missing. It left through a hole, or it never came;
+//! - gas that the outlet must have let out, and that is still there, has stayed. Other gas has replaced it, or it never
+//!   left.
 //!
-//! A sum beyond `TRIP` has another cause than heat. Pulses however short add up, so that a loop that makes
-//! up for a leak shows it; and while both valves are shut, whatever comes or goes is too much.
+//! A sum beyond `TRIP` has a cause other than heat. Pulses add up, however short they are, so a loop that compensates a
+//! leak shows it; and while both valves are shut, any gas that comes or goes is too much.
 //!
-//! A leak that is configured (`leak.conductance_m3_s_pa`) explains as much, and no more: between none and the believed one, it
-//! neither makes gas missing nor gas too much.
+//! A configured leak (`leak.conductance_m3_s_pa`) explains that much gas and no more: for any leak between none and the
+//! believed one, gas counts neither as missing nor as excess.
 //!
-//! The believed conductance, its pulses and its supply may be wrong by a factor of four together.
-//! Drift of less than `FORGOTTEN_PER_S` cannot be distinguished from what warms and cools with the day; where a
-//! valve is driven, of less than `FORGOTTEN_DRIVEN_PER_S`.
+//! The believed conductance, pulses and supply may together be wrong by a factor of four. Drift of less than
+//! `FORGOTTEN_PER_S` cannot be distinguished from warming and cooling over the day; nor can drift of less than
+//! `FORGOTTEN_DRIVEN_PER_S` while a valve is driven.
 //!
-//! And the force that pressure and length stand for is that of the load, give or take a factor of three
-//! and friction: a muscle that pulls a third of its load, or three times it, for a second has a sensor
-//! that has drifted.
+//! And the force derived from pressure and length is the load's, within a factor of three and friction: a muscle that
+//! pulls a third of its load, or three times it, for a second has a sensor that has drifted.
 
 use crate::config::{Config, Load};
 use crate::estimation::Balance;
@@ -39,33 +37,34 @@ use crate::physics::valve::{ValveKind, reference_density_kg_m3};
 use crate::sample::{Command, Duty, Faults};
 use crate::step_counts::StepCounts;
 
-/// Share of the gas that has to be missing, or too much \[-\].
+/// Share of the gas that counts as missing, or as excess \[-\].
 const TRIP: f32 = 0.25;
 /// Share of the gas that is forgotten in a second while both valves are shut \[1/s\].
 const FORGOTTEN_PER_S: f32 = 0.02;
-/// The same while one is driven: a healthy valve passes more than is counted, so that no drift adds
-/// up \[1/s\].
+/// Share that is forgotten in a second while one is driven: a healthy valve passes more than is counted, so that no
+/// drift adds up \[1/s\].
 const FORGOTTEN_DRIVEN_PER_S: f32 = 0.005;
-/// A loss faster than that is a burst, or an outlet that stands open; a slower one a leak. And a valve
-/// that is asked for more than that and changes nothing is stuck \[1/s\].
+/// Rate beyond which a loss is a burst, or an outlet that stands open; a slower loss is a leak. A valve of which more
+/// than this is requested without effect is stuck \[1/s\].
 const BURST_PER_S: f32 = 1.0;
-/// How wrong a believed flow may be \[-\].
+/// Factor by which a believed flow may be wrong \[-\].
 const WRONG: f32 = 4.0;
-/// How wrong a believed load may be \[-\].
+/// Factor by which a believed load may be wrong \[-\].
 const WRONG_LOAD: f32 = 3.0;
-/// A proportional valve's dead band may be wider than believed by this factor (assumption) \[-\].
+/// Factor by which a proportional valve's dead band may be wider than believed (assumption) \[-\].
 const WIDER_DEAD_BAND: f32 = 1.5;
 /// Time constants after which a proportional valve has closed: e^-5 is 0.7 % \[-\].
 const CLOSED_AFTER: f32 = 5.0;
-/// The muscle counts as empty up to this multiple of the ambient pressure \[-\].
+/// Multiple of the ambient pressure up to which the muscle counts as empty \[-\].
 const EMPTY: f32 = 1.15;
-/// The supply may be as low as this share of its configured pressure: regulators lose some 5 % at their rated flow, and
-/// gauges are good to 2.5 % (assumption) \[-\].
+/// Share of its configured pressure to which the supply may fall: regulators lose some 5 % at their rated flow, and
+/// gauges are accurate to 2.5 % (assumption) \[-\].
 const SUPPLIED: f32 = 0.9;
-/// Part of the rest length near either stop that is left out, and the way in a window that is no rest \[-\].
+/// Part of the rest length near either stop that is left out, and the way in a window up to which the muscle rests
+/// \[-\].
 const NEAR_STOP: f32 = 0.02;
 const AT_REST: f32 = 0.002;
-/// Error allowed to the force law, fraction of the force at the rest length \[-\].
+/// Permitted error of the force law, fraction of the force at the rest length \[-\].
 const LAW: f32 = 0.15;
 
 /// Constants that follow from the configuration.
@@ -76,7 +75,7 @@ struct Limits {
     rate_share: f32,
     /// Windows for which a force must be impossible: a second.
     impossible_windows: u16,
-    /// Windows for which a leak is shown after it was found: ten seconds.
+    /// Windows for which a leak stays shown after it was found: ten seconds.
     shown_windows: u16,
     /// Flow per pressure of an open valve \[kg/(s Pa)\].
     open_kg_s_pa: f32,
@@ -84,15 +83,15 @@ struct Limits {
     empty_pa: f32,
     ambient_pa: f32,
     critical_ratio: f32,
-    /// Seconds of a step that one part of a duty stands for \[s\].
+    /// Time that one part of a duty stands for in a step \[s\].
     part_s: f32,
     /// Parts of a duty whose pulse is as long as the valve's stroke \[-\].
     stroke_parts: u32,
-    /// Parts of a command that need not open a valve \[-\].
+    /// Parts of a command that may leave a valve shut \[-\].
     dead_parts: u32,
-    /// Windows after its last command in which a valve may still be open, the first included.
+    /// Windows after its last command in which a valve may still be open, including the first.
     closing_windows: u16,
-    /// The load, and what friction may add \[N\]; none where the force is not known.
+    /// The load, and the friction that may add to it \[N\]; `None` if the force is unknown.
     load_n: Option<(f32, f32)>,
 }
 
@@ -110,12 +109,12 @@ impl Limits {
         } else {
             parts
         };
-        // Driven, however briefly or little.
+        // At least 1 if driven, however briefly.
         opened.max(u32::from(duty != Duty::ZERO))
     }
 
-    /// Upstream pressure times at least what a subsonic flow is of the choked one (ISO 6358): the root
-    /// of a share is more than the share \[Pa\].
+    /// Upstream pressure times a lower bound for the ratio of the subsonic flow to the choked flow (ISO 6358): the
+    /// square root of a share is larger than the share \[Pa\].
     fn driving_pa(&self, upstream_pa: f32, downstream_pa: f32) -> f32 {
         let ratio = limit(downstream_pa / upstream_pa, self.critical_ratio, 1.0);
         let share = (ratio - self.critical_ratio) / (1.0 - self.critical_ratio);
@@ -126,9 +125,9 @@ impl Limits {
 /// State of one valve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ValveBalance {
-    /// Parts of a step for which it stood open in this window; 0 where it had no command.
+    /// Parts of a step for which the valve was open in this window; 0 without a command.
     parts: u32,
-    /// Windows, this one included, for which it may still be open.
+    /// Windows, including this one, for which the valve may still be open.
     open_windows: u16,
     /// Gas that the valve must have passed and that is missing, as a fraction of the gas \[-\].
     missing: f32,
@@ -137,10 +136,10 @@ struct ValveBalance {
 }
 
 impl ValveBalance {
-    /// One of which nothing is known: it may have been driven.
+    /// Balance of a valve with an unknown past: it may have been driven.
     const UNKNOWN: Self = Self { parts: 1, open_windows: 0, missing: 0.0, asked_per_s: 0.0 };
 
-    /// Ends a window; returns the parts of a step for which the valve stood open at least.
+    /// Ends a window; returns the parts of a step for which the valve was open at least.
     fn end_window(&mut self, closing_windows: u16) -> u32 {
         let parts = core::mem::take(&mut self.parts);
         self.open_windows = if parts > 0 {
@@ -151,13 +150,13 @@ impl ValveBalance {
         parts
     }
 
-    /// A pulse of the window before may end in this one, and a slow valve closes later.
+    /// Whether a pulse of the window before may end in this one, or a slow valve may still be closing.
     fn driven_lately(&self) -> bool {
         self.open_windows > 0
     }
 
-    /// Counts a window in which it was asked for one share of the gas and passed another, if gas
-    /// could pass nowhere else.
+    /// Counts a window in which one share of the gas was requested of the valve and another passed, if gas could pass
+    /// nowhere else.
     fn count(&mut self, asked: f32, passed: f32, other: &Self, limits: &Limits) {
         let window_s = limits.window_s;
         self.asked_per_s += limits.rate_share * (asked / window_s - self.asked_per_s);
@@ -170,7 +169,7 @@ impl ValveBalance {
         self.missing = limit(self.missing + missing, 0.0, 1.0);
     }
 
-    /// Whether so much is missing that it has a cause; the count starts again from there.
+    /// Whether enough gas is missing to have a cause; the count then starts again.
     fn trips(&mut self) -> bool {
         let trips = self.missing > TRIP;
         if trips {
@@ -194,14 +193,14 @@ pub struct PlausibilityMonitor {
     length_m: f32,
     impossible_windows: u16,
     leak_windows: u16,
-    /// The last window had no length to be trusted.
+    /// Whether the last window had no trusted length.
     blind: bool,
     /// Faults found by the last window.
     found: Faults,
 }
 
 impl PlausibilityMonitor {
-    /// One that has seen nothing.
+    /// Creates a monitor without any observation.
     ///
     /// ```
     /// use model_core::{Command, Config};
@@ -240,7 +239,7 @@ impl PlausibilityMonitor {
                     / (f32::from(config.pwm_period_steps) * config.step_s))
                     as u32,
                 dead_parts: u32::from(Duty::from_share(dead_band).0),
-                // The pulse of a switching valve may end in the window after it.
+                // The pulse of a switching valve may end in the following window.
                 closing_windows: ((CLOSED_AFTER * lag_s / window_s) as u16).saturating_add(1),
                 load_n,
             },
@@ -262,7 +261,7 @@ impl PlausibilityMonitor {
         is_above(pressure_pa, self.limits.empty_pa)
     }
 
-    /// The valves are driven like this for one step.
+    /// Records the command to the valves for one step.
     pub fn drive(&mut self, command: Command) {
         if command != self.command {
             self.command = command;
@@ -280,10 +279,10 @@ impl PlausibilityMonitor {
         self.leak_windows > 0
     }
 
-    /// Takes the balance of one interval of the estimator; returns what the one before has found, each
-    /// fault once; [`leaks`](Self::leaks) goes on for a while. `length_m`: measured, `None` where it is not
-    /// trusted, and with it the volume: such an interval is not used, nor does the one before it, in
-    /// which the length broke, nor the one after it, in which the volume comes back.
+    /// Takes the balance of one of the estimator's intervals; returns the faults of the previous one, each once;
+    /// [`leaks`](Self::leaks) lasts for a while. `length_m`: the measured length, `None` if it, and with it the volume,
+    /// is not trusted. Such an interval is not used, nor is the one before it, in which the length failed, nor the one
+    /// after it, in which the volume returns.
     pub fn add(
         &mut self,
         chamber: &impl Chamber,
@@ -314,11 +313,11 @@ impl PlausibilityMonitor {
         found
     }
 
-    /// Counts what came and went, against what the valves were asked for.
+    /// Counts the gas that came and went against the requests to the valves.
     fn count(&mut self, balance: &Balance, inlet_parts: u32, outlet_parts: u32) {
         let limits = &self.limits;
         let Balance { pressure_pa, mass_kg, .. } = *balance;
-        // More than there is in one window, or no number at all: next to no gas, and noise.
+        // More than the gas in the chamber in one window, or not a number: almost no gas, and noise.
         let gained = |share: f32| limit(share, -1.0, 1.0);
         let (least_gained, most_gained) =
             (gained(balance.least_gained), gained(balance.most_gained));
@@ -338,7 +337,7 @@ impl PlausibilityMonitor {
         self.lost_per_s += limits.rate_share * (lost / limits.window_s - self.lost_per_s);
     }
 
-    /// Counts windows in which pressure and length stand for a force that cannot be.
+    /// Counts windows in which pressure and length imply an impossible force.
     fn force(&mut self, chamber: &impl Chamber, balance: &Balance, length_m: f32) {
         let Some((load_n, friction_n)) = self.limits.load_n.filter(|_| chamber.moves()) else {
             return;
@@ -356,7 +355,7 @@ impl PlausibilityMonitor {
         let pull_n = chamber.force_n(gauge_pa, length_m) - balance.held_n;
         let force_n = limit(pull_n, chamber.least_force_n(), f32::MAX);
         let tolerance_n = friction_n + LAW * absolute(chamber.force_n(gauge_pa, rest_m));
-        // Against the load's own direction: some push.
+        // Against the load's own direction: some chambers push.
         let (force_n, load_n) = if load_n < 0.0 { (-force_n, -load_n) } else { (force_n, load_n) };
         let possible = force_n > load_n / WRONG_LOAD - tolerance_n
             && force_n < load_n * WRONG_LOAD + tolerance_n;
@@ -367,7 +366,7 @@ impl PlausibilityMonitor {
         };
     }
 
-    /// Faults whose limit is passed.
+    /// Faults whose limit is exceeded.
     fn findings(&mut self) -> Faults {
         let mut found = Faults::NONE;
         if self.inlet.trips() {
@@ -399,12 +398,12 @@ mod tests {
 
     const MASS_KG: f32 = 6.0e-4;
     const PRESSURE_PA: f32 = 3.0e5;
-    /// Of 7 bar, the least that there may be.
+    /// Lowest permitted supply, for 7 bar.
     const SUPPLY_PA: f32 = SUPPLIED * 7.0e5;
     const LENGTH_M: f32 = 0.27;
     /// A length at which the load explains the pressure.
     const STILL_M: f32 = 0.25;
-    /// Windows after which nothing more is to be expected.
+    /// Windows after which nothing more can be expected.
     const FOREVER: u32 = 20_000;
 
     fn inlet(share: f32) -> Command {
@@ -425,7 +424,7 @@ mod tests {
         }
     }
 
-    /// A monitor and the chamber that it looks at.
+    /// A monitor and its chamber.
     struct Bench {
         chamber: AnyChamber,
         monitor: PlausibilityMonitor,
@@ -451,14 +450,14 @@ mod tests {
             found.with(Faults::LEAK.when(self.monitor.leaks()))
         }
 
-        /// Faults found in so many windows.
+        /// Faults found in this many windows.
         fn windows(&mut self, count: u32, command: Command, balance: Balance) -> Faults {
             (0..count).fold(Faults::NONE, |found, _| {
                 found.with(self.window(command, balance, Some(STILL_M)))
             })
         }
 
-        /// Windows until something is found, and what.
+        /// Windows until a fault is found, and the fault.
         fn finds(&mut self, command: Command, balance: Balance) -> Option<(u32, Faults)> {
             (1..FOREVER).find_map(|count| {
                 let found = self.window(command, balance, Some(STILL_M));
@@ -470,8 +469,8 @@ mod tests {
     /// Twenty steps of a millisecond.
     const WINDOW_S: f32 = 0.02;
 
-    /// Windows in which a share per window comes to what trips, less what is forgotten; and the two
-    /// of a new monitor: one that tells nothing, and one by which a finding comes late.
+    /// Windows in which a share per window adds up to the trip, less the forgotten share; and two more of a new
+    /// monitor: one without information, and one by which a finding is late.
     fn windows_to_trip(share: f32, forgotten_per_s: f32) -> u32 {
         2 + (TRIP / (share - forgotten_per_s * WINDOW_S)).ceil() as u32
     }
@@ -486,7 +485,7 @@ mod tests {
     #[test]
     fn gas_that_comes_while_shut_is_found_and_counted_again() {
         let mut bench = Bench::nominal();
-        // Gas that the last pulse moves after its end falls into the first window that is shut.
+        // Gas that the last pulse moves after its end falls into the first shut window.
         for _ in 0..100 {
             for command in [inlet(0.9), Command::CLOSED] {
                 let found = bench.window(command, gas(0.2, PRESSURE_PA), Some(STILL_M));
@@ -517,8 +516,8 @@ mod tests {
         close(found, windows_to_trip(1.3 * share, FORGOTTEN_PER_S), Faults::BURST);
     }
 
-    /// The interval in which the length broke finds no leak, which would end a lock; one that was found before is shown
-    /// for ten seconds also while the length is not known.
+    /// The interval in which the length failed finds no leak, which would end a lock; a leak found before is shown for
+    /// ten seconds even without a length.
     #[test]
     fn without_a_length_no_leak_is_found_and_none_is_shown_for_ever() {
         let slow = gas(-0.8 * BURST_PER_S * WINDOW_S, PRESSURE_PA);
@@ -534,7 +533,7 @@ mod tests {
         assert!(!leaks_after(count, 510));
     }
 
-    /// A muscle that warms and cools over minutes neither leaks nor gains; twice as much does.
+    /// A muscle that warms and cools over minutes neither leaks nor gains; twice that rate is found.
     #[test]
     fn what_drifts_more_slowly_than_is_forgotten_is_not_found() {
         let forgotten = FORGOTTEN_PER_S * WINDOW_S;
@@ -546,26 +545,26 @@ mod tests {
         }
     }
 
-    /// Share of the gas in a window that a valve is believed to pass that is open for so long.
+    /// Share of the gas that a valve, by its configuration, passes in a window if it is open for this long.
     fn open(open_s: f32, over_pa: f32) -> f32 {
         // 4e-9 m3/(s Pa) of air of 1.1884 kg/m3.
         assert_eq!(Config::default().valve.conductance_m3_s_pa, 4.0e-9);
         4.0e-9 * 1.1884 * open_s * over_pa / MASS_KG
     }
 
-    /// Fraction of the time for which a valve with a stroke of 2 ms stands open at a duty and 100 Hz.
+    /// Fraction of the time for which a valve with a stroke of 2 ms is open at a duty and 100 Hz.
     fn opened(duty: f32) -> f32 {
         assert_eq!(Config::default().valve.switch_time_s, 0.002);
         if duty < 0.2 { duty * duty / 0.2 } else { duty }
     }
 
-    /// The duty at which it stands open for this fraction of the time.
+    /// Duty at which the valve is open for this fraction of the time.
     fn duty_for(opened: f32) -> f32 {
         if opened < 0.2 { (0.2 * opened).sqrt() } else { opened }
     }
 
-    /// A pulse shorter than the stroke passes less than its length; a healthy inlet that is driven by
-    /// such pulses is not stuck.
+    /// A pulse shorter than the stroke passes less than its length suggests; a healthy inlet driven by such pulses is
+    /// not stuck.
     #[test]
     fn a_short_pulse_counts_for_the_gas_that_it_passes() {
         for duty in [0.003, 0.03, 0.1, 0.19] {
@@ -600,13 +599,13 @@ mod tests {
         }
     }
 
-    /// A loop that makes up for a leak may ask for as much as is lost, and for more in a single pulse: an
-    /// inlet counts as stuck only if its mean is more than a burst takes.
+    /// A loop that compensates a leak may request as much as is lost, and more in a single pulse: an inlet counts as
+    /// stuck only if its mean request exceeds a burst.
     #[test]
     fn an_inlet_that_passes_nothing_is_a_leak_up_to_what_a_burst_takes() {
         let per_s = open(1.0, over_pa(SUPPLY_PA, PRESSURE_PA));
         let still = gas(0.0, PRESSURE_PA);
-        // Gas lost meanwhile counts with it, gas gained against it.
+        // Gas lost meanwhile adds to it, gas gained counts against it.
         for (asked, lost, fault) in [
             (0.9, 0.0, Faults::LEAK),
             (1.1, 0.0, Faults::NO_INFLOW),
@@ -628,8 +627,7 @@ mod tests {
         assert_eq!(found, Some(Faults::LEAK), "in one window of five");
     }
 
-    /// A muscle that has the pressure of its supply takes no more gas, nor does one whose supply is less than
-    /// configured.
+    /// A muscle at the pressure of its supply takes no more gas, nor does one whose supply is lower than configured.
     #[test]
     fn an_inlet_that_stays_open_at_the_supply_is_healthy() {
         for share in [0.91, 0.94, 0.97, 0.999] {
@@ -675,8 +673,8 @@ mod tests {
         assert_eq!(found, Faults::NO_INFLOW);
     }
 
-    /// A loop that makes up for a leak gives a pulse now and then: what is lost in between counts, also
-    /// in the window after the pulse.
+    /// A loop that compensates a leak gives occasional pulses: the gas lost in between counts, also in the window after
+    /// a pulse.
     #[test]
     fn a_leak_that_is_made_up_for_shows_however_seldom_the_pulses_are() {
         let lost = 0.004;
@@ -699,14 +697,14 @@ mod tests {
                 .find(|(_, found)| *found != Faults::NONE)
                 .unwrap();
             assert_eq!(found, Faults::LEAK, "a pulse in {} windows", between + 1);
-            // A quarter of what the pulses bring is missing, less what is forgotten.
+            // A quarter of the pulses' gas is missing, less the forgotten share.
             let slowest = windows_to_trip(lost / WRONG, FORGOTTEN_PER_S);
             assert!((250..slowest).contains(&count), "{count} of {slowest} windows");
         }
     }
 
-    /// A wall that is believed cold makes gas at rest look as if it came in, and one believed warm as if
-    /// it left: without any heat nothing did.
+    /// A wall believed too cold makes gas at rest look as if it came in, and one believed too warm as if it left:
+    /// without any heat, none did.
     #[test]
     fn what_heat_may_explain_is_no_gas() {
         for [least_gained, most_gained] in [[-0.02, 0.0], [0.0, 0.02], [-0.02, 0.02]] {
@@ -722,7 +720,7 @@ mod tests {
         }
     }
 
-    /// Next to no gas, or an energy that is no number: nothing is left of it a window later.
+    /// Almost no gas, or an energy that is not a number, leaves no trace a window later.
     #[test]
     fn nonsense_leaves_nothing_behind() {
         let nonsense = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1.0e30];
@@ -742,7 +740,7 @@ mod tests {
         Bench::new(&Config { valve_kind, ..Config::default() })
     }
 
-    /// A dead band may be wider than believed, or not: a command a little beyond it opens the valve.
+    /// A dead band may be wider than believed, or not: a command slightly beyond it opens the valve.
     #[test]
     fn gas_that_a_small_command_may_let_in_has_not_come_through_a_shut_valve() {
         for (dead_band, command) in [(0.2, 0.25), (0.5, 0.7), (0.8, 0.94)] {
@@ -767,7 +765,7 @@ mod tests {
         assert_eq!(found, Faults::GAS_GAINED, "it has not closed");
     }
 
-    /// Both valves open: what comes and goes is anybody's guess.
+    /// With both valves open, nothing is known about the gas that comes and goes.
     #[test]
     fn nothing_is_concluded_while_both_valves_are_driven() {
         let both = Command { inlet: Duty::FULL, outlet: Duty::FULL };
@@ -794,7 +792,7 @@ mod tests {
         let muscle = AnyChamber::new(&Config::default().chamber);
         let gauge_pa = 3.0e5;
         let force_n = muscle.force_n(gauge_pa, LENGTH_M);
-        // Friction of 15 N either way, and what the law is wrong by.
+        // Friction of 15 N either way, and the error of the law.
         let tolerance_n = 2.0 * 15.0 + LAW * muscle.force_n(gauge_pa, 0.3);
         let least_n = (force_n - tolerance_n) / WRONG_LOAD;
         let most_n = (force_n + tolerance_n) * WRONG_LOAD;
@@ -806,7 +804,7 @@ mod tests {
         assert_eq!(force_found(1.02 * most_n, gauge_pa, LENGTH_M), windows);
     }
 
-    /// On a stop the load cannot be checked: 100 mbar do not hold 300 N, and need not there.
+    /// On a stop the load cannot be checked: 100 mbar do not hold 300 N, and need not do so there.
     #[test]
     fn the_force_on_a_stop_is_not_judged() {
         let muscle = AnyChamber::new(&Config::default().chamber);
@@ -833,8 +831,8 @@ mod tests {
         }
     }
 
-    /// An impossible force has to last: what is possible in between counts against it, and a length
-    /// that is not trusted starts again.
+    /// An impossible force must last: possible forces in between count against it, and an untrusted length starts the
+    /// count again.
     #[test]
     fn an_impossible_force_has_to_last() {
         let found_after = |between: u16, length_m: Option<f32>, pressure_pa: f32| {
@@ -845,11 +843,11 @@ mod tests {
                     .filter(|&found| found == Faults::FORCE)
                     .count()
             };
-            // The first one tells nothing, and the second has moved there.
+            // The first window gives no information, and the second has moved there.
             assert_eq!(windows(52, Some(LENGTH_M), 6.0e5), 0);
             assert_eq!(windows(between, length_m, pressure_pa), 0);
             assert_eq!(windows(between, Some(LENGTH_M), 6.0e5), 0);
-            // A finding comes a window late.
+            // A finding is a window late.
             windows(2, Some(LENGTH_M), 6.0e5)
         };
         assert_eq!(found_after(20, Some(LENGTH_M), 2.0e5), 1, "possible for as long");
@@ -873,7 +871,7 @@ mod tests {
         }
     }
 
-    /// The window in which a length breaks is full of nonsense, and so is the one in which it comes back.
+    /// The window in which a length fails is full of nonsense, and so is the one in which it returns.
     #[test]
     fn a_length_that_breaks_leaves_nothing_behind() {
         let mut bench = Bench::nominal();

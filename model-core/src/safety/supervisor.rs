@@ -5,32 +5,32 @@
 //! | emergency stop | at once | vent, latched |
 //! | pressure sensor at a rail | for 10 ms | vent, latched |
 //! | pressure sensor noisier than gas can be | ten jerks together, or more than one in five steps for longer | vent, latched |
-//! | pressure sensor's code stands still while gas flows | for 60 such steps | vent, latched |
+//! | pressure sensor's code does not change while gas flows | for 60 such steps | vent, latched |
 //! | overpressure | for 10 ms | vent, latched |
 //! | gas sensor at a rail | at once | shown while it lasts; the estimator goes on without it |
 //! | gas sensor noisier than its lag allows | as many jerks | the same |
-//! | gas sensor's code stands still | when its element must have moved | the same |
-//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the one that is further from ambient is wrong: the sensor is left out, or the estimator starts again |
-//! | digital gas part silent | for its `timeout_s` | vent, latched: its bus is broken, and what else is there may be too |
+//! | gas sensor's code does not change | when its element must have moved | the same |
+//! | gas sensor contradicts the model | by five deviations over half a second | shown for ten seconds; the one further from ambient is wrong: the sensor is left out, or the estimator starts again |
+//! | digital gas part silent | for its `timeout_s` | vent, latched: its bus is broken, and other parts on it may be too |
 //! | ... reports that it is broken, or reads outside of its range | twice in a row | vent, latched; once is shown |
 //! | digital pressure part silent, at a rail | the same | vent, latched |
 //! | length sensor at a rail | at once | shown while it lasts; length from pressure and load |
 //! | length sensor noisier than a muscle can move | as many jerks | the same |
-//! | length sensor's code stands still while gas flows | for 60 such steps | the same |
+//! | length sensor's code does not change while gas flows | for 60 such steps | the same |
 //! | a length that the muscle cannot have: 5 % beyond its rest length, or below its shortest | for 10 ms | the same |
-//! | link lost | no request of the host for `link.timeout_s`, while a set point holds | vent, latched |
+//! | link lost | no request of the host for `link.timeout_s` while the core is driven | vent, latched |
 //! | missed steps | five close together, or more than one in twenty for longer | vent, latched |
 //! | not configured | at the start of a board without a configuration | vent until it is configured |
 //! | gas gained, burst, no inflow, no outflow, force | as in [`crate::safety::plausibility`] | vent, latched |
 //! | leak | the same | shown for ten seconds |
 //! | link flooded | the board drops requests | shown while it lasts |
 //!
-//! While the pressure is not to be trusted there is no estimate.
+//! While the pressure is not trusted there is no estimate.
 //!
-//! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone; a lost link also by arming
-//! the core again. What vents disarms the core. Another
-//! configuration or another start of the core is no way round: the supervisor outlives both, and
-//! after each of them the muscle vents for the 50 ms that it takes to test the sensors.
+//! A latched fault ends with [`Supervisor::clear`], and only when its cause is gone; a lost link also ends by arming
+//! the core again. A venting fault disarms the core. Another configuration or another start of the core does not bypass
+//! this: the supervisor outlives both, and after each of them the muscle vents for the 50 ms that the test of the
+//! sensors takes.
 
 use crate::config::Config;
 use crate::math::is_above;
@@ -40,7 +40,7 @@ use crate::step_counts::{StepCounts, timeout_steps};
 
 /// Count that a missed step adds; each step takes 1 away.
 const LATE_WEIGHT: u32 = 20;
-/// Count from which a board is too late: five missed steps together. And the most that is counted.
+/// Count from which a board is too late, five missed steps together, and the highest count.
 const TOO_LATE: u32 = 5 * LATE_WEIGHT;
 const LATEST: u32 = 2 * TOO_LATE;
 
@@ -59,13 +59,13 @@ const LATCHING: Faults = Faults::EMERGENCY_STOP
 /// Faults that vent.
 pub const VENTING: Faults = LATCHING.with(Faults::NOT_CONFIGURED);
 
-/// The first fault that vented, and what held with it.
+/// The first fault that vented, and the faults present with it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FirstFailure {
-    /// Every fault of that step, those that are only shown included.
+    /// Every fault of that step, including those that are only shown.
     pub faults: Faults,
-    /// Absolute pressure that was read in that step \[Pa\].
+    /// Absolute pressure read in that step \[Pa\].
     pub pressure_pa: f32,
     /// Number of that step.
     pub step: u32,
@@ -74,24 +74,24 @@ pub struct FirstFailure {
 /// State of the core when a step's inputs are checked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Activity {
-    /// A set point other than to vent holds.
+    /// Whether the set point is anything but venting.
     pub driven: bool,
     /// Number of the step.
     pub step: u32,
     /// Faults that the plausibility monitor has found.
     pub found: Faults,
-    /// The length reads what the muscle cannot have.
+    /// Whether the length is one that the muscle cannot have.
     pub impossible_length: bool,
 }
 
 /// Inputs of a step that describe the board itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BoardState {
-    /// The emergency stop line is open or low.
+    /// Whether the run line is open or low.
     pub emergency_stop: bool,
-    /// A request of the host has come since the step before.
+    /// Whether a request of the host has come since the step before.
     pub heard: bool,
-    /// The host asks more than is carried out.
+    /// Whether the host sends more requests than the board carries out.
     pub flooded: bool,
     /// Steps that were left out before this one.
     pub missed_steps: u8,
@@ -112,7 +112,7 @@ struct Limits {
     /// Steps of silence after which the link is lost; `None`: it is never lost.
     silent_steps: Option<u32>,
     configured: bool,
-    /// The gas sensor is a digital part.
+    /// Whether the gas sensor is a digital part.
     digital_gas: bool,
 }
 
@@ -123,7 +123,7 @@ pub enum State {
     StartupCheck {
         /// Steps of the check that are left, at least 1.
         left_steps: u16,
-        /// Venting faults so far, those from before a restart included.
+        /// Venting faults so far, including those from before a restart.
         causes: Faults,
     },
     /// No fault vents: the set point is followed.
@@ -136,7 +136,7 @@ pub enum State {
 }
 
 impl State {
-    /// The state outside of the startup check.
+    /// The state after the startup check.
     fn after_check(causes: Faults) -> Self {
         if causes == Faults::NONE { Self::Ready } else { Self::Venting { causes } }
     }
@@ -149,7 +149,7 @@ impl State {
         }
     }
 
-    /// The same with other venting faults.
+    /// The same state with other venting faults.
     fn with_causes(self, causes: Faults) -> Self {
         match self {
             Self::StartupCheck { left_steps, .. } => Self::StartupCheck { left_steps, causes },
@@ -168,7 +168,7 @@ impl State {
     }
 }
 
-/// Watches the inputs.
+/// Monitors the inputs and decides whether the core must vent.
 ///
 /// The fields of every step come first, within reach of a Cortex-M0+'s short load.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -187,7 +187,7 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// One that has seen nothing yet; `configured`: somebody has configured the board so.
+    /// Creates a supervisor without any step; `configured`: whether the board has a configuration that was set.
     ///
     /// ```
     /// use model_core::safety::supervisor::Supervisor;
@@ -221,8 +221,8 @@ impl Supervisor {
         }
     }
 
-    /// The supervisor after the core restarts with the supervisor `other`; it keeps
-    /// everything that it has counted and latched, and the startup check begins again.
+    /// Returns the supervisor after the core restarts with the supervisor `other`; it keeps all counts and latched
+    /// faults, and the startup check begins again.
     pub fn after_restart(&self, other: &Self) -> Self {
         let causes = self.latched().with(other.state.causes());
         Self {
@@ -234,7 +234,7 @@ impl Supervisor {
         }
     }
 
-    /// Takes over what was latched before the board restarted.
+    /// Takes over the faults that were latched before the board restarted.
     pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
         self.first = Some(first);
         let causes = self.venting().with(latched.of(LATCHING));
@@ -256,7 +256,7 @@ impl Supervisor {
         self.venting().of(LATCHING)
     }
 
-    /// Looks at the inputs of one step; returns the faults that hold.
+    /// Checks the inputs of one step; returns the faults that are present or latched.
     pub fn step(&mut self, board: &BoardState, readings: &Readings, activity: Activity) -> Faults {
         let Activity { driven, step, found, impossible_length } = activity;
         let Readings { pressure, length, gas } = readings;
@@ -294,7 +294,8 @@ impl Supervisor {
         self.change_state(FirstFailure { faults: present, pressure_pa: pressure.value, step })
     }
 
-    /// Takes a step's faults outside of [`State::Ready`], or out of it; returns the faults that hold.
+    /// Takes a step's faults in a state other than [`State::Ready`], or on leaving it; returns the faults that are
+    /// present or latched.
     #[inline(never)] // Most steps do without it.
     fn change_state(&mut self, now: FirstFailure) -> Faults {
         let latched = self.latched();
@@ -305,12 +306,12 @@ impl Supervisor {
         self.faults()
     }
 
-    /// Faults that hold now or are latched.
+    /// Faults that are present or latched.
     pub fn faults(&self) -> Faults {
         self.venting().with(self.present)
     }
 
-    /// Whether the pressure of the last step is to be trusted.
+    /// Whether the pressure of the last step is trusted.
     pub fn pressure_trusted(&self) -> bool {
         self.pressure_trusted
     }
@@ -320,17 +321,17 @@ impl Supervisor {
         self.state.causes()
     }
 
-    /// Absolute pressure above which it vents \[Pa\].
+    /// Absolute pressure above which the muscle vents \[Pa\].
     pub fn limit_pa(&self) -> f32 {
         self.limits.pressure_pa
     }
 
-    /// Vents above this absolute pressure \[Pa\].
+    /// Sets the absolute pressure above which the muscle vents \[Pa\].
     pub fn limit_to(&mut self, pressure_pa: f32) {
         self.limits.pressure_pa = pressure_pa;
     }
 
-    /// Faults that vent, without that of a host that was silent and no longer is.
+    /// Venting faults, except that of a host that was silent and no longer is.
     pub fn venting_beside_link(&self) -> Faults {
         self.venting().without(Faults::LINK_LOST.without(self.present))
     }
@@ -378,7 +379,7 @@ mod tests {
             }
         }
 
-        /// A step on that sample, but for its pressure.
+        /// Runs a step with this sample, but another pressure.
         fn step(&mut self, sample: &Sample, pressure_pa: f32, activity: Activity) -> Faults {
             let mut readings = self.sensing.read(sample, self.flowing);
             readings.pressure.value = pressure_pa;
@@ -409,7 +410,7 @@ mod tests {
         }
     }
 
-    /// One whose sensors have passed the startup check.
+    /// A bench whose sensors have passed the startup check.
     fn checked() -> Bench {
         let mut supervisor = Bench::new(&Config::default());
         for _ in 0..STARTUP_STEPS {
@@ -522,7 +523,7 @@ mod tests {
         assert!(must_vent(&supervisor));
     }
 
-    /// Each for less than the 10 ms that it takes alone: together they are noise.
+    /// Each lasts for less than the 10 ms that it needs alone: together they are noise.
     #[test]
     fn a_rail_and_an_overpressure_in_turns_vent_within_three_tenths_of_a_second() {
         for (rail_steps, over_steps) in
@@ -562,7 +563,7 @@ mod tests {
         assert_eq!(supervisor.step(&HEALTHY, 2.0e5, IDLE), Faults::NONE);
     }
 
-    /// So many steps with gas flowing, or without; the faults after them.
+    /// Runs this many steps with or without flowing gas; returns the faults after them.
     fn stand(supervisor: &mut Bench, sample: &Sample, steps: u16, flowing: bool) -> Faults {
         supervisor.flowing = flowing;
         for _ in 0..steps {
@@ -592,7 +593,7 @@ mod tests {
         assert!(supervisor.pressure_trusted() && must_vent(&supervisor));
     }
 
-    /// A large muscle fills so slowly that it takes longer through a code of nine steps.
+    /// A large muscle fills so slowly that it takes longer than the limit to pass a code of nine LSB.
     #[test]
     fn a_wide_code_is_not_a_frozen_line() {
         let mut supervisor = checked();
@@ -619,7 +620,7 @@ mod tests {
         let mut supervisor = checked();
         let mut code = 5000_u16;
         for step in 0..500_u16 {
-            // A fast fill and a fast vent, with the noise of a healthy line.
+            // A fast fill and a fast vent, with the noise of a healthy channel.
             code = if step % 100 < 50 { code + 180 } else { code - 180 };
             let sample = Sample {
                 pressure: AdcCode(code + step % 7).into(),
@@ -647,7 +648,7 @@ mod tests {
         assert!(supervisor.pressure_trusted() && must_vent(&supervisor));
     }
 
-    /// To and fro by a share of the range at every step: what a step changes changes by twice that.
+    /// To and fro by a share of the range at every step: the second difference is twice that.
     #[test]
     fn a_jerk_is_two_percent_of_the_range() {
         let faults_at = |percent: f32| {
@@ -665,7 +666,7 @@ mod tests {
         assert_eq!([0.95, 1.05].map(faults_at), [Faults::NONE, every]);
     }
 
-    /// A board that was late for long is late for a hundred steps more, and no longer.
+    /// A board that was late for long counts as late for a hundred more steps, and no longer.
     #[test]
     fn lateness_is_forgotten_after_a_hundred_steps_in_time() {
         for (steps, late) in [(95, true), (105, false)] {

@@ -10,17 +10,17 @@
 //! s(x) = 1 - exp(-x) beyond x = 0, x before it
 //! ```
 //!
-//! The braid pulls as Chou and Hannaford's does (-P_g dV/dL, eq. 11). The bladder holds back: with a linear
-//! part k, and with one that is full after a few percent of contraction (K1, over the strain e1), as a rubber tube that is
-//! bent and pressed against threads does. d0 is the part of the length that is no braid: threads that have come straight, fittings
-//! that have given way. With k, K1 and d0 at zero it is the ideal braid of the paper. Measured on two muscles in
+//! The braid pulls as in Chou and Hannaford (-P_g dV/dL, eq. 11). The bladder holds back: with a linear part k, and
+//! with a part that saturates after a few percent of contraction (K1, over the strain e1), like a rubber tube that is
+//! bent and pressed against threads. d0 is the part of the length that is not braid: threads that have straightened,
+//! fittings that have yielded. With k, K1 and d0 at zero it is the ideal braid of the paper. Measured on two muscles in
 //! `docs/background/validation.md`.
 //!
 //! # Length for a force
 //!
-//! At a gauge pressure from zero on, F rises with l, and its slope too: it is convex. The bladder never holds back more than K1, nor
-//! more than K1 x, so that the roots of the two quadratics with these in its place lie at or above the one
-//! looked for. From there Newton's steps come down to it, never past it: `STEPS` of them cannot fail.
+//! At gauge pressures from zero on, F rises with l, and so does its slope: F is convex. The saturating part never holds
+//! back more than K1, nor more than K1 x, so the roots of the two quadratics with these in its place lie at or above
+//! the solution. From there Newton's steps descend to it and never pass it: `STEPS` of them cannot fail.
 
 use super::{Chamber, Springs};
 use crate::math::{exp, limit, sqrt};
@@ -40,7 +40,7 @@ pub struct Braid {
     pub turns: f32,
 }
 
-/// Why a braid cannot be built from what was given.
+/// Reason why a braid cannot be built from the given values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub enum BraidError {
@@ -56,7 +56,7 @@ pub enum BraidError {
     },
     /// Fewer than two pairs, or pairs of one diameter only: two unknowns need two equations.
     TooFewPairs,
-    /// The pairs do not describe a braid: diameter has to grow as length shrinks.
+    /// The pairs do not describe a braid: the diameter must grow as the length shrinks.
     NotABraid,
 }
 
@@ -166,9 +166,9 @@ pub struct Muscle {
     pub bladder_stiffness_n_m: f32,
     /// Force of the bladder once it saturates, K1 \[N\].
     pub bladder_saturation_n: f32,
-    /// Strain over which it fills, e1 \[-\].
+    /// Strain over which the bladder saturates, e1 \[-\].
     pub bladder_strain: f32,
-    /// Part of the length that is no braid, d0 \[m\].
+    /// Part of the length that is not braid, d0 \[m\].
     pub slack_m: f32,
     /// Volume of the end fittings and of the tube, not swept by the braid \[m3\].
     pub dead_volume_m3: f32,
@@ -193,7 +193,7 @@ impl Muscle {
     }
 }
 
-/// A muscle with the constants of its geometry worked out once.
+/// A muscle with the constants of its geometry computed once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     muscle: Muscle,
@@ -203,7 +203,7 @@ pub struct Geometry {
     per_4_pi_n2: f32,
     /// 1/(e1 L_0) \[1/m\].
     per_strain_m: f32,
-    /// Shortest length that the equations cover: there the force vanishes, 3 l^2 = b^2 \[m\].
+    /// Shortest length that the equations cover: the force vanishes there, 3 l^2 = b^2 \[m\].
     shortest_m: f32,
 }
 
@@ -233,8 +233,7 @@ impl Geometry {
         length_m - self.muscle.slack_m
     }
 
-    /// Force of the bladder against shortening at a length of the braid \[N\], and the slope of that over its
-    /// contraction \[N/m\].
+    /// Force of the bladder against shortening at a braid length \[N\], and its slope over the contraction \[N/m\].
     fn bladder(&self, braid_m: f32) -> (f32, f32) {
         let Muscle { bladder_stiffness_n_m, bladder_saturation_n, .. } = self.muscle;
         let way_m = self.muscle.rest_length_m - braid_m;
@@ -253,8 +252,8 @@ impl Geometry {
         (linear_n + saturating_n, bladder_stiffness_n_m + initial_n_m * left)
     }
 
-    /// Braid length \[m\] at a force \[N\] with a bladder of that stiffness \[N/m\] alone: the positive root of
-    /// 3 c P_g l^2 + k l - (c P_g b^2 + k L_0 + F) = 0, c = 1/(4 pi n^2), written so that nothing cancels.
+    /// Braid length \[m\] at a force \[N\] with only a linear bladder of this stiffness \[N/m\]: the positive root of 3
+    /// c P_g l^2 + k l - (c P_g b^2 + k L_0 + F) = 0, c = 1/(4 pi n^2), written without cancellation.
     fn braid_of_linear(
         &self,
         stiffness_n_m: f32,
@@ -270,7 +269,7 @@ impl Geometry {
         (denominator > 0.0).then(|| 2.0 * constant / denominator)
     }
 
-    /// The same with the part of the bladder that fills: see the module.
+    /// Braid length with the saturating part of the bladder: see the module.
     fn braid_of_saturating(&self, gauge_pressure_pa: f32, force_n: f32) -> Option<f32> {
         let Muscle { bladder_stiffness_n_m, bladder_saturation_n, rest_length_m, .. } = self.muscle;
         let gauge_pressure_pa = limit(gauge_pressure_pa, 0.0, f32::MAX);
@@ -305,7 +304,7 @@ impl Chamber for Geometry {
         self.muscle.rest_length_m
     }
 
-    /// b/sqrt(3) of braid, where the force vanishes at any pressure.
+    /// Braid length b/sqrt(3), where the force vanishes at any pressure.
     fn shortest_m(&self) -> f32 {
         self.shortest_m
     }
@@ -332,8 +331,8 @@ impl Chamber for Geometry {
         PI * self.diameter_m(length_m) * self.braid_m(length_m)
     }
 
-    /// -P_g dV/dL (Chou and Hannaford) less the bladder's pull back towards the rest length. Below zero the muscle is slack:
-    /// it cannot push.
+    /// -P_g dV/dL (Chou and Hannaford) less the bladder's force towards the rest length. Below zero the muscle is
+    /// slack: it cannot push.
     fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32 {
         -gauge_pressure_pa * self.volume_slope_m2(length_m) - self.bladder(self.braid_m(length_m)).0
     }
@@ -348,7 +347,7 @@ impl Chamber for Geometry {
         6.0 * braid_m * gauge_pressure_pa * self.per_4_pi_n2 + self.bladder(braid_m).1
     }
 
-    /// The bladder once.
+    /// Computes the bladder only once.
     fn springs(&self, length_m: f32) -> Springs {
         let braid_m = self.braid_m(length_m);
         let (held_n, stiffness_n_m) = self.bladder(braid_m);
@@ -392,7 +391,7 @@ mod tests {
         })
     }
 
-    /// One like those that were measured: 28 mm, 32 deg, its bladder full after 1.3 %.
+    /// A muscle like the measured ones: 28 mm, 32 deg, its bladder saturated after 1.3 %.
     fn measured() -> Geometry {
         Geometry::from(Muscle {
             braid: Braid::from_rest(0.296, 0.028_57, 31.84).unwrap(),
@@ -507,7 +506,7 @@ mod tests {
             prop_assert!((pressure / gauge - 1.0).abs() < 1e-3);
         }
 
-        /// Whatever the bladder: from nearly linear to full at once.
+        /// For any bladder: from nearly linear to one that saturates at once.
         #[test]
         fn length_and_pressure_invert_a_force_that_fills(
             gauge_pa in 0.0_f32..8.0e5, contraction in 0.0_f32..0.25, saturation_n in 1.0_f32..2.0e3,

@@ -6,7 +6,7 @@ use crate::parameter::parameters;
 use core::f32::consts::PI;
 
 parameters! {
-    /// A single-acting cylinder, from the rest length, where its gas volume is least, to the stroke's end.
+    /// A single-acting cylinder, from the rest length, where its gas volume is smallest, to the end of its stroke.
     "cylinder": Cylinder {
         rest_length_m: 0.25, "m", 0.001 to 10.0, "length at rest, between what holds its ends";
         stroke_m: -0.1, "m", -10.0 to 10.0, "way of the piston; positive where pressure shortens the cylinder";
@@ -17,8 +17,8 @@ parameters! {
     }
 }
 
-/// A cylinder with its constants worked out once. Way, area and spring have the sign of the stroke: a
-/// cylinder that pushes is one that pulls, mirrored.
+/// A cylinder with its constants computed once. Way, area and spring have the sign of the stroke: a pushing cylinder is
+/// a mirrored pulling one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Piston {
     configured: Cylinder,
@@ -45,7 +45,7 @@ impl From<Cylinder> for Piston {
 }
 
 impl Piston {
-    /// From rest, positive into contraction \[m\].
+    /// Way from rest, positive into contraction \[m\].
     fn way_m(&self, length_m: f32) -> f32 {
         self.configured.rest_length_m - length_m
     }
@@ -77,7 +77,7 @@ impl Chamber for Piston {
         -self.pull_area_m2
     }
 
-    /// Bore, piston and head, the dead volume being a piece of the bore.
+    /// Bore, piston and head; the dead volume counts as a piece of the bore.
     fn surface_m2(&self, length_m: f32) -> f32 {
         self.per_hydraulic_m * self.volume_m3(length_m) + 2.0 * self.configured.area_m2
     }
@@ -93,7 +93,7 @@ impl Chamber for Piston {
         self.configured.spring_stiffness_n_m
     }
 
-    /// Without a stiffness at one end or the other.
+    /// Without a spring stiffness, one end or the other.
     fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
         let excess_n = gauge_pressure_pa * self.pull_area_m2 - self.spring_n - force_n;
         let way_m = excess_n / self.configured.spring_stiffness_n_m;
@@ -127,13 +127,13 @@ mod tests {
             for (volume_m3, expected_m3) in volumes.into_iter().zip([20.0e-6, 82.5e-6, 145.0e-6]) {
                 assert!((volume_m3 / expected_m3 - 1.0).abs() < 1e-5, "{volume_m3} m3");
             }
-            // 39.89 mm bore: 125.33 mm around, 66 mm of it filled, and both ends.
+            // 39.89 mm bore: 125.33 mm around, filled over 66 mm, and both ends.
             let surface_m2 = cylinder.surface_m2(middle_m);
             assert!((surface_m2 / (0.125_331 * 0.066 + 2.5e-3) - 1.0).abs() < 1e-4, "{surface_m2}");
         }
     }
 
-    /// 3 bar on 12.5 cm2 are 375 N; 50 mm from rest the spring takes 75 of them.
+    /// 3 bar on 12.5 cm2 are 375 N; 50 mm from rest the spring takes 75 N of them.
     #[test]
     fn one_pushes_and_the_other_pulls() {
         for (cylinder, sign) in both().into_iter().zip([-1.0, 1.0]) {

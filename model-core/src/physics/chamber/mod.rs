@@ -1,25 +1,25 @@
-//! The volume that holds the gas: a muscle, a vessel, a cylinder, a measured table. Everything else in the core asks the trait [`Chamber`], and
-//! does not know which one it has.
+//! The volume that holds the gas: a muscle, a vessel, a cylinder, a measured table. Everything else in the core uses
+//! the trait [`Chamber`], whichever of them it is.
 //!
-//! One sign convention for those that shorten under pressure and those that lengthen:
+//! One sign convention covers chambers that shorten under pressure and chambers that lengthen:
 //!
-//! - the length L \[m\] lies between the two ends that the load is fixed to;
-//! - a force is positive where it pulls the ends together; a load is what it balances, positive where
-//!   it pulls them apart. Without friction F = -P_g dV/dL + the elastic force (Chou and Hannaford 1994);
-//! - dV/dL is negative where pressure shortens it, and positive where pressure lengthens it;
+//! - the length L \[m\] is the distance between the two ends to which the load is fixed;
+//! - a force is positive if it pulls the ends together; a load is the force that it balances, positive if it pulls them
+//!   apart. Without friction F = -P_g dV/dL + the elastic force (Chou and Hannaford 1994);
+//! - dV/dL is negative for a chamber that shortens under pressure, and positive for one that lengthens;
 //! - contraction is (L_0 - L)/L_0, L_0 being the length at rest: negative beyond it.
 //!
 //! # How to add a chamber
 //!
-//! - Here a file: its configuration, with its `check`, and `From` that what implements [`Chamber`]. Its `mod`
-//!   and its line in `chambers!` below; `thermyo_protocol::PROTOCOL` goes up, with its pinned bytes.
-//! - In the simulator a file in `host-sim/plant/src/chamber/`: its `table!` of keys and its law in f64,
-//!   derived apart from this one. Its arm in `with_chamber!`, its word in `PlantKind`, its field and its
-//!   line in `host-sim/scenario/src/tables/`.
-//! - Its row in `MOVING` of `tests/tests/chambers.rs`: estimate, pressure and position on every plant.
-//! - Its row in `docs/reference/chambers.md`.
+//! - Add a file here: its configuration with `check`, and a `From` for the type that implements [`Chamber`]. Add its
+//!   `mod` and its line in `chambers!` below; raise `thermyo_protocol::PROTOCOL`, with its pinned bytes.
+//! - In the simulator, add a file in `host-sim/plant/src/chamber/`: its `table!` of keys and its law in f64, derived
+//!   independently of this one. Add its arm in `with_chamber!`, its word in `PlantKind`, its field and its line in
+//!   `host-sim/scenario/src/tables/`.
+//! - Add its row in `MOVING` of `tests/tests/chambers.rs`: estimate, pressure and position on every plant.
+//! - Add its row in `docs/reference/chambers.md`.
 //!
-//! Nothing else knows which chambers there are.
+//! Nothing else depends on the set of chambers.
 
 pub mod braid;
 pub mod cylinder;
@@ -34,15 +34,15 @@ pub use self::vessel::Vessel;
 use crate::math::{absolute, limit};
 use crate::parameter::ConfigError;
 
-/// How far off a length sensor may be, share of the rest length \[-\].
+/// Permitted error of a length sensor, share of the rest length \[-\].
 const SENSOR_OFF: f32 = 0.05;
 /// Smallest dV/dL that turns pressure into force \[m2\].
 const LEAST_SLOPE_M2: f32 = 1.0e-9;
 
-/// Gauge pressure over which the slope of a stiffness is taken; it is linear \[Pa\].
+/// Gauge pressure over which the slope of the stiffness is taken; the stiffness is linear in it \[Pa\].
 const SLOPE_OVER_PA: f32 = 1.0e5;
 
-/// Force and stiffness at a length over the gauge pressure.
+/// Force and stiffness at a length, as functions of the gauge pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Springs {
     /// Force without pressure \[N\].
@@ -67,15 +67,15 @@ impl Springs {
 
 /// A gas volume with two ends.
 pub trait Chamber {
-    /// Whether pressure and load move it; if not, something else sets its length.
+    /// Whether pressure and load move the chamber; if not, something else sets its length.
     fn moves(&self) -> bool {
         true
     }
 
-    /// Length that contraction counts from \[m\].
+    /// Length at which contraction is 0 \[m\].
     fn rest_length_m(&self) -> f32;
 
-    /// Shortest length that it can have, or that its equations cover \[m\].
+    /// Shortest length that the chamber can have, or that its equations cover \[m\].
     fn shortest_m(&self) -> f32;
 
     /// Longest length \[m\].
@@ -87,13 +87,13 @@ pub trait Chamber {
     /// dV/dL \[m2\] at a length \[m\].
     fn volume_slope_m2(&self, length_m: f32) -> f32;
 
-    /// Surface that the gas exchanges heat with \[m2\] at a length \[m\].
+    /// Surface over which the gas exchanges heat \[m2\] at a length \[m\].
     fn surface_m2(&self, length_m: f32) -> f32;
 
     /// Force without friction \[N\] at a gauge pressure \[Pa\] and a length \[m\].
     fn force_n(&self, gauge_pressure_pa: f32, length_m: f32) -> f32;
 
-    /// Least force that it passes on to its load \[N\]: what cannot push, none.
+    /// Smallest force that the chamber exerts on its load \[N\]: 0 if it cannot push.
     fn least_force_n(&self) -> f32 {
         f32::MIN
     }
@@ -106,11 +106,10 @@ pub trait Chamber {
         Springs::of(self, length_m)
     }
 
-    /// Length \[m\] at which it holds a force \[N\] at a gauge pressure \[Pa\], limited to what it can
-    /// have.
+    /// Length \[m\] at which the chamber holds a force \[N\] at a gauge pressure \[Pa\], within its range.
     fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32;
 
-    /// Gauge pressure \[Pa\] at which it holds a force \[N\] at a length \[m\]; 0 where it cannot.
+    /// Gauge pressure \[Pa\] at which the chamber holds a force \[N\] at a length \[m\]; 0 if it cannot.
     fn gauge_pressure_for_force_pa(&self, force_n: f32, length_m: f32) -> f32 {
         let slope_m2 = self.volume_slope_m2(length_m);
         if !(absolute(slope_m2) > LEAST_SLOPE_M2) {
@@ -119,22 +118,22 @@ pub trait Chamber {
         (self.force_n(0.0, length_m) - force_n) / slope_m2
     }
 
-    /// `length_m` limited to what it can have \[m\].
+    /// `length_m` within the chamber's range \[m\].
     fn limit_length_m(&self, length_m: f32) -> f32 {
         limit(length_m, self.shortest_m(), self.longest_m())
     }
 
-    /// Whether it can have that length \[m\], by a sensor that is a little off.
+    /// Whether the chamber can have this length \[m\], allowing for a small error of the sensor.
     fn can_have_length_m(&self, length_m: f32) -> bool {
         let limited_m = self.limit_length_m(length_m);
-        // Mostly it is within, and there is nothing to be computed.
+        // Usually the length is in range, and nothing needs to be computed.
         limited_m.to_bits() == length_m.to_bits()
             || absolute(length_m - limited_m) <= SENSOR_OFF * self.rest_length_m()
     }
 }
 
-/// The chambers that there are: what each is configured with, checked and set up for work. Calls are dispatched
-/// statically; the order is that of the bytes on the link.
+/// The list of chambers, each with its configuration type and its working type. Calls are dispatched statically; the
+/// order is that of the bytes on the link.
 macro_rules! chambers {
     ($($(#[$meaning:meta])* $name:ident: $configured:ty => $chamber:ty,)*) => {
         /// Configuration of the chamber.
@@ -156,7 +155,7 @@ macro_rules! chambers {
             }
         }
 
-        /// Any of the chambers, with its constants worked out once.
+        /// Any of the chambers, with its constants computed once.
         #[allow(clippy::large_enum_variant)] // There is no heap, and a core has one.
         #[derive(Debug, Clone, Copy, PartialEq)]
         pub enum AnyChamber {
@@ -164,7 +163,7 @@ macro_rules! chambers {
         }
 
         impl AnyChamber {
-            /// Works the constants out.
+            /// Computes the constants.
             ///
             /// ```
             /// use model_core::Config;
@@ -198,7 +197,7 @@ chambers! {
     Vessel: Vessel => Vessel,
     /// A single-acting cylinder.
     Cylinder: Cylinder => cylinder::Piston,
-    /// One that has been measured, such as a bellows.
+    /// A measured chamber, such as a bellows.
     Table: Table => table::Curve,
 }
 
@@ -246,7 +245,7 @@ impl Chamber for AnyChamber {
     fn springs(&self, length_m: f32) -> Springs {
         match self {
             Self::Muscle(muscle) => muscle.springs(length_m),
-            // One call for each of its values: as small as can be.
+            // One call for each value: as small as can be.
             other => Springs::of(other, length_m),
         }
     }

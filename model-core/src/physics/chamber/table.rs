@@ -1,15 +1,15 @@
-//! A chamber given by a measured table, such as a bellows: volume and elastic force over the length,
-//! between the rows by monotone cubics (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984), so that
-//! dV/dL, the effective area, is continuous and never turns its sign.
+//! A chamber given by a measured table, such as a bellows: volume and elastic force over the length, with monotone
+//! cubics between the rows (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984), so that dV/dL, the effective
+//! area, is continuous and never changes its sign.
 
 use super::Chamber;
 use crate::math::{limit, sqrt};
 use crate::parameter::{ConfigError, within};
 use core::f32::consts::PI;
 
-/// Rows of a table, at most.
+/// Largest number of rows in a table.
 pub const MOST_ROWS: usize = 12;
-/// Steps of the search for a length between two rows: the force is next to linear there.
+/// Steps of the search for a length between two rows: the force is nearly linear there.
 const STEPS: u8 = 4;
 
 /// One row.
@@ -20,7 +20,7 @@ pub struct Row {
     pub length_m: f32,
     /// Gas volume there \[m3\].
     pub volume_m3: f32,
-    /// Force there without gauge pressure, positive where it pulls the ends together \[N\].
+    /// Force there without gauge pressure, positive if it pulls the ends together \[N\].
     pub force_n: f32,
 }
 
@@ -30,9 +30,9 @@ pub struct Row {
 pub struct Table {
     /// The rows, by rising length; those after the first `count` are zeros.
     pub rows: [Row; MOST_ROWS],
-    /// How many there are, 3 to 12.
+    /// Number of rows, 3 to 12.
     pub count: u8,
-    /// Length that contraction counts from \[m\].
+    /// Length at which contraction is 0 \[m\].
     pub rest_length_m: f32,
 }
 
@@ -52,7 +52,7 @@ impl Table {
             within("table.length_m", row.length_m, before.length_m + 1.0e-5, 10.0)?;
             within("table.volume_m3", row.volume_m3, volumes_m3.0, volumes_m3.1)?;
             within("table.force_n", row.force_n, before.force_n, 1.0e6)?;
-            // A part in a million, or rounding makes a step of it.
+            // A part in a million, or rounding turns it into a step.
             volumes_m3 = if falls {
                 (1.0e-9, row.volume_m3 * (1.0 - 1.0e-6))
             } else {
@@ -79,7 +79,7 @@ struct Cubic {
 }
 
 impl Cubic {
-    /// Through two values, with the slopes there times the way.
+    /// Creates the cubic through two values; the slopes are given times the distance between them.
     fn through(from: f32, to: f32, from_slope: f32, to_slope: f32) -> Self {
         let change = to - from;
         Self {
@@ -108,7 +108,7 @@ impl Cubic {
 struct Segment {
     start_m: f32,
     end_m: f32,
-    /// Reciprocal of the way between them \[1/m\].
+    /// Reciprocal of the distance between them \[1/m\].
     per_m: f32,
     volume: Cubic,
     force: Cubic,
@@ -124,7 +124,7 @@ impl Segment {
     }
 }
 
-/// A table with its cubics worked out once.
+/// A table with its cubics computed once.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Curve {
     segments: [Segment; MOST_ROWS - 1],
@@ -134,8 +134,7 @@ pub struct Curve {
     longest_m: f32,
 }
 
-/// Slope at a row between two stretches of these widths and slopes: their harmonic mean, so that nothing
-/// overshoots.
+/// Slope at a row between two segments of these widths and slopes: their harmonic mean, so that nothing overshoots.
 fn between(width_0: f32, slope_0: f32, width_1: f32, slope_1: f32) -> f32 {
     if !(slope_0 * slope_1 > 0.0) {
         return 0.0;
@@ -144,8 +143,8 @@ fn between(width_0: f32, slope_0: f32, width_1: f32, slope_1: f32) -> f32 {
     (weight_0 + weight_1) * slope_0 * slope_1 / (weight_0 * slope_1 + weight_1 * slope_0)
 }
 
-/// Slope at the end of a stretch: what the parabola through it and its neighbour has, from none to three
-/// times the stretch's own.
+/// Slope at the end of a segment: that of the parabola through it and its neighbour, limited to between none and three
+/// times the segment's own.
 fn at_end(width_0: f32, slope_0: f32, width_1: f32, slope_1: f32) -> f32 {
     let parabola = slope_0 + (slope_0 - slope_1) * width_0 / (width_0 + width_1);
     if slope_0 < 0.0 {
@@ -155,7 +154,7 @@ fn at_end(width_0: f32, slope_0: f32, width_1: f32, slope_1: f32) -> f32 {
     }
 }
 
-/// Slopes of `value` at both ends of the stretch between `from` and `to`.
+/// Slopes of `value` at both ends of the segment between `from` and `to`.
 fn slopes(
     [before, from, to, after]: [Option<&Row>; 4],
     value: impl Fn(&Row) -> f32,
@@ -214,7 +213,7 @@ impl Curve {
         self.segments.iter().take(self.count)
     }
 
-    /// The stretch that holds a length, and the way into it; beyond the ends the last or first one.
+    /// The segment that contains a length, and the way into it; beyond the ends the last or first segment.
     fn at<T>(&self, length_m: f32, value: impl Fn(&Segment, f32) -> T) -> T {
         let [first, ..] = &self.segments;
         let mut found = first;
@@ -249,7 +248,7 @@ impl Chamber for Curve {
         self.at(length_m, |segment, t| segment.volume.slope_at(t) * segment.per_m)
     }
 
-    /// Surface of a smooth tube of this volume and length, with its ends; folds are for `heat`.
+    /// Surface of a smooth tube of this volume and length, with its ends; folds are accounted for in `heat`.
     fn surface_m2(&self, length_m: f32) -> f32 {
         let volume_m3 = self.volume_m3(length_m);
         2.0 * (sqrt(PI * volume_m3 * length_m) + volume_m3 / length_m)
@@ -266,7 +265,7 @@ impl Chamber for Curve {
         })
     }
 
-    /// In the first stretch at whose end it is reached, by false position.
+    /// By false position in the first segment at whose end the force is reached.
     fn length_for_force_m(&self, gauge_pressure_pa: f32, force_n: f32) -> f32 {
         let Some(segment) =
             self.segments().find(|segment| segment.force_n(gauge_pressure_pa, 1.0) >= force_n)
@@ -300,8 +299,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// A bellows of 20 cm2 that narrows by a tenth as it lengthens from 80 to 130 mm; 8 N/mm, stiffer
-    /// outwards, free at 90 mm.
+    /// A bellows of 20 cm2 that narrows by 10 % as it lengthens from 80 to 130 mm; 8 N/mm, stiffer outwards, free at 90
+    /// mm.
     fn bellows(rows: u8) -> Table {
         let mut table =
             Table { rows: [Row::default(); MOST_ROWS], count: rows, rest_length_m: 0.09 };
@@ -343,7 +342,7 @@ mod tests {
     }
 
     proptest! {
-        /// Twelve rows of a smooth bellows are the bellows, to a part in a thousand; its area is the slope.
+        /// Twelve rows of a smooth bellows reproduce it to a part in a thousand; its area is the slope.
         #[test]
         fn between_the_rows_it_is_what_was_measured(length_m in 0.08_f32..0.13) {
             let curve = curve();
@@ -369,7 +368,7 @@ mod tests {
             prop_assert!((back_pa - gauge_pa).abs() < 10.0, "{back_pa} for {gauge_pa}");
         }
 
-        /// The slope neither jumps at a row nor turns its sign, however uneven the table.
+        /// The slope neither jumps at a row nor changes its sign, however uneven the table.
         #[test]
         fn it_is_monotone_and_smooth(
             steps in proptest::array::uniform5((1.0e-3_f32..0.05, 1.0e-6_f32..1.0e-3, 0.0_f32..500.0)),

@@ -1,10 +1,10 @@
-//! A vessel: gas that nothing moves, or whose volume something else sets.
+//! A vessel: gas at a constant volume, or at a volume that something else sets.
 
 use super::Chamber;
 use crate::parameter::parameters;
 
 parameters! {
-    /// A vessel of constant section, its volume over the section being its length. No load acts on it.
+    /// A vessel of constant section; its length is its volume over the section. No load acts on it.
     "vessel": Vessel {
         section_m2: 0.008, "m2", 1.0e-7 to 1.0e5, "section";
         surface_m2: 0.06, "m2", 0.0 to 1.0e3, "inner surface";
@@ -16,7 +16,7 @@ impl Chamber for Vessel {
         false
     }
 
-    /// None: any length is as good.
+    /// Arbitrary: a vessel has no rest length.
     fn rest_length_m(&self) -> f32 {
         1.0
     }
@@ -29,7 +29,7 @@ impl Chamber for Vessel {
         1.0e6
     }
 
-    /// Whatever its sensor shows.
+    /// Any length that its sensor reads.
     fn can_have_length_m(&self, _length_m: f32) -> bool {
         true
     }
@@ -46,7 +46,7 @@ impl Chamber for Vessel {
         self.surface_m2
     }
 
-    /// On a lid of its section.
+    /// Force on a lid of its section.
     fn force_n(&self, gauge_pressure_pa: f32, _length_m: f32) -> f32 {
         -gauge_pressure_pa * self.section_m2
     }
