@@ -1,5 +1,5 @@
-//! The estimator alone: gas is let in for a tenth of a second, and cools. The sensor has not
-//! noticed yet.
+//! The estimator alone: gas flows in for a tenth of a second, and cools. The sensor does not show
+//! it yet.
 
 use model_core::Config;
 use model_core::estimation::{Estimator, LengthSource, Measurement, Openings};

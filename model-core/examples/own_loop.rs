@@ -1,5 +1,5 @@
-//! A loop of one's own on a PC: the core holds 2.5 bar in a simulated muscle. Another plant, or a
-//! real one, takes the place of `muscle`.
+//! Your own loop on a PC: the core holds 2.5 bar in a simulated muscle. Another plant, or a real
+//! one, can replace `muscle`.
 
 use model_core::forward_model::Model;
 use model_core::physics::gas::Reservoir;
@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (supply, ambient) = (config.supply, config.ambient);
     let mut muscle = Model::new(&config, ambient.pressure_pa, ambient.temperature_k, 0.3)?;
     for step in 0..1000_u32 {
-        // A line without any noise is a broken one.
+        // A channel without any noise counts as broken.
         let noisy = |code: AdcCode| AdcCode(code.0 + (step % 2) as u16);
         let sample = Sample::new(
             noisy(code(muscle.pressure_pa(), |code| sensing.pressure_pa(code))),

@@ -1,4 +1,4 @@
-//! Everything that the core is configured with before it starts, and what each value may be.
+//! Everything that the core is configured with before it starts, and the range of each value.
 
 use crate::math::limit;
 use crate::parameter::{ConfigError, Parameter, parameters, within};
@@ -41,7 +41,7 @@ pub struct Config {
     pub heat: Heat,
     /// The gas along the muscle.
     pub zones: Zones,
-    /// The wall, as a heat capacity.
+    /// Heat capacity of the wall.
     pub wall: Wall,
     /// Friction of the moving end.
     pub friction: Friction,
@@ -53,9 +53,9 @@ pub struct Config {
     pub moving_mass_kg: f32,
     /// Inlet and outlet valve.
     pub valve: Valve,
-    /// How a command opens them.
+    /// Kind of the valves: how a command opens them.
     pub valve_kind: ValveKind,
-    /// Period of the valves' PWM, or for which an analogue command is held, in steps of the core \[-\].
+    /// Period of the valves' PWM, or time for which an analogue command is held, in steps of the core \[-\].
     pub pwm_period_steps: u16,
     /// The sensors and their converter.
     pub sensors: Sensors,
@@ -63,7 +63,7 @@ pub struct Config {
     pub estimator: EstimatorConfig,
     /// Controller tuning.
     pub controller: ControllerConfig,
-    /// Above this absolute pressure the supervisor vents \[Pa\].
+    /// Absolute pressure above which the supervisor vents \[Pa\].
     pub pressure_limit_pa: f32,
     /// The link to the host.
     pub link: LinkConfig,
@@ -110,7 +110,7 @@ parameters! {
 pub enum Load {
     /// A constant force \[N\].
     Isotonic {
-        /// Force, positive where it pulls the ends apart \[N\].
+        /// Force, positive if it pulls the ends apart \[N\].
         force_n: f32,
     },
     /// A fixed length \[m\].
@@ -121,7 +121,7 @@ pub enum Load {
 }
 
 parameters! {
-    /// Gas along the muscle, as the estimator's zones of it have it. By default it mixes at once.
+    /// Gas along the muscle, as modelled by the estimator's zones. By default it mixes at once.
     "zones": Zones {
         buoyancy_w_m2_k: 0.0, "W/(m2 K)", 0.0 to 1.0e5, "gas to wall by buoyancy, still gas at 2 bar, 20 K from its wall; 0: conduction alone";
         per_outflow: 0.0, "W/(m2 K) per kg/s", 0.0 to 1.0e9, "gas to wall, gained per outflow";
@@ -141,7 +141,7 @@ parameters! {
 }
 
 parameters! {
-    /// Estimator tuning. Standard deviations; "drift" is what a random walk gains in one second.
+    /// Estimator tuning. Standard deviations; "drift" is the gain of a random walk in one second.
     /// `docs/reference/estimator-keys.md` states how each is found.
     "estimator": EstimatorConfig {
         initial_sd_k: 3.0, "K", 0.0 to 100.0, "gas and wall temperature at the start";
@@ -222,19 +222,19 @@ impl Default for Config {
 }
 
 impl Config {
-    /// Highest absolute pressure that a set point is followed to, a twentieth of the gauge pressure
-    /// below the limit: what overshoots on the way there does not trip it \[Pa\].
+    /// Highest absolute pressure to which a set point is followed, 5 % of the gauge pressure below the limit, so that
+    /// overshoot on the way there does not trip it \[Pa\].
     pub fn working_limit_pa(&self) -> f32 {
         self.pressure_limit_pa - self.pressure_margin_pa()
     }
 
-    /// From the working limit to the one at which the muscle vents \[Pa\].
+    /// Distance from the working limit to the pressure at which the muscle vents \[Pa\].
     pub fn pressure_margin_pa(&self) -> f32 {
         0.05 * (self.pressure_limit_pa - self.ambient.pressure_pa)
     }
 
-    /// Steps for which a valve may still pass gas after it was driven last. A pulse ends at most one period
-    /// after its duty; of an exponential 0.7 % are left after five time constants.
+    /// Steps for which a valve may still pass gas after it was last driven. A pulse ends at most one period after its
+    /// duty; of an exponential 0.7 % remains after five time constants.
     pub fn passing_steps(&self) -> u16 {
         let after_steps = match self.valve_kind {
             ValveKind::Switching => 0,
@@ -272,7 +272,7 @@ impl Config {
             Load::Isometric { length_m } => within("load.length_m", length_m, 0.001, 10.0)?,
         }
         within("load.mass_kg", self.moving_mass_kg, 0.0, 1.0e6)?;
-        // The longest switching time follows from the PWM period.
+        // The longest switching time depends on the PWM period.
         Valve { switch_time_s: 0.0, ..self.valve }.check()?;
         within(
             "valve.pwm_hz (its period, in steps)",
@@ -281,7 +281,7 @@ impl Config {
             1000.0,
         )?;
         const SLOWEST_S: f32 = 0.1;
-        // A hair of room: both have been rounded.
+        // With a little room, as both have been rounded.
         let period_s = f32::from(self.pwm_period_steps) * self.step_s * 1.000_001;
         let slowest_s = limit(period_s, 0.0, SLOWEST_S);
         within("valve.switch_time_s", self.valve.switch_time_s, 0.0, slowest_s)?;
@@ -306,7 +306,7 @@ mod tests {
         assert_eq!(Config::default().check(), Ok(()));
     }
 
-    /// Or the other valve opens before the poppet is shut.
+    /// Otherwise the other valve opens before the poppet is shut.
     #[test]
     fn a_valve_switches_within_a_period() {
         let mut config = Config { pwm_period_steps: 3, ..Config::default() };
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!(config.check().unwrap_err().maximum, 0.1);
     }
 
-    /// Or no pulse is ever given.
+    /// Otherwise no pulse is ever given.
     #[test]
     fn the_shortest_pulse_fits_into_a_period() {
         let mut config = Config::default();

@@ -1,8 +1,8 @@
 //! The paper's simulation model, forward: mass flows in, pressure, length and temperatures out.
 //!
-//! One homogeneous gas volume under a quasi-static load, the full energy balance (3), heat to the
-//! wall and from there to ambient, friction heat, and the lag of the sensor. It runs on mass flows
-//! alone, without a measurement to correct it: what Fig. 5 calls "model".
+//! One homogeneous gas volume under a quasi-static load, the full energy balance (3), heat to the wall and from there
+//! to ambient, friction heat, and the lag of the sensor. It runs on mass flows alone, without a measurement to correct
+//! it: the "model" of Fig. 5.
 
 use crate::config::{Config, Load};
 use crate::math::{absolute, limit};
@@ -26,7 +26,7 @@ pub struct Model {
 }
 
 impl Model {
-    /// A model at rest at an absolute pressure and one temperature everywhere.
+    /// Creates a model at rest at an absolute pressure and one temperature everywhere.
     ///
     /// ```
     /// use model_core::Config;
@@ -95,8 +95,8 @@ impl Model {
         self.gas.mass_kg()
     }
 
-    /// Advances by one fixed step with mean mass flows \[kg/s\], both positive. `held_length_m` is
-    /// the length at the end of the step where something else than the load sets it \[m\].
+    /// Advances by one fixed step with mean mass flows \[kg/s\], both positive. `held_length_m` is the length at the
+    /// end of the step if something other than the load sets it \[m\].
     pub fn step(&mut self, inflow_kg_s: f32, outflow_kg_s: f32, held_length_m: Option<f32>) {
         let step_s = self.config.step_s;
         let heat = &self.config.heat;
@@ -107,7 +107,7 @@ impl Model {
         let way_m = self.length_m - length_m;
         let speed_m_s = -way_m / step_s;
         let surface_m2 = self.chamber.surface_m2(length_m);
-        // A change that would be over within a step takes one, and no more gas leaves than is there: a wrong
+        // A change that would be over within a step takes a whole step, and no more gas leaves than there is: a wrong
         // configuration makes the model wrong, but keeps it finite.
         let gas_j_k = self.gas.mass_kg() * self.config.gas.cv_j_kg_k();
         let wall_j_k = self.config.wall.heat_capacity_j_k;
@@ -131,8 +131,7 @@ impl Model {
             lag_step(self.sensor_k, self.gas_k(), self.config.sensors.gas.time_constant_s, step_s);
     }
 
-    /// Moves slip and creep by a step's contraction; returns the heat that the wall gets of them and of
-    /// friction \[J\].
+    /// Moves slip and creep by a step's contraction; returns the heat that they and friction give to the wall \[J\].
     fn rub(&mut self, way_m: f32) -> f32 {
         let (config, hysteresis) = (&self.config, &self.hysteresis);
         let softening = config.friction.softening(self.wall_k);
@@ -145,8 +144,8 @@ impl Model {
         config.friction.heat_fraction * (slip_j + friction_n * absolute(way_m))
     }
 
-    /// Length at which load and chamber balance, with Coulomb friction: the length stays as it is
-    /// while friction can hold it (a play operator).
+    /// Length at which load and chamber balance, with Coulomb friction: the length stays while friction can hold it (a
+    /// play operator).
     fn balance_length_m(&self) -> f32 {
         let chamber = &self.chamber;
         if !chamber.moves() {
@@ -159,13 +158,13 @@ impl Model {
                 let gauge_pa = pressure_pa - self.config.ambient.pressure_pa;
                 let friction = &self.config.friction;
                 let friction_n = friction.force_n(self.wall_k) * friction.at_pressure(gauge_pa);
-                // As they are at the end of a step that does not move.
+                // As at the end of a step without motion.
                 let softening = self.config.friction.softening(self.wall_k);
                 let held = self.hysteresis.after(&self.held, 0.0, gauge_pa, softening);
                 let excess_n = chamber.force_n(gauge_pa, self.length_m) - held.force_n() - force_n;
                 let unbalanced_n = excess_n - limit(excess_n, -friction_n, friction_n);
-                // One Newton step; the gas behaves as an adiabatic spring while it is taken, or
-                // the length would overshoot what the pressure can follow.
+                // One Newton step; the gas counts as an adiabatic spring meanwhile, or the length would overshoot what
+                // the pressure can follow.
                 let slope_m2 = chamber.volume_slope_m2(self.length_m);
                 let gas_n_m =
                     self.config.gas.heat_capacity_ratio * pressure_pa * slope_m2 * slope_m2
@@ -202,12 +201,12 @@ mod tests {
         assert!((model.mass_kg() / mass - 1.0).abs() < 1e-4, "as much in as out");
         assert!((270.0..295.0).contains(&low) && (302.0..330.0).contains(&high), "{low} {high}");
         assert!((298.1..303.0).contains(&model.wall_k()), "{}", model.wall_k());
-        // But for friction and creep.
+        // Except for friction and creep.
         assert!((0.28..0.295).contains(&model.length_m()), "near rest: {}", model.length_m());
     }
 
-    /// A closed cylinder goes from 2 bar and 150 mm of gas to a third of it: P V^k is constant
-    /// without heat, P V where the wall takes all of the heat.
+    /// A closed cylinder goes from 2 bar and 150 mm of gas to a third of it: P V^k is constant without heat, P V if the
+    /// wall takes all of the heat.
     #[test]
     fn compression_of_a_cylinder_is_isentropic_or_isothermal() {
         for (inner_w_m2_k, exponent, bound) in [(0.0, 1.4, 2e-4), (1.0e5, 1.0, 2e-3)] {

@@ -1,12 +1,12 @@
-//! The functions that `core` does not have: square root, exponential, logarithm, sine, clamp to a range.
+//! Functions that `core` lacks: square root, exponential, logarithm, sine, clamp to a range.
 //!
-//! `micromath` gives the seed (a bit trick, some 5 % off), Newton's method does the rest, so that the
-//! result is the same to the bit on a soft-float Cortex-M0+, on an FPU and on the host: every
-//! operation is one IEEE 754 add, subtract or multiply, none is fused.
+//! `micromath` gives the seed (a bit trick, some 5 % off), and Newton's method does the rest, so the result is the same
+//! to the bit on a soft-float Cortex-M0+, on an FPU and on the host: every operation is one IEEE 754 add, subtract or
+//! multiply, and none is fused.
 
 use micromath::F32Ext;
 
-/// Smallest number that the core takes from outside, but for zero, in any unit: far from the subnormal numbers,
+/// Smallest magnitude other than zero that the core accepts as input, in any unit: far from the subnormal numbers,
 /// which are zeros on some processors.
 pub(crate) const SMALLEST: f32 = 1.0e-20;
 
@@ -28,7 +28,7 @@ pub fn inverse_sqrt(x: f32) -> f32 {
     y
 }
 
-/// Reciprocal square root, relative error below 5 %, for limits that are no more exact; 0 for arguments that are not
+/// Reciprocal square root, relative error below 5 %, for limits that need no more; 0 for arguments that are not
 /// positive.
 pub fn rough_inverse_sqrt(x: f32) -> f32 {
     if x >= f32::MIN_POSITIVE { x.invsqrt() } else { 0.0 }
@@ -44,7 +44,7 @@ pub fn inverse_cube_root(x: f32) -> f32 {
     if !(x >= f32::MIN_POSITIVE) {
         return 0.0;
     }
-    // The exponent by -1/3; the constant makes that some 3.5 % off at most.
+    // The exponent times -1/3; with this constant the error is at most about 3.5 %.
     let mut y = f32::from_bits(0x54a2_fa8c_u32.wrapping_sub(x.to_bits() / 3));
     let third = (1.0 / 3.0) * x;
     // Newton: e' = 2 e^2.
@@ -52,7 +52,7 @@ pub fn inverse_cube_root(x: f32) -> f32 {
     y
 }
 
-/// ln 2 in two parts (Cody and Waite), so that what is left of an argument keeps all its bits.
+/// ln 2 in two parts (Cody and Waite), so that the remainder of an argument keeps all its bits.
 const LN_2_HIGH: f32 = 0.693_359_4;
 const LN_2_LOW: f32 = -2.121_944_4e-4;
 
@@ -73,15 +73,15 @@ pub fn exp(x: f32) -> f32 {
     polynomial * f32::from_bits(((n + 127) as u32) << 23)
 }
 
-/// Exponential of a small number, limited to -0.2 ..= 0.2: x^3/12 off, and exact in that a rise by x and a fall by
-/// x leave 1.
+/// Exponential of a small number, limited to -0.2 ..= 0.2: error x^3/12, but a rise by x and a fall by x give exactly
+/// 1.
 pub fn small_exp(x: f32) -> f32 {
     let half = 0.5 * limit(x, -0.2, 0.2);
     (1.0 + half) / (1.0 - half)
 }
 
-/// Natural logarithm, relative error below 1e-6; that of the smallest normal number for arguments that are
-/// not positive.
+/// Natural logarithm, relative error below 1e-6; for arguments that are not positive, the logarithm of the smallest
+/// normal number.
 pub fn ln(x: f32) -> f32 {
     /// The bits of sqrt(1/2).
     const LEAST: u32 = 0x3f35_04f3;
@@ -89,7 +89,7 @@ pub fn ln(x: f32) -> f32 {
     // x = 2^n m, m from sqrt(1/2) to sqrt(2).
     let n = (bits.wrapping_sub(LEAST) as i32) >> 23;
     let m = f32::from_bits(bits.wrapping_sub((n as u32) << 23));
-    // ln m = 2 artanh s; |s| <= 0.172, and the remainder of the series 1e-9 of it.
+    // ln m = 2 artanh s; |s| <= 0.172, and the series leaves a remainder of 1e-9 of it.
     let s = (m - 1.0) / (m + 1.0);
     let z = s * s;
     let series = 1.0 + z * (1.0 / 3.0 + z * (0.2 + z * (1.0 / 7.0 + z * (1.0 / 9.0))));
@@ -131,8 +131,8 @@ pub fn limit(x: f32, low: f32, high: f32) -> f32 {
     }
 }
 
-/// A number that is ordered as `x` is, that of NaN beyond the infinities. A processor without floating point
-/// compares integers in a tenth of the time.
+/// Maps `x` to an integer with the same order, NaN beyond the infinities. A processor without floating point compares
+/// integers in a tenth of the time.
 const fn order(x: f32) -> i32 {
     let bits = x.to_bits() as i32;
     if bits < 0 { i32::MIN.wrapping_sub(bits) } else { bits }
@@ -148,13 +148,12 @@ pub fn is_within(x: f32, low: f32, high: f32) -> bool {
     (order(low)..=order(high)).contains(&order(x))
 }
 
-/// Magnitude; that of NaN is NaN.
+/// Magnitude; NaN for NaN.
 pub fn absolute(x: f32) -> f32 {
     f32::from_bits(x.to_bits() & 0x7fff_ffff)
 }
 
-/// A sum that remembers what each addition rounded away (Kahan 1965), so that ten million small
-/// steps do not drift.
+/// A sum that keeps the part that each addition rounds away (Kahan 1965), so that ten million small steps do not drift.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct CompensatedSum {
     value: f32,
@@ -162,7 +161,7 @@ pub struct CompensatedSum {
 }
 
 impl CompensatedSum {
-    /// A sum that starts at `value`.
+    /// Creates a sum that starts at `value`.
     ///
     /// ```
     /// use model_core::math::CompensatedSum;

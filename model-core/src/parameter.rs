@@ -1,38 +1,38 @@
-//! A parameter is declared once: name, unit, range, default and meaning. The struct that holds it, its
-//! default, its check and its documentation follow from that, and on the host the key of the scenario.
+//! A parameter is declared once: name, unit, range, default and meaning. The struct that holds it, its default, its
+//! check and its documentation follow from that, and so does the scenario's key on the host.
 //!
 //! # How to add a parameter
 //!
-//! One line in the `parameters!` of its table. Its name ends in the unit; the table's path and its name are
-//! the key that a user writes, and what an error calls it. A key of `[estimator]` or `[controller]` is in the
-//! scenario with that; `docs/reference/estimator-keys.md` and `docs/reference/controller-keys.md` have a row for each, which a test compares.
-//! For the other tables the scenario lists the core's parameters that it takes: `declare.rs` in `host-sim`
-//! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in
-//! `link` and pin the new ones there.
+//! Add one line in the `parameters!` of its table. Its name ends in the unit; the table's path and its name are the key
+//! that a user writes, and that an error names. A key of `[estimator]` or `[controller]` is then part of the scenario;
+//! `docs/reference/estimator-keys.md` and `docs/reference/controller-keys.md` have a row for each, which a test
+//! compares. For the other tables the scenario lists the core's parameters that it takes: `declare.rs` in `host-sim`
+//! has the rest of this list. The bytes of the configuration on the wire change: raise `PROTOCOL` in `link` and pin the
+//! new bytes there.
 
 use crate::math::{SMALLEST, absolute};
 
 /// Declaration of a parameter.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameter {
-    /// Its name within its table.
+    /// Name of the parameter within its table.
     pub name: &'static str,
-    /// Its default; the core has it in f32.
+    /// Default; the core holds it in f32.
     pub default: f64,
-    /// Unit, as the SI writes it; empty for a ratio.
+    /// Unit in SI notation; empty for a ratio.
     pub unit: &'static str,
-    /// Smallest value allowed.
+    /// Smallest permitted value.
     pub minimum: f64,
-    /// Largest value allowed.
+    /// Largest permitted value.
     pub maximum: f64,
     /// Meaning, as documents print it.
     pub meaning: &'static str,
 }
 
-/// Allowed range of a value, under the key that a user writes.
+/// Permitted range of a value, under the key that a user writes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Limit {
-    /// An image without keys has no room for a hundred empty ones either.
+    /// An image without keys has no room for a hundred empty ones.
     #[cfg(feature = "keys")]
     key: &'static str,
     minimum: f32,
@@ -73,14 +73,14 @@ pub(crate) fn check(values: &[f32], limits: &[Limit]) -> Result<(), ConfigError>
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct ConfigError {
-    /// Key of the scenario, with the converted quantity in brackets where the value is converted.
-    /// Empty without the feature `keys`.
+    /// Key of the scenario; for a converted value, with the converted quantity in brackets. Empty without the feature
+    /// `keys`.
     pub field: &'static str,
     /// The refused value.
     pub value: f32,
-    /// Smallest value allowed.
+    /// Smallest permitted value.
     pub minimum: f32,
-    /// Largest value allowed.
+    /// Largest permitted value.
     pub maximum: f32,
 }
 
@@ -101,9 +101,9 @@ pub(crate) const fn named(key: &'static str) -> &'static str {
     if cfg!(feature = "keys") { key } else { "" }
 }
 
-/// A processor that flushes subnormal numbers could compute other bits from such a value.
+/// Whether a processor that flushes subnormal numbers could compute different bits from this value.
 fn is_too_small(value: f32) -> bool {
-    // A comparison with zero would hold there for a subnormal number too.
+    // On such a processor a comparison with zero would also hold for a subnormal number.
     absolute(value) < SMALLEST && value.to_bits() << 1 != 0
 }
 
@@ -122,9 +122,9 @@ pub(crate) fn within(
     }
 }
 
-/// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for printing, and
-/// `check`, whose errors name the key that a user writes. On the wire a table is its values, in order; in a
-/// file it is a table of keys, of which each may be left out.
+/// Declares a table of parameters: the struct, `Default`, `PARAMETERS` for printing, and `check`, whose errors name the
+/// key that a user writes. On the wire a table is its values, in order; in a file it is a table of keys, each of which
+/// may be omitted.
 macro_rules! parameters {
     (
         $(#[$attribute:meta])*
@@ -215,8 +215,8 @@ pub(crate) mod wire {
     use serde::de::{DeserializeSeed, Deserializer, Error, MapAccess, SeqAccess, Visitor};
     use serde::ser::{SerializeMap, SerializeTuple, Serializer};
 
-    /// A declared table. What files alone need is a constant of its type: no other code refers to it, and it
-    /// is not in the image.
+    /// A declared table. Data that only files need are a constant of its type: no other code refers to it, so it is not
+    /// in the image.
     pub trait Table {
         const PARAMETERS: &'static [Parameter];
     }
@@ -240,7 +240,7 @@ pub(crate) mod wire {
         }
     }
 
-    /// A key that the file leaves out keeps its value.
+    /// A key that the file omits keeps its value.
     pub fn read<'de, D: Deserializer<'de>, T: Table>(
         deserializer: D,
         values: &mut [f32],
@@ -290,7 +290,7 @@ pub(crate) mod wire {
         }
     }
 
-    /// A key's place in its table.
+    /// Index of a key in its table.
     struct Key<T>(PhantomData<T>);
 
     impl<'de, T: Table> DeserializeSeed<'de> for Key<T> {

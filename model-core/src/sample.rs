@@ -5,7 +5,7 @@ pub const OVERSAMPLING: u16 = 8;
 /// Largest code: eight conversions of 4095.
 pub const CODE_MAX: u16 = OVERSAMPLING * 4095;
 
-/// Two bytes, little end first: most codes would take three as a varint of the link.
+/// Two bytes, little end first: most codes would take three as a varint on the link.
 #[cfg(feature = "serde")]
 mod two_bytes {
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -24,7 +24,7 @@ mod two_bytes {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct AdcCode(#[cfg_attr(feature = "serde", serde(with = "two_bytes"))] pub u16);
 
-/// Reading of a digital part, 15 bits of its own scale; 0 where the part reports a failure.
+/// Reading of a digital part, 15 bits of its own scale; 0 if the part reports a failure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PartCode(#[cfg_attr(feature = "serde", serde(with = "two_bytes"))] pub u16);
@@ -79,7 +79,7 @@ impl RawCode {
         }
     }
 
-    /// The converter's code; that of an open line where a digital part gave the reading.
+    /// The converter's code; for a digital part, the code of an open channel.
     pub const fn adc(self) -> AdcCode {
         match self {
             Self::Adc(code) => code,
@@ -87,8 +87,8 @@ impl RawCode {
         }
     }
 
-    /// One number for a file: the converter's code, or a part's reading with 1 behind it where it
-    /// is fresh and 0 where it is stale.
+    /// One number for a file: the converter's code, or a part's reading followed by a bit that is 1 if it is fresh and
+    /// 0 if it is stale.
     pub const fn to_bits(self) -> u16 {
         match self {
             Self::Adc(AdcCode(code)) => code,
@@ -97,19 +97,19 @@ impl RawCode {
         }
     }
 
-    /// The code of [`Self::to_bits`], from a sensor that is a digital part or not.
+    /// Converts back from [`Self::to_bits`]; `digital`: the sensor is a digital part.
     pub const fn from_bits(bits: u16, digital: bool) -> Self {
         if digital { Self::of_part(bits >> 1, bits & 1 != 0) } else { Self::Adc(AdcCode(bits)) }
     }
 }
 
-/// Share of a PWM period, in parts of 65 535: any number is a duty.
+/// Share of a PWM period, in parts of 65 535: every number is a valid duty.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Duty(#[cfg_attr(feature = "serde", serde(with = "two_bytes"))] pub u16);
 
 impl Duty {
-    /// Not at all.
+    /// Never open.
     pub const ZERO: Self = Self(0);
     /// The whole period.
     pub const FULL: Self = Self(u16::MAX);
@@ -127,7 +127,7 @@ impl Duty {
         Self((limited * f32::from(Self::FULL.0) + 0.5) as u16)
     }
 
-    /// The duty in ticks of a timer whose period has so many, to the nearest one.
+    /// The duty in ticks of a timer with `period` ticks per period, rounded to the nearest.
     ///
     /// ```
     /// use model_core::Duty;
@@ -145,14 +145,13 @@ impl Duty {
         f32::from(self.0) * (1.0 / 65_535.0)
     }
 
-    /// The rest of the period.
+    /// The remainder of the period.
     pub const fn complement(self) -> Self {
         Self(!self.0)
     }
 }
 
-/// Everything that one step takes in: the same samples and set points give the same outputs, to the
-/// bit, on every machine.
+/// Inputs of one step: the same samples and set points give the same outputs, to the bit, on every machine.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(align(4))]
@@ -163,18 +162,18 @@ pub struct Sample {
     pub gas: RawCode,
     /// ADC2: muscle length.
     pub length: AdcCode,
-    /// The emergency stop line is open or low.
+    /// Whether the run line is open or low.
     pub emergency_stop: bool,
-    /// A request of the host has come since the step before.
+    /// Whether a request of the host has come since the step before.
     pub heard: bool,
-    /// The host asks more than is carried out.
+    /// Whether the host sends more requests than the board carries out.
     pub flooded: bool,
     /// Steps that were left out before this one.
     pub missed_steps: u8,
 }
 
 impl Sample {
-    /// Codes of the converter alone; the board is not stopped, is in time, and hears its host.
+    /// Creates a sample from codes of the converter only; the board is not stopped, is in time, and hears its host.
     ///
     /// ```
     /// use model_core::{AdcCode, Sample};
@@ -195,19 +194,19 @@ impl Sample {
     }
 }
 
-/// Valve openings of one step, as shares of the PWM period in which air passes.
+/// Valve openings of one step, as shares of the PWM period.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[repr(align(4))]
 pub struct Command {
-    /// Inlet open.
+    /// Share for which the inlet is open.
     pub inlet: Duty,
-    /// Outlet open.
+    /// Share for which the outlet is open.
     pub outlet: Duty,
 }
 
 impl Command {
-    /// Inlet closed, outlet open: the muscle vents. What the board does without power.
+    /// Inlet closed, outlet open: the muscle vents. Also the state of the valves without power.
     pub const VENT: Self = Self { inlet: Duty::ZERO, outlet: Duty::FULL };
     /// Both closed: the muscle holds its gas.
     pub const CLOSED: Self = Self { inlet: Duty::ZERO, outlet: Duty::ZERO };
@@ -218,7 +217,7 @@ impl Command {
         (self.inlet, self.outlet.complement())
     }
 
-    /// Whether the flows are not those of the command before: openings changed by more than a fifth.
+    /// Whether the flows differ from those of the command before: openings changed by more than a fifth.
     pub fn turns(self, before: Self) -> bool {
         let jumps = |a: Duty, b: Duty| a.0.abs_diff(b.0) > a.0.max(b.0) / 5;
         jumps(before.inlet, self.inlet) || jumps(before.outlet, self.outlet)
@@ -229,17 +228,17 @@ impl Command {
 macro_rules! fault_set {
     ($set:ty) => {
         impl $set {
-            /// These where a condition holds, otherwise none.
+            /// These faults if a condition holds, otherwise none.
             pub const fn when(self, condition: bool) -> Self {
                 if condition { self } else { Self::NONE }
             }
 
-            /// Both together.
+            /// Union of both sets.
             pub const fn with(self, other: Self) -> Self {
                 Self(self.0 | other.0)
             }
 
-            /// Their names, in the order of the bits.
+            /// Names of the faults, in the order of the bits.
             pub fn names(self) -> impl Iterator<Item = &'static str> {
                 let held = Self::NAMES.iter().filter(move |(fault, _)| self.intersects(*fault));
                 held.map(|(_, name)| *name)
@@ -252,7 +251,7 @@ macro_rules! fault_set {
         }
 
         impl core::fmt::Display for $set {
-            /// Their names, by commas.
+            /// Names of the faults, separated by commas.
             fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
                 for (i, name) in self.names().enumerate() {
                     write!(f, "{}{name}", if i > 0 { ", " } else { "" })?;
@@ -266,26 +265,24 @@ pub(crate) use fault_set;
 
 fault_set!(Faults);
 
-/// Faults, one bit each. [`crate::safety::supervisor`] lists what follows
-/// from each.
+/// Faults, one bit each. [`crate::safety::supervisor`] lists the consequence of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Faults(pub u32);
 
 impl Faults {
-    /// Nothing.
+    /// No fault.
     pub const NONE: Self = Self(0);
-    /// The emergency stop line is open or low.
+    /// The run line is open or low.
     pub const EMERGENCY_STOP: Self = Self(1 << 0);
-    /// The pressure code lies at a rail or stands still: sensor open, shorted, frozen or out of its
-    /// range; a digital part is silent.
+    /// The pressure code lies at a rail or is frozen: sensor open, shorted, frozen or out of its range; a digital part
+    /// is silent.
     pub const PRESSURE_SENSOR: Self = Self(1 << 1);
     /// Pressure above the configured limit.
     pub const OVERPRESSURE: Self = Self(1 << 2);
-    /// The gas sensor's code lies at a rail, or stands still; a digital sensor is silent or reports a failure.
+    /// The gas sensor's code lies at a rail or is frozen; a digital sensor is silent or reports a failure.
     pub const GAS_SENSOR: Self = Self(1 << 3);
-    /// The length code lies at a rail, stands still, moves as no muscle can, or is impossible for
-    /// the muscle.
+    /// The length code lies at a rail, is frozen, moves as no muscle can, or is impossible for the muscle.
     pub const LENGTH_SENSOR: Self = Self(1 << 4);
     /// The host has been silent for longer than `link.timeout_s`.
     pub const LINK_LOST: Self = Self(1 << 5);
@@ -293,34 +290,32 @@ impl Faults {
     pub const MISSED_STEPS: Self = Self(1 << 6);
     /// The core runs on defaults: the board has not been configured since it started.
     pub const NOT_CONFIGURED: Self = Self(1 << 7);
-    /// The host asks more than the board carries out.
+    /// The host sends more requests than the board carries out.
     pub const LINK_FLOODED: Self = Self(1 << 8);
 
-    /// Gas comes while both valves are shut, or as fast as the outlet lets it out: an inlet that leaks or
-    /// stands open, or a pressure sensor that drifts.
+    /// Gas comes in while both valves are shut, or as fast as the outlet releases it: an inlet that leaks or stands
+    /// open, or a pressure sensor that drifts.
     pub const GAS_GAINED: Self = Self(1 << 9);
     /// Gas is lost fast: a burst muscle, or an outlet that stands open.
     pub const BURST: Self = Self(1 << 10);
-    /// Gas is lost slowly, while both valves are shut or as fast as the inlet makes up for it: muscle,
-    /// fittings or outlet leak, or a pressure sensor drifts.
+    /// Gas is lost slowly, while both valves are shut or as fast as the inlet replaces it: muscle, fittings or outlet
+    /// leak, or a pressure sensor drifts.
     pub const LEAK: Self = Self(1 << 11);
-    /// The inlet is driven and the gas is not there: it is stuck shut, the supply is lost, or a hole takes
-    /// all of it.
+    /// The inlet is driven and no gas arrives: it is stuck shut, the supply is lost, or a hole takes all of the gas.
     pub const NO_INFLOW: Self = Self(1 << 12);
     /// The outlet is driven and the gas stays: it is stuck shut, or the inlet stands open.
     pub const NO_OUTFLOW: Self = Self(1 << 13);
-    /// Pressure and length stand for a force that cannot be the load's: one of the two has drifted.
+    /// Pressure and length imply a force that cannot be the load's: one of the two has drifted.
     pub const FORCE: Self = Self(1 << 14);
-    /// The gas sensor is a digital part and is lost: it is silent, reports a failure, or reads what lies
-    /// outside of its range.
+    /// The gas sensor is a digital part and is lost: it is silent, reports a failure, or reads outside its range.
     pub const GAS_LOST: Self = Self(1 << 15);
 
     /// A joint's angle is lost: [`JointFaults::ANGLE_SENSOR`](crate::joint::JointFaults::ANGLE_SENSOR). This fault and
-    /// the next two are in the first failure of a joint only, never in a step's telemetry.
+    /// the next two appear only in the first failure of a joint, never in a step's telemetry.
     pub const JOINT_ANGLE: Self = Self(1 << 16);
-    /// A joint's angle goes the wrong way: [`JointFaults::WRONG_WAY`](crate::joint::JointFaults::WRONG_WAY).
+    /// A joint's angle moves the wrong way: [`JointFaults::WRONG_WAY`](crate::joint::JointFaults::WRONG_WAY).
     pub const JOINT_WRONG_WAY: Self = Self(1 << 17);
-    /// A torque on a joint that nothing explains: [`JointFaults::TORQUE`](crate::joint::JointFaults::TORQUE).
+    /// An unexplained torque on a joint: [`JointFaults::TORQUE`](crate::joint::JointFaults::TORQUE).
     pub const JOINT_TORQUE: Self = Self(1 << 18);
 
     /// Every fault and its name, in the order of the bits.
@@ -351,13 +346,13 @@ impl Faults {
         Self(self.0 & other.0)
     }
 
-    /// These, less the ones in `other`.
+    /// These faults, without those in `other`.
     pub const fn without(self, other: Self) -> Self {
         Self(self.0 & !other.0)
     }
 }
 
-/// The gas temperature and what goes with it, as the core believes it.
+/// The gas temperature and the quantities estimated with it.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Estimate {
@@ -365,7 +360,7 @@ pub struct Estimate {
     pub gas_k: f32,
     /// Its standard deviation \[K\].
     pub gas_sd_k: f32,
-    /// Whether it is to be relied on: its deviation is within `estimator.valid_sd_k`, and no leak was found.
+    /// Whether the estimate is reliable: its deviation is within `estimator.valid_sd_k`, and no leak was found.
     pub valid: bool,
     /// Wall temperature \[K\].
     pub wall_k: f32,
@@ -393,11 +388,11 @@ pub enum Mode {
     MassFlow,
     /// The pressure loop acts.
     Pressure,
-    /// The pressure is where it should be.
+    /// The pressure is at its goal and the valves rest.
     PressureHeld,
     /// The contraction loop acts.
     Contraction,
-    /// The muscle is where it should be.
+    /// The muscle is at its goal and the valves rest.
     ContractionHeld,
 }
 
@@ -414,7 +409,7 @@ impl Mode {
         (Self::ContractionHeld, "contraction, held"),
     ];
 
-    /// Its name, as in the messages.
+    /// Name of the mode, as in messages.
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(mode, _)| *mode == self).map_or("", |(_, name)| name)
     }
@@ -443,7 +438,7 @@ pub enum SetPoint {
     MassFlowCycle {
         /// Flow in either direction, 0 to 1 \[kg/s\].
         flow_kg_s: f32,
-        /// Period, four PWM periods to a day \[s\].
+        /// Period, from four PWM periods to a day \[s\].
         period_s: f32,
     },
     /// An absolute pressure \[Pa\].
@@ -453,12 +448,12 @@ pub enum SetPoint {
     },
     /// A contraction, as a fraction of the rest length, negative beyond it \[-\].
     Contraction {
-        /// Contraction, within what the chamber can have \[-\].
+        /// Contraction, within the chamber's range \[-\].
         contraction: f32,
     },
 }
 
-/// Everything that one step leaves behind.
+/// Outputs of one step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Telemetry {
@@ -476,11 +471,11 @@ pub struct Telemetry {
     pub command: Command,
     /// Mode of the core.
     pub mode: Mode,
-    /// The set point asks for more than the core gives: it holds the pressure below its limit.
+    /// Whether the set point needs more than the core gives: it holds the pressure below its limit.
     pub limited: bool,
     /// The set point.
     pub set_point: SetPoint,
-    /// Faults that hold now or are latched.
+    /// Faults that are present or latched.
     pub faults: Faults,
 }
 
@@ -504,8 +499,8 @@ mod tests {
             prop_assert_eq!(duty.complement().complement(), duty);
         }
 
-        /// The timer gives what is asked for, to half a tick; a timer of fewer ticks than a duty
-        /// has parts may give all or none of them for a duty that is neither.
+        /// The timer gives the requested duty to half a tick; a timer with fewer ticks than a duty has parts may round
+        /// a duty to none or all of them.
         #[test]
         fn a_timer_gives_the_nearest_ticks(parts in any::<u16>(), period in 1_u16..) {
             let ticks = f64::from(Duty(parts).ticks(period));

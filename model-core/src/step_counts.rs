@@ -1,16 +1,15 @@
-//! Time in steps: the one place where seconds become steps.
+//! Time in steps: the only place where seconds become steps.
 
 use crate::math::limit;
 
 /// Parts of the covariance's work.
 const PARTS: u16 = 20;
-/// Steps of an interval of the covariance that are left to other work.
+/// Steps of an interval of the covariance that are reserved for other work.
 const BUSY_STEPS: u16 = 8;
 
-/// Counts that follow from the step's length. A figure in the core's documentation that is given in steps
-/// is the one at a step of a millisecond.
+/// Counts that follow from the step's length. Step counts in the core's documentation assume a step of a millisecond.
 ///
-/// Aligned to words: aligned to halves of them, its copies cost the RP2040 0.9 us a step.
+/// Aligned to words: with an alignment to half words, its copies cost the RP2040 0.9 us a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C, align(4))]
 pub struct StepCounts {
@@ -22,16 +21,16 @@ pub struct StepCounts {
     pub move_steps: u16,
     /// Parts of the covariance's work in a step.
     pub parts_per_step: u16,
-    /// Steps for which a fault of the pressure channel must last before the muscle is vented: 10 ms, and
-    /// three of them at least. One disturbed conversion is no fault.
+    /// Steps for which a fault of the pressure channel must last before the muscle is vented: 10 ms, and at least three
+    /// steps. One disturbed conversion is no fault.
     pub patience_steps: u16,
-    /// Steps after a start for which the muscle vents, whatever is asked, 50 ms: a line that is shorted,
-    /// beyond the limit or noisy shows by then.
+    /// Steps after a start for which the muscle vents, whatever is requested, 50 ms: a channel that is shorted, beyond
+    /// the limit or noisy shows by then.
     pub startup_steps: u16,
-    /// Steps after the valves have shut in which corrections of the energy still count as flow: 25 ms.
+    /// Steps after the valves have shut during which corrections of the energy still count as flow: 25 ms.
     pub late_steps: u16,
-    /// Steps over which the energy is averaged while both valves are shut: 0.1 s. Longer, and the errors
-    /// of the heat would show.
+    /// Steps over which the energy is averaged while both valves are shut: 0.1 s. With more, the errors of the heat
+    /// would show.
     pub shut_steps: u16,
     /// Intervals in a tenth of a second, ...
     pub tenth_intervals: u16,
@@ -44,7 +43,7 @@ pub struct StepCounts {
 }
 
 impl StepCounts {
-    /// Counts for the checked step of the core \[s\].
+    /// Computes the counts for the checked step of the core \[s\].
     ///
     /// ```
     /// use model_core::step_counts::StepCounts;
@@ -52,7 +51,7 @@ impl StepCounts {
     /// assert_eq!(StepCounts::new(0.001).update_steps, 40);
     /// ```
     pub fn new(step_s: f32) -> Self {
-        // Whole numbers: on a processor without floating point they take a tenth of the time.
+        // Integers: on a processor without floating point they take a tenth of the time.
         let step_ns = (step_s * 1.0e9 + 0.5) as u32;
         let steps = |time_ms: u32, least| count(1_000_000 * time_ms, step_ns, least);
         let interval_steps = steps(20, 10);
@@ -77,12 +76,12 @@ impl StepCounts {
     }
 }
 
-/// Steps in a time \[s\], to the nearest; one at least.
+/// Number of steps in a time \[s\], to the nearest; at least one.
 pub(crate) fn timeout_steps(timeout_s: f32, step_s: f32) -> u32 {
     limit(timeout_s / step_s + 0.5, 1.0, 1.0e9) as u32
 }
 
-/// How often `part` goes into `whole`, to the nearest whole number; at least that often.
+/// Number of times that `part` fits into `whole`, to the nearest; at least `least`.
 #[inline(never)] // Eleven times: inlined they are 600 bytes of the image.
 fn count(whole: u32, part: u32, least: u16) -> u16 {
     let nearest = (whole + part / 2).checked_div(part).unwrap_or(u32::MAX);
@@ -108,7 +107,7 @@ mod tests {
         assert_eq!(counts.ten_seconds_updates, 250);
     }
 
-    /// Whatever the step, a time stays what it is, to a step and to the least count.
+    /// For every step length a time stays the same, to a step and to the least count.
     #[test]
     fn other_steps_take_as_long() {
         for step_s in [1.0e-4_f32, 2.5e-4, 5.0e-4, 2.0e-3, 0.01, 0.1] {

@@ -1,6 +1,6 @@
-//! The estimate on a plant from the textbook, written for this test alone: a muscle whose gas is one body, whose wall
-//! is two, fed through isentropic nozzles that open gradually, moved against a dashpot, sensed through a
-//! converter without erratum and with uniform noise. the core has its defaults, whatever the plant has.
+//! The estimate on a textbook plant, written for this test alone: a muscle whose gas is one body, whose wall is two,
+//! fed through isentropic nozzles that open gradually, moved against a dashpot, sensed through a converter without
+//! erratum and with uniform noise. The core has its defaults, whatever the plant.
 
 use model_core::physics::hysteresis::Hysteresis;
 use model_core::{AdcCode, Config, Core, Sample, SetPoint};
@@ -13,7 +13,7 @@ const CP: f64 = K * CV;
 const AMBIENT_PA: f64 = 101_325.0;
 const AMBIENT_K: f64 = 298.0;
 const SUPPLY_PA: f64 = 7.0e5;
-/// Threads: length [m] and turns [-], so that V = L (b^2 - L^2)/(4 pi n^2).
+/// Length [m] and turns [-] of the threads, so that V = L (b^2 - L^2)/(4 pi n^2).
 const THREAD_M: f64 = 0.325_908_1;
 const TURNS: f64 = 2.026_714;
 const REST_M: f64 = 0.3;
@@ -22,31 +22,32 @@ const LOAD_N: f64 = 100.0;
 const BLADDER_N_M: f64 = 600.0;
 /// Viscous friction of the muscle [N s/m].
 const DASHPOT_N_S_M: f64 = 400.0;
-/// Coulomb friction [N], the speed at which it is all there [m/s], and the fraction of its heat that the braid gets [-].
+/// Coulomb friction [N], the speed from which it acts in full [m/s], and the fraction of its heat that goes to the
+/// braid [-].
 const FRICTION_N: f64 = 15.0;
 const SLIDING_M_S: f64 = 2.0e-3;
 const TO_BRAID: f64 = 0.9;
-/// Throats of inlet and outlet [m2], and how fast they open [s].
+/// Throats of inlet and outlet [m2], and their opening time [s].
 const INLET_M2: f64 = 2.6e-6;
 const OUTLET_M2: f64 = 1.7e-6;
 const OPENING_S: f64 = 0.002;
-/// Wall to ambient [W/(m2 K)].
+/// Heat transfer coefficient from wall to ambient [W/(m2 K)].
 const OUTER_W_M2_K: f64 = 8.0;
-/// Both layers of the wall [J/K], and between them [W/K].
+/// Heat capacity of both layers of the wall [J/K], and conductance between them [W/K].
 const WALL_J_K: f64 = 65.0;
 const BETWEEN_W_K: f64 = 4.0;
-/// Integration step, at most [s].
+/// Longest integration step [s].
 const SUBSTEP_S: f64 = 2.5e-4;
-/// Range of the gas sensor [K]: an element of half a second follows the gas out of the default one.
+/// Range of the gas sensor [K]: an element of half a second follows the gas beyond the default range.
 const RANGE_K: [f64; 2] = [230.0, 390.0];
-/// The errors count from here to the end [s].
+/// Start and end of the time in which errors count [s].
 const FROM_S: f64 = 10.0;
 const UNTIL_S: f64 = 90.0;
 
 /// Properties of the plant that differ from the configured ones.
 #[derive(Debug, Clone, Copy)]
 struct Plant {
-    /// Heat transfer, in those that the core is configured with [-].
+    /// Heat transfer, relative to the configured one [-].
     heat: f64,
     /// Lag of the sensor [s].
     lag_s: f64,
@@ -54,7 +55,7 @@ struct Plant {
     inner: f64,
     /// Period of the pressure's swing [s].
     period_s: f64,
-    /// It steps rather than swings.
+    /// Whether it steps rather than swings.
     steps: bool,
 }
 
@@ -71,7 +72,7 @@ fn volume_slope_m2(length_m: f64) -> f64 {
     (THREAD_M.powi(2) - 3.0 * length_m.powi(2)) / (4.0 * PI * TURNS.powi(2))
 }
 
-/// De Saint-Venant and Wantzel.
+/// Mass flow of de Saint-Venant and Wantzel.
 fn nozzle_kg_s(throat_m2: f64, upstream_pa: f64, upstream_k: f64, downstream_pa: f64) -> f64 {
     if downstream_pa >= upstream_pa {
         return 0.0;
@@ -129,7 +130,7 @@ impl Plant {
         ]
     }
 
-    /// Heun's method.
+    /// Advances by Heun's method.
     fn advance(&self, y: &mut State, wanted: [f64; 2], duration_s: f64) {
         let substeps = (duration_s / SUBSTEP_S).round().max(1.0);
         let h = duration_s / substeps;
@@ -156,7 +157,7 @@ impl Plant {
 struct Noise(u64);
 
 impl Noise {
-    /// Uniform, of that standard deviation.
+    /// Uniform, with this standard deviation.
     fn draw(&mut self, deviation: f64) -> f64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
@@ -174,7 +175,7 @@ impl Noise {
     }
 }
 
-/// Callendar and van Dusen's platinum above 0 degC, a part of a half bridge; below, its linear part is near enough.
+/// Callendar and van Dusen's platinum above 0 degC, in a half bridge; below, its linear part is accurate enough.
 fn bridge(temperature_k: f64) -> f64 {
     let celsius = temperature_k - 273.15;
     let fourth = if celsius < 0.0 { -4.183e-12 * (celsius - 100.0) * celsius.powi(3) } else { 0.0 };
@@ -228,8 +229,8 @@ fn run(plant: Plant) -> Worth {
         let sample = Sample::new(
             noise.code(0.1 + 0.8 * Plant::pressure_pa(&y) / 7.0e5, 0.8 * 150.0 / 7.0e5),
             noise.code(gas_share, 0.9 * 0.05 / (RANGE_K[1] - RANGE_K[0])),
-            // A code of noise, as converters have: with a fifth of it a muscle that sticks while gas flows gives the
-            // same code for 60 ms, which is a frozen sensor.
+            // A code's width of noise, as converters have: with a fifth of it, a muscle that sticks while gas flows
+            // gives the same code for 60 ms, which is a frozen sensor.
             noise.code(0.05 + 0.9 * y[2] / 0.4, 0.9 * 1.0e-4 / 0.4),
         );
         let telemetry = core.step(&sample);
@@ -260,8 +261,8 @@ fn strokes(plant: Plant) -> impl Iterator<Item = Plant> {
         .map(move |(period_s, steps)| Plant { period_s, steps, ..plant })
 }
 
-/// Every stroke of that plant: the error is at most `most_k` and that many errors of the bare sensor, and within two
-/// stated deviations for that share of the time.
+/// Every stroke of this plant: the error is at most `most_k` and `most_bare` times the error of the bare sensor, and
+/// within two stated deviations for at least `least_within` of the time.
 #[track_caller]
 fn assert_worth(plant: Plant, most_k: f64, most_bare: f64, least_within: f64) {
     let missed: Vec<String> = strokes(plant)
@@ -273,7 +274,7 @@ fn assert_worth(plant: Plant, most_k: f64, most_bare: f64, least_within: f64) {
                 plant.period_s, plant.lag_s, plant.heat
             );
             println!("{line}");
-            // Far better than it can be: a broken measurement.
+            // Better than is possible: a broken measurement.
             assert!(error_k > 0.01 && bare_k > 1.0, "{line}");
             let holds = error_k <= most_k && error_k <= most_bare * bare_k && within >= least_within;
             (!holds).then_some(line)
@@ -300,7 +301,7 @@ fn lag_off_by_three() {
     assert_worth(Plant { lag_s: 9.0, ..CONFIGURED }, 1.0, 0.15, 0.85);
 }
 
-/// And never worse than the bare sensor.
+/// And it is never worse than the bare sensor.
 #[test]
 fn lag_off_by_six() {
     assert_worth(Plant { lag_s: 0.5, ..CONFIGURED }, 1.1, 0.25, 0.85);

@@ -1,7 +1,7 @@
 //! Torque and stiffness of a pair of muscles, and the two pressures for them, in closed form.
 //!
-//! At a length L a muscle pulls F = P_g A - h, with A = -dV/dL (Chou and Hannaford 1994), and h what bladder,
-//! slip and creep hold back. Behind shut valves its gas is a spring: P V^k stays (eq. 6), so that
+//! At a length L a muscle pulls F = P_g A - h, with A = -dV/dL (Chou and Hannaford 1994), and h the force with which
+//! bladder, slip and creep hold back. Behind shut valves its gas is a spring: P V^k is constant (eq. 6), so
 //!
 //! ```text
 //! dF/dL  = k P A^2/V + P_g dA/dL + k_b                  P = P_g + P_amb
@@ -9,17 +9,16 @@
 //! K      = r^2 sum(P_g kappa + c)        kappa = k A^2/V + dA/dL,  c = k P_amb A^2/V + k_b
 //! ```
 //!
-//! A muscle whose radius s r varies with the angle q acts like another one on r ([`Line::new`]):
+//! A muscle whose radius s r varies with the angle q acts like another muscle on r ([`Line::new`]):
 //!
 //! ```text
 //! A -> s A    h -> s h    kappa -> s^2 kappa + t A    c -> s^2 c - t h    t = -s'/r (a), s'/r (b)
 //! K = sum(r_i^2 dF_i/dL) - r_a' F_a + r_b' F_b
 //! ```
 //!
-//! Both are linear in the two pressures, and their determinant r^3 (A_a kappa_b + A_b kappa_a) is positive, but for a
-//! radius that varies faster than gas is stiff.
-//! Where a pressure is at its limit, torque wins: the pressures move along the line of equal torque to the
-//! nearest stiffness that can be.
+//! Both are linear in the two pressures, and their determinant r^3 (A_a kappa_b + A_b kappa_a) is positive, except for
+//! a radius that varies faster than gas is stiff. If a pressure is at its limit, torque has priority: the pressures
+//! move along the line of equal torque to the nearest possible stiffness.
 
 use super::pulley::Lever;
 use crate::config::Config;
@@ -29,7 +28,7 @@ use crate::physics::chamber::Chamber;
 /// Smallest area that turns pressure into force \[m2\].
 const LEAST_M2: f32 = 1.0e-6;
 
-/// One muscle at a length: force and stiffness over its gauge pressure.
+/// One muscle at a length: its force and stiffness as functions of its gauge pressure.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Line {
     /// Volume \[m3\].
@@ -42,12 +41,13 @@ pub struct Line {
     pub stiffness_m: f32,
     /// ... and without pressure, c \[N/m\].
     pub stiffness_n_m: f32,
-    /// Share of both that is the gas's own, k A^2/V, per absolute pressure \[m\].
+    /// Share of both that belongs to the gas itself, k A^2/V, per absolute pressure \[m\].
     pub gas_m: f32,
 }
 
 impl Line {
-    /// A muscle at a length \[m\] whose slip and creep hold back that force \[N\], as it acts by its lever.
+    /// Describes a muscle at a length \[m\] whose slip and creep hold back `held_n` \[N\], as it acts through its
+    /// lever.
     pub fn new(
         config: &Config,
         chamber: &impl Chamber,
@@ -79,7 +79,7 @@ impl Line {
         line
     }
 
-    /// Force on the tendon \[N\], which does not push.
+    /// Force on the tendon \[N\], which cannot push.
     pub fn force_n(&self, gauge_pa: f32) -> f32 {
         limit(self.area_m2 * gauge_pa - self.held_n, 0.0, f32::MAX)
     }
@@ -89,12 +89,12 @@ impl Line {
         self.stiffness_m * gauge_pa + self.stiffness_n_m
     }
 
-    /// Stiffness at the same pressure, gauge and absolute \[N/m\].
+    /// Stiffness at constant pressure, for the gauge and absolute pressure \[N/m\].
     pub fn isobaric_n_m(&self, gauge_pa: f32, pressure_pa: f32) -> f32 {
         self.spring_n_m(gauge_pa) - self.gas_m * pressure_pa
     }
 
-    /// Least gauge pressure at which the tendon is taut \[Pa\].
+    /// Smallest gauge pressure at which the tendon is taut \[Pa\].
     fn taut_pa(&self) -> f32 {
         limit(self.held_n / self.area_m2, 0.0, f32::MAX)
     }
@@ -115,7 +115,7 @@ pub fn stiffness_n_m_rad(radius_m: f32, [a, b]: &[Line; 2], [gauge_a, gauge_b]: 
 pub struct Allocation {
     /// Gauge pressures of a and b \[Pa\].
     pub gauge_pa: [f32; 2],
-    /// Stiffness or torque had to give way to the limits of pressure.
+    /// Whether stiffness or torque had to yield to the limits of pressure.
     pub limited: bool,
 }
 
@@ -148,7 +148,7 @@ pub fn allocate(
     let determinant = a.area_m2 * b.stiffness_m + b.area_m2 * a.stiffness_m;
     let wanted_a = (b.stiffness_m * pull_n + b.area_m2 * spring_n_m) / determinant;
     let (least_a, least_b) = (a.taut_pa(), b.taut_pa());
-    // Pressures of a at which b is at its limits with that torque.
+    // Pressures of a at which b is at its limits with this torque.
     let at = |gauge_b: f32| (pull_n + b.area_m2 * gauge_b) / a.area_m2;
     let from = limit(at(least_b), least_a, f32::MAX);
     let to = limit(at(most_b), f32::MIN, most_a);
@@ -237,7 +237,7 @@ mod tests {
     }
 
     proptest! {
-        /// Within the limits both are met; beyond them torque is met while it can be, and it says so.
+        /// Within the limits both are met; beyond them torque is met as long as possible, and `limited` is set.
         #[test]
         fn torque_wins(
             angle in -0.7_f32..0.7, torque in -20.0_f32..20.0, stiffness in 0.0_f32..60.0,

@@ -5,10 +5,11 @@ use super::encoder::AnglePart;
 use crate::sample::AdcCode;
 use crate::sensing::adc::{Characteristic, Linearisation, Point};
 
-/// From code to angle: 5 to 95 % of the scale.
+/// Conversion from code to angle: 5 to 95 % of the scale.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct AngleLine {
-    /// Of a potentiometer: the converter's, and half the width of its widest codes \[rad\].
+    /// For a potentiometer: the converter's linearisation, and half the width of its widest codes
+    /// \[rad\].
     converter: Option<(Linearisation, f32)>,
     characteristic: Characteristic,
 }
@@ -32,7 +33,7 @@ impl AngleLine {
         }
     }
 
-    /// Angle, and half the width of its code where a healthy line may stand still in it \[rad\].
+    /// Angle, and half the width of its code if a healthy channel may stay in it \[rad\].
     pub(super) fn read(&self, code: AdcCode) -> (f32, f32) {
         match &self.converter {
             Some((linearisation, wide_rad)) => {
@@ -50,7 +51,7 @@ mod tests {
     use super::*;
     use core::f32::consts::TAU;
 
-    /// A code's angle is that of its reading, to 0.21 LSB of 1.5 mrad.
+    /// A code's angle equals that of its reading, to 0.21 LSB of 1.5 mrad.
     #[test]
     fn a_turn_begins_at_the_sensors_minimum() {
         let mut config = JointConfig { angle_part: AnglePart::As5600, ..JointConfig::default() };

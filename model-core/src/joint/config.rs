@@ -1,4 +1,4 @@
-//! Configuration of a joint, and what its values may be.
+//! Configuration of a joint, and the ranges of its values.
 
 use super::encoder::AnglePart;
 use super::pulley::{Lever, Shape};
@@ -7,25 +7,25 @@ use crate::parameter::{ConfigError, parameters, within};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use core::f32::consts::TAU;
 
-/// Length that a muscle keeps free towards either end of its lengths, share of the rest length \[-\].
+/// Distance that a muscle keeps from either end of its range of lengths, share of the rest length \[-\].
 const CLEARANCE: f32 = 0.001;
 
-/// Radii between the stops, in `joint.radius_m`, at least and at most \[-\].
+/// Smallest and largest radius between the stops, in `joint.radius_m` \[-\].
 const RADII: [f32; 2] = [0.05, 20.0];
-/// Intervals between the stops at whose ends radii and lengths are checked.
+/// Number of intervals between the stops at whose ends radii and lengths are checked.
 const INTERVALS: f32 = 16.0;
-/// Keys of the refusal of muscle a's radius, and of muscle b's.
+/// Keys under which a radius of muscle a or muscle b is refused.
 const RADIUS_KEYS: [&str; 2] = [
     "joint.radius_a_per_rad (radius between the stops, in joint.radius_m)",
     "joint.radius_b_share (radius between the stops, in joint.radius_m)",
 ];
 
-/// Angle from a stop to the jump of an AS5600's reading, at least: more than a stop gives way \[rad\].
+/// Smallest angle from a stop to the jump of an AS5600's reading: more than a stop gives way \[rad\].
 const CLEAR_RAD: f32 = 0.1;
 
 parameters! {
-    /// The mechanism. Muscle a shortens as the angle grows: L_a = mid_length_a_m - r q, L_b = mid_length_b_m + r q; of a
-    /// radius that varies, by its integral from angle 0 on: see [`pulley`](super::pulley).
+    /// The mechanism. Muscle a shortens as the angle grows: L_a = mid_length_a_m - r q, L_b = mid_length_b_m + r q; for
+    /// a varying radius, by its integral from angle 0: see [`pulley`](super::pulley).
     "joint": Mechanism {
         radius_m: 0.02, "m", 1.0e-3 to 10.0, "radius of the pulley; of one that varies, that of muscle a at angle 0";
         radius_a_per_rad: 0.0, "1/rad", -100.0 to 100.0, "how the radius of muscle a varies: share of radius_m per angle";
@@ -78,7 +78,7 @@ parameters! {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointConfig {
-    /// Muscles a and b. Their load is [`Load::Isometric`]: no force of its own, the mechanism sets the length.
+    /// Muscles a and b. Their load is [`Load::Isometric`]: it has no force of its own, the mechanism sets the length.
     pub muscles: [Config; 2],
     /// The mechanism.
     pub mechanism: Mechanism,
@@ -89,7 +89,7 @@ pub struct JointConfig {
 }
 
 impl Mechanism {
-    /// How the radii of muscles a and b vary.
+    /// Shapes of the radii of muscles a and b.
     pub fn shapes(&self) -> [Shape; 2] {
         let Self { radius_a_per_rad, radius_a_per_rad2, radius_a_per_rad3, .. } = *self;
         let Self { radius_b_share, radius_b_per_rad, radius_b_per_rad2, radius_b_per_rad3, .. } =
@@ -100,7 +100,7 @@ impl Mechanism {
         ]
     }
 
-    /// Whether both radii are `radius_m` at every angle.
+    /// Whether both radii equal `radius_m` at every angle.
     fn is_round(&self) -> bool {
         let varies = self.radius_a_per_rad.to_bits()
             | self.radius_a_per_rad2.to_bits()
@@ -122,7 +122,7 @@ impl Mechanism {
         [self.mid_length_a_m - self.radius_m * a_rad, self.mid_length_b_m + self.radius_m * b_rad]
     }
 
-    /// How each muscle acts at an angle: dearer than its length by two divisions.
+    /// Lever of each muscle at an angle: more expensive than its length by two divisions.
     #[inline(never)]
     pub fn levers(&self, angle_rad: f32) -> [Lever; 2] {
         if self.is_round() {
@@ -155,7 +155,7 @@ impl JointConfig {
         mechanism.check()?;
         tuning.check()?;
         for config in [a, b] {
-            // One load acts on both, which no single muscle has.
+            // One load acts on both muscles, which is the case for no single muscle.
             let is_held = matches!(config.load, Load::Isometric { .. });
             within(
                 "load.kind (1: isometric, as of both muscles of a joint)",
@@ -193,10 +193,10 @@ impl JointConfig {
         self.check_lengths(self.mechanism.lengths_m(angle_rad))
     }
 
-    /// Checks that both muscles can have the lengths that they have at a stop \[m\].
+    /// Checks that both muscles can have their lengths at a stop \[m\].
     ///
     /// # Errors
-    /// For the first one that cannot.
+    /// For the first muscle that cannot.
     #[cold]
     pub fn check_lengths(&self, [length_a_m, length_b_m]: [f32; 2]) -> Result<(), ConfigError> {
         let [a, b] = &self.muscles;
@@ -205,7 +205,7 @@ impl JointConfig {
         within_lengths("joint.mid_length_b_m (and the pulley's way to the stop)", b, length_b_m)
     }
 
-    /// Upper end of the angle sensor's range \[rad\]: of an AS5600 a turn above the lower one.
+    /// Upper end of the angle sensor's range \[rad\]; for an AS5600 a turn above the lower end.
     pub fn sensor_maximum_rad(&self) -> f32 {
         match self.angle_part {
             AnglePart::Potentiometer => self.mechanism.sensor_maximum_rad,
@@ -234,7 +234,7 @@ impl JointConfig {
     }
 }
 
-/// That a muscle can have this length \[m\].
+/// Checks that a muscle can have this length \[m\].
 fn within_lengths(field: &'static str, config: &Config, length_m: f32) -> Result<(), ConfigError> {
     let chamber = AnyChamber::new(&config.chamber);
     let clear_m = CLEARANCE * chamber.rest_length_m();
@@ -271,7 +271,7 @@ mod tests {
         assert!(field.starts_with("joint.mid_length_b_m"), "{field}");
         let field = with(|config| config.mechanism.radius_a_per_rad = 1.3);
         assert!(field.starts_with("joint.radius_a_per_rad (radius between the stops"), "{field}");
-        // Negative in the middle of the way only.
+        // Negative only in the middle of the way.
         let field = with(|config| {
             (config.mechanism.radius_b_share, config.mechanism.radius_b_per_rad2) = (0.04, 2.0);
         });
@@ -300,7 +300,7 @@ mod tests {
             let mechanism = &mut config.mechanism;
             (mechanism.minimum_rad, mechanism.maximum_rad) = (minimum_rad, maximum_rad);
             mechanism.sensor_minimum_rad = sensor_minimum_rad;
-            // Of a potentiometer only.
+            // Only for a potentiometer.
             mechanism.sensor_maximum_rad = 0.0;
             config.check_angle().map_err(|error| error.field).err()
         };

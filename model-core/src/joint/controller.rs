@@ -6,18 +6,19 @@
 //! dm     = (V dP/k + P dV)/(R T)  each muscle: eq. (6), adiabatic, towards pressure and volume of the reference
 //! ```
 //!
-//! q_r is the reference at the time at which the gas of the period has arrived: valve, hose and a pulse that waits for
-//! the next period make it late. The error e is measured now and predicted until then, and over the period after it, as
-//! a [`swing`](super::swing) on the gas that there is: its torque acts that much later, and would drive the swing of a
-//! small arm. Both terms together are no more than the open valves give in half a radian of it: what they cannot follow
-//! comes late too.
+//! q_r is the reference at the time when the gas of the period has arrived: valve, hose and a pulse that waits for the
+//! next period delay it. The error e is measured now and predicted for that time, and over the period after it, as a
+//! [`swing`](super::swing) on the present gas: its torque acts with that delay, and would otherwise drive the swing of
+//! a small arm. Both terms together are limited to the torque that the open valves give in half a radian of the swing:
+//! what they cannot follow also comes late.
 //!
-//! As for a single muscle the loops close on gas mass: at held masses the pair is a spring of the wanted stiffness
+//! As for a single muscle the loops close on gas mass: at held masses the pair is a spring of the requested stiffness
 //! about the reference, without any delay. At rest all four valves are shut, by one decision for both muscles.
 //!
-//! Creep goes on there for minutes, and the gas takes the temperature of its wall: both are known, and so is the way
-//! that they will turn the joint. The loop leads it to where the set point is in the middle of that way. The integral
-//! is of the error at rest, which friction holds; in motion the observer has what nothing explains.
+//! At rest creep continues for minutes, and the gas takes the temperature of its wall. Both are known, and so is the
+//! way by which they will turn the joint. The loop leads the joint so that the set point lies in the middle of that
+//! way. The integral acts on the error at rest, which friction holds; in motion the observer covers the unexplained
+//! torque.
 
 use super::allocation::{Allocation, Line, allocate, stiffness_n_m_rad, torque_n_m};
 use super::config::{JointConfig, JointTuning, Mechanism};
@@ -38,25 +39,25 @@ use crate::sample::{Command, Duty};
 
 /// Periods within the dead zones before the valves rest.
 const CALM_PERIODS: u8 = 5;
-/// The dead zones are left at this multiple of their width \[-\].
+/// Multiple of their width at which the dead zones are left \[-\].
 const HYSTERESIS: f32 = 1.5;
-/// How far a small pulse looks ahead of its period, in periods \[-\].
+/// Periods by which a small pulse looks ahead of its own \[-\].
 const AHEAD: f32 = 0.5;
-/// Share of an open period's gas up to which two periods' fit into one \[-\].
+/// Share of an open period's gas up to which the gas of two periods fits into one \[-\].
 const FITS: f32 = 0.5;
-/// Share of the supply's pressure to which a muscle is filled: there a fifth of the valve's full flow is left \[-\].
+/// Share of the supply's pressure to which a muscle is filled: there 20 % of the valve's full flow is left \[-\].
 const FILLED: f32 = 0.98;
-/// Dry friction of a bearing builds up over this way: assumed \[rad\].
+/// Way over which dry friction of a bearing builds up: assumed \[rad\].
 const BEARING_RAD: f32 = 0.005;
-/// Part of a swing in which the open valves have to give the torque that answers it: assumed \[rad\].
+/// Part of a swing within which the open valves must give the torque that answers it: assumed \[rad\].
 const FOLLOWS_RAD: f32 = 0.5;
-/// Fastest that the integral closes an error, by the spring of gas and gain: faster, it drives a swing (assumption)
-/// \[1/s\].
+/// Fastest rate at which the integral closes an error, by the spring of gas and gain: a faster one drives a swing
+/// (assumption) \[1/s\].
 const LEARNS_PER_S: f32 = 6.5;
 /// Way about the reference over which slip and creep are a spring, before the braid slides: assumed \[rad\].
 const SPRINGS_RAD: f32 = 0.1;
 
-/// One muscle as the joint's controller has it.
+/// One muscle in the joint's controller.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Side {
     drive: FlowDrive,
@@ -64,15 +65,15 @@ struct Side {
     law: Law,
     /// Slip and creep along the reference.
     held: Held,
-    /// Pressure \[Pa\] and volume \[m3\] for which the gas has been given.
+    /// Pressure \[Pa\] and volume \[m3\] for which gas has been moved so far.
     given_pa: f32,
     given_m3: f32,
     /// Pressure and volume of the reference at the end of the period before.
     reference_pa: f32,
     reference_m3: f32,
-    /// The last period had a pulse.
+    /// Whether the last period had a pulse.
     pulsed: bool,
-    /// Pressure that the open valve gives in a period, the way of the last one \[Pa\].
+    /// Pressure change of a period with an open valve, in the direction of the last one \[Pa\].
     open_pa: f32,
 }
 
@@ -95,15 +96,15 @@ impl Side {
         }
     }
 
-    /// Gas has been given for this pressure \[Pa\] and volume \[m3\].
+    /// Starts from gas moved for this pressure \[Pa\] and volume \[m3\].
     fn start(&mut self, pressure_pa: f32, volume_m3: f32) {
         (self.given_pa, self.given_m3) = (pressure_pa, volume_m3);
         (self.reference_pa, self.reference_m3) = (pressure_pa, volume_m3);
         self.pulsed = false;
     }
 
-    /// Openings of a period that leads to this pressure \[Pa\] and volume \[m3\]. A share `closes` of what the gas lacks
-    /// of what was given is made up for.
+    /// Openings of a period that leads to this pressure \[Pa\] and volume \[m3\]. The share `closes` of the gas missing
+    /// from earlier periods is added.
     fn period(
         &mut self,
         muscle: &Measured<'_>,
@@ -129,7 +130,7 @@ impl Side {
         let open = OpenFlow::new(config, first_kg, feedback.muscle());
         let open_kg = port.period_s * open.kg_s;
         self.open_pa = open_kg / per_pa_kg;
-        // Two periods' gas fits into one.
+        // The gas of two periods fits into one.
         let fits = size_kg < FITS * open_kg;
         let waits = self.pulsed && fits && size_kg < waits_kg;
         if waits || size_kg < quiet_pa * per_pa_kg {
@@ -137,7 +138,8 @@ impl Side {
             return self.drive.closed();
         }
         self.pulsed = true;
-        // A small pulse is for the period after it too, in its mean; one that nearly fills its period lasts.
+        // A small pulse serves the period after it too, in its mean; one that nearly fills its period is extended to
+        // all of it.
         let ahead = if fits && size_kg < 2.0 * waits_kg { AHEAD } else { 0.0 };
         let (to_pa, to_m3) = (next_pa + ahead * way_pa, next_m3 + ahead * way_m3);
         let mut asked_kg = asked_kg(to_pa, to_m3);
@@ -163,7 +165,7 @@ pub struct Measured<'a> {
     pub chamber: &'a AnyChamber,
     /// Pressure, length and estimate.
     pub feedback: Feedback,
-    /// Highest absolute pressure that it may be given \[Pa\].
+    /// Highest permitted absolute pressure \[Pa\].
     pub most_pa: f32,
 }
 
@@ -180,29 +182,29 @@ pub struct JointController {
     tuning: JointTuning,
     period_s: f32,
     sides: [Side; 2],
-    /// The muscles at their lengths in the last step of a period, and how they act there.
+    /// The muscles at their lengths in the last step of a period, and their levers there.
     lines: [Line; 2],
     levers: [Lever; 2],
-    /// Angle at which they were measured \[rad\], and torque per way from there at the same pressures \[N m/rad\].
+    /// Angle of that measurement \[rad\], and torque per way from there at constant pressures \[N m/rad\].
     measured_rad: f32,
     isobaric_n_m_rad: f32,
     /// Spring of slip and creep while nothing slides \[N m/rad\].
     hysteresis_n_m_rad: f32,
-    /// Torque of the muscles, by these and the pressures of the step \[N m\].
+    /// Torque of the muscles, from these and the pressures of the step \[N m\].
     torque_n_m: f32,
     gravity: Gravity,
-    /// Gravity has been worked out in this period.
+    /// Whether gravity has been computed in this period.
     weighed: bool,
-    /// The reference has arrived at a set point at rest.
+    /// Whether the reference has arrived at a set point at rest.
     arrived: bool,
-    /// Way that is still to come then \[rad\].
+    /// Way that the joint will still turn then \[rad\].
     to_come_rad: f32,
     friction: Friction,
     reference: Reference,
-    /// Angles of a host that gives no derivatives.
+    /// Angles from a host that sends no derivatives.
     pace: Pace,
     course: Course,
-    /// Angle of the reference that the pressures were for \[rad\].
+    /// Angle of the reference for which the pressures were set \[rad\].
     led_rad: f32,
     /// Friction along the reference \[N m\].
     friction_n_m: f32,
@@ -216,7 +218,7 @@ pub struct JointController {
 }
 
 impl JointController {
-    /// At rest at angle 0.
+    /// A controller at rest at angle 0.
     pub fn new(config: &JointConfig) -> Self {
         let JointConfig { muscles, mechanism, tuning, .. } = config;
         let [a, _] = muscles;
@@ -252,7 +254,7 @@ impl JointController {
         }
     }
 
-    /// Angle that the joint is to have at the end of the period under way \[rad\].
+    /// Angle of the reference at the end of the period under way \[rad\].
     pub fn reference_rad(&self) -> f32 {
         self.reference.motion.angle_rad
     }
@@ -267,28 +269,28 @@ impl JointController {
         self.observer.disturbance_n_m
     }
 
-    /// Dry friction that the joint may have \[N m\].
+    /// Largest dry friction of the joint \[N m\].
     pub fn coulomb_n_m(&self) -> f32 {
         self.friction.coulomb_n_m
     }
 
-    /// Whether the set point asks for more than the pressures give.
+    /// Whether the set point needs more than the pressures give.
     pub fn limited(&self) -> bool {
         self.limited
     }
 
-    /// Whether the joint is where it should be and the valves rest.
+    /// Whether the joint is at its goal and the valves rest.
     pub fn holding(&self) -> bool {
         self.holding
     }
 
-    /// Ways of the muscles over a small one of the joint \[m\].
+    /// Ways of the muscles for a small way of the joint \[m\].
     pub fn ways_m(&self, way_rad: f32) -> [f32; 2] {
         let way_m = self.radius_m * way_rad;
         self.levers.map(|lever| lever.scaled(way_m))
     }
 
-    /// Takes the gauge pressures of a step: those of the torque.
+    /// Updates the torque from the gauge pressures of a step.
     pub fn press(&mut self, gauge_pa: [f32; 2], angle_rad: f32) {
         let way_rad = angle_rad - self.measured_rad;
         self.torque_n_m =
@@ -305,20 +307,20 @@ impl JointController {
         stiffness_n_m_rad(self.radius_m, &self.lines, gauge_pa)
     }
 
-    /// One step of the observer; returns the torque of muscles and gravity \[N m\].
+    /// Runs one step of the observer; returns the torque of muscles and gravity \[N m\].
     pub fn observe(&mut self, mechanism: &Mechanism, angle_rad: f32) -> f32 {
         let torque_n_m = self.torque_n_m + self.gravity.torque_n_m(mechanism, angle_rad);
-        // The lines have slip and creep of the reference: about it an arm that swings has them as a spring.
+        // The lines contain slip and creep of the reference: about it they act on a swinging arm as a spring.
         let way_rad = limit(angle_rad - self.led_rad, -SPRINGS_RAD, SPRINGS_RAD);
         let net_n_m = torque_n_m - self.hysteresis_n_m_rad * way_rad;
         self.observer.step(angle_rad, net_n_m, &self.friction);
         torque_n_m
     }
 
-    /// Starts from what is measured: nothing jumps.
+    /// Starts from the measured values: nothing jumps.
     pub fn restart(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
         let [line_a, _] = &self.lines;
-        // There was no step before.
+        // There was no step before this one.
         if line_a.volume_m3.to_bits() == 0 {
             self.measure(mechanism, angle_rad, muscles);
         }
@@ -355,7 +357,7 @@ impl JointController {
         [a.drive.direct(Command::CLOSED), b.drive.direct(Command::CLOSED)]
     }
 
-    /// Works gravity out, and the way that is still to come at rest, once in a period.
+    /// Computes gravity, and the way still to come at rest, once per period.
     pub fn weigh(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
         if !self.weighed {
             self.gravity = Gravity::about(mechanism, angle_rad);
@@ -366,8 +368,8 @@ impl JointController {
         }
     }
 
-    /// Way of the joint behind shut valves until creep has ended and the gas is as warm as its wall, on the spring that
-    /// dry friction is before it slides; no more than a joint that rests may go \[rad\].
+    /// Way of the joint behind shut valves until creep has ended and the gas has the temperature of its wall, against
+    /// the spring of dry friction before it slides; limited to the way permitted at rest \[rad\].
     fn way_to_come_rad(&self, muscles: &[Measured<'_>; 2]) -> f32 {
         let mut torque_n_m = 0.0;
         let spring_n_m_rad = self.friction.presliding_n_m_rad
@@ -378,7 +380,7 @@ impl JointController {
             let Held { fast_n, slow_n, .. } = side.held;
             let Feedback { pressure_pa, estimate, .. } = muscle.feedback;
             let warms_pa = pressure_pa * (estimate.wall_k / estimate.gas_k - 1.0);
-            // The line's area has its lever already.
+            // The line's area already includes its lever.
             let gains_n = lever.scaled(fast_n + slow_n) + line.area_m2 * warms_pa;
             torque_n_m += sign * self.radius_m * gains_n;
         }
@@ -386,7 +388,7 @@ impl JointController {
         limit(torque_n_m / spring_n_m_rad, -most_rad, most_rad)
     }
 
-    /// The muscles at their lengths, and the friction of all that moves.
+    /// Measures the muscles at their lengths, and the friction of all moving parts.
     pub fn measure(&mut self, mechanism: &Mechanism, angle_rad: f32, muscles: &[Measured<'_>; 2]) {
         self.levers = mechanism.levers(angle_rad);
         self.weighed = false;
@@ -422,7 +424,7 @@ impl JointController {
         self.press(muscles.map(|muscle| muscle.gauge_pa()), angle_rad);
     }
 
-    /// The openings of a period, at its start; [`measure`](Self::measure) has been called in the step before, or
+    /// The openings of a period, at its start; [`measure`](Self::measure) was called in the step before, or
     /// [`restart`](Self::restart).
     pub fn period(
         &mut self,
@@ -431,7 +433,7 @@ impl JointController {
         angle_rad: f32,
         muscles: &[Measured<'_>; 2],
     ) -> [Command; 2] {
-        // No more than what the supply fills within periods.
+        // At most the pressure that the supply fills within periods.
         let most_pa = muscles.map(|Measured { config, most_pa, .. }| {
             limit(FILLED * config.supply.pressure_pa, 0.0, most_pa) - config.ambient.pressure_pa
         });
@@ -472,12 +474,12 @@ impl JointController {
         }
     }
 
-    /// The next angle without derivatives is none of a motion.
+    /// Starts the course again: the next angle without derivatives does not continue a motion.
     pub fn leave_course(&mut self, angle_rad: f32) {
         self.course = Course::at(angle_rad, &self.pace);
     }
 
-    /// An angle that was given without derivatives so many steps ago, with those of the values before it.
+    /// Motion of an angle that came without derivatives `age_steps` ago, derived from it and the values before it.
     pub fn course(&mut self, mechanism: &Mechanism, given: Motion, age_steps: u32) -> Motion {
         let age_steps = u16::try_from(age_steps).unwrap_or(u16::MAX);
         let fastest_rad = self.tuning.reference_speed_rad_s * self.period_s;
@@ -496,13 +498,13 @@ impl JointController {
         }
     }
 
-    /// The reference rests at that angle.
+    /// Sets the reference at rest at this angle.
     fn stand(&mut self, angle_rad: f32, stiffness_n_m_rad: f32) {
         self.reference = Reference::still(angle_rad, stiffness_n_m_rad);
         self.led_rad = angle_rad;
     }
 
-    /// Without a reference of its own, the measured angle is one.
+    /// Takes the measured angle as the reference if there is none.
     fn follow_measured(&mut self, angle_rad: f32) {
         let way_rad = angle_rad - self.led_rad;
         let levers = self.levers;
@@ -514,17 +516,17 @@ impl JointController {
         self.integral_n_m = 0.0;
     }
 
-    /// Slip and creep over a way of the reference \[rad\].
+    /// Updates slip and creep over a way of the reference \[rad\].
     fn creep(&mut self, way_rad: f32, [of_a, of_b]: &[Lever; 2]) {
         let way_m = self.radius_m * way_rad;
         let [a, b] = &mut self.sides;
-        // Muscle a contracts as the angle grows. Slip at 4 bar, which is the configured one.
+        // Muscle a contracts as the angle grows. Slip at 4 bar is the configured one.
         for (side, way_m) in [(a, of_a.scaled(way_m)), (b, -of_b.scaled(way_m))] {
             side.held = side.law.after(&side.held, way_m, 4.0e5, 1.0);
         }
     }
 
-    /// Angle and stiffness.
+    /// Controls angle and stiffness.
     fn angle(
         &mut self,
         mechanism: &Mechanism,
@@ -545,12 +547,12 @@ impl JointController {
             return [a.drive.closed(), b.drive.closed()];
         }
         if self.arrived {
-            // With the set point in the middle of the way that is still to come.
+            // The set point lies in the middle of the way still to come.
             error_rad -= 0.5 * self.to_come_rad;
             self.learn(error_rad, stiffness_n_m_rad);
         }
         let error = [error_rad, self.reference.motion.speed_rad_s - self.observer.speed_rad_s];
-        // A valve that is fully open is late, and the other muscle's would turn the arm meanwhile.
+        // A fully open valve is late, and the other muscle's would turn the arm meanwhile.
         let stiffens = !self.saturated();
         let Self { reference, tuning, period_s, .. } = self;
         reference.advance(mechanism, tuning, wanted, *period_s, stiffens);
@@ -586,7 +588,8 @@ impl JointController {
         self.give(&lines, allocate(self.radius_m, &lines, asked, most_pa), muscles)
     }
 
-    /// Torque that answers an error \[rad\] and its rate \[rad/s\] when it acts, up to what the open valves follow \[N m\].
+    /// Torque that answers an error \[rad\] and its rate \[rad/s\] when it acts, limited to what the open valves can
+    /// follow \[N m\].
     fn answer_n_m(
         &self,
         inertia_kg_m2: f32,
@@ -609,8 +612,8 @@ impl JointController {
         limit(asked_n_m, -most_n_m, most_n_m)
     }
 
-    /// Whether the reference has arrived. What friction held at one rest is no torque of a motion: the integral begins
-    /// again at the next one.
+    /// Checks whether the reference has arrived. Torque that friction held at one rest does not belong to a motion: the
+    /// integral starts again at the next rest.
     fn arrive(&mut self, wanted: &Motion) {
         let arrived = self.reference.arrives_at(wanted, self.tuning.dead_zone_rad);
         if !arrived {
@@ -630,8 +633,8 @@ impl JointController {
     ) -> bool {
         let zone_rad = self.tuning.dead_zone_rad;
         let width = if self.holding { HYSTERESIS } else { 1.0 };
-        // A rest begins where half of the way to come leads to the middle of the zone, up to half of the zone: near an end,
-        // noise or a swing would soon end it. Pulses that turn the arm to and fro are no reason for more of them.
+        // A rest begins if half of the way to come leads to the middle of the zone, up to half of the zone: near an
+        // end, noise or a swing would soon end it. Pulses that turn the arm to and fro are no reason for more pulses.
         let mean_rad = 0.5 * (error_rad + core::mem::replace(&mut self.before_rad, error_rad));
         let off_rad = absolute(mean_rad - 0.5 * self.to_come_rad);
         let ends = self.holding || off_rad <= 0.5 * zone_rad;
@@ -649,7 +652,7 @@ impl JointController {
         rests
     }
 
-    /// Whether the stiffness is within its dead zone, of that width, about the one that is wanted \[N m/rad\].
+    /// Whether the stiffness is within its dead zone of this width about the requested stiffness \[N m/rad\].
     fn is_as_stiff(
         &self,
         wanted_n_m_rad: f32,
@@ -659,7 +662,8 @@ impl JointController {
     ) -> bool {
         let mut stiffest = wanted_n_m_rad;
         if self.limited {
-            // A stiffness that no pressure gives is not waited for. The last period's torque may have been a motion's.
+            // A stiffness that no pressure gives is not waited for. The last period's torque may have belonged to a
+            // motion.
             let asked = [self.torque_n_m, wanted_n_m_rad];
             let given = allocate(self.radius_m, &self.lines, asked, most_pa);
             stiffest = self.stiffness_n_m_rad(given.gauge_pa);
@@ -668,21 +672,22 @@ impl JointController {
         off <= width * self.tuning.dead_zone_stiffness * wanted_n_m_rad
     }
 
-    /// Whether a valve could not pass what was asked of it in the last period.
+    /// Whether a valve could not pass the requested mass in the last period.
     fn saturated(&self) -> bool {
         self.sides.iter().any(|side| side.drive.saturated())
     }
 
-    /// Whether dry friction stops the arm within the dead zone. A load that pushes it out of there is fast by then.
+    /// Whether dry friction stops the arm within the dead zone. A load that pushes the arm out of it has made it fast
+    /// by then.
     fn sticks(&self, inertia_kg_m2: f32) -> bool {
         let speed_rad_s = self.observer.speed_rad_s;
         let energy_j = 0.5 * inertia_kg_m2 * speed_rad_s * speed_rad_s;
         energy_j < self.friction.coulomb_n_m * self.tuning.dead_zone_rad
     }
 
-    /// A correction begins with the torque that the arm rests by, given what is led \[N m\], and with the gas that is
-    /// there. Friction held what gas and creep have changed since, which the observer has as a disturbance and the
-    /// friction along the reference has too: both together, in one pulse, would throw the arm.
+    /// A correction begins with the torque at which the arm rests, less the led torque \[N m\], and with the present
+    /// gas. Friction held the changes of gas and creep since then, which the observer has as a disturbance and the
+    /// friction along the reference includes too: both together, in one pulse, would throw the arm.
     #[cold]
     fn leave_rest(&mut self, led_n_m: f32, muscles: &[Measured<'_>; 2]) {
         self.integrate(self.torque_n_m - led_n_m);
@@ -691,7 +696,7 @@ impl JointController {
         }
     }
 
-    /// One period of the integral.
+    /// Runs one period of the integral.
     fn learn(&mut self, error_rad: f32, stiffness_n_m_rad: f32) {
         if !self.saturated() {
             let JointTuning { integral_n_m_rad_s, gain_n_m_rad, .. } = self.tuning;
@@ -703,7 +708,7 @@ impl JointController {
     }
 
     /// Takes a torque as the integral, up to its limit. An arm that friction holds beyond its goal turns back once the
-    /// friction along the reference is undone and overcome the other way.
+    /// friction along the reference is released and overcome in the other direction.
     fn integrate(&mut self, torque_n_m: f32) {
         let most_n_m = self.tuning.integral_limit_n_m + 2.0 * self.friction.coulomb_n_m;
         self.integral_n_m = limit(torque_n_m, -most_n_m, most_n_m);

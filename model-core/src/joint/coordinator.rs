@@ -1,4 +1,4 @@
-//! All of a joint but its muscles: one angle, one controller, and one decision to drive both or to vent both.
+//! All of a joint except its muscles: one angle, one controller, and one decision to drive both or to vent both.
 
 use super::angle::AngleLine;
 use super::controller::{JointController, Measured};
@@ -12,25 +12,25 @@ use crate::sample::{Command, Faults, Mode, Sample, Telemetry};
 use crate::step::{Core, Judged};
 use crate::step_counts::timeout_steps;
 
-/// Muscles a and b, which are kept elsewhere.
+/// Muscles a and b, which are stored elsewhere.
 type Muscles<'a> = [&'a mut Core; 2];
 
-/// Muscles a and b, to be read only.
+/// Muscles a and b, read only.
 fn shared<'a>([a, b]: &'a Muscles) -> [&'a Core; 2] {
     [a, b]
 }
 
-/// Faults that vent each muscle.
+/// Venting faults of each muscle.
 pub(super) fn venting([a, b]: [&Core; 2]) -> [Faults; 2] {
     [a.supervisor().venting(), b.supervisor().venting()]
 }
 
-/// Whether somebody has configured them.
+/// Whether both muscles have a configuration that was set.
 pub(super) fn is_configured(muscles: [&Core; 2]) -> bool {
     !venting(muscles).iter().any(|faults| faults.intersects(Faults::NOT_CONFIGURED))
 }
 
-/// Highest absolute pressure that either muscle may be given \[Pa\]; `None`: one of them is not armed.
+/// Highest absolute pressure permitted in either muscle \[Pa\]; `None` if one of them is not armed.
 pub(super) fn armed_pa([a, b]: [&Core; 2]) -> Option<f32> {
     a.armed_pa().zip(b.armed_pa()).map(|(a, b)| if a < b { a } else { b })
 }
@@ -45,24 +45,24 @@ pub(super) struct Coordinator {
     controller: JointController,
     guard: Guard,
     pub(super) set_point: JointSetPoint,
-    /// Steps since it was given.
+    /// Steps since the set point came.
     set_steps: u32,
     /// The openings of the PWM period under way.
     commands: [Command; 2],
-    /// The controller has started from what was measured.
+    /// Whether the controller has started from the measured values.
     started: bool,
-    /// Its gas while it is locked.
+    /// Gas of the joint while it is locked.
     lock: Option<LockWatch>,
-    /// Absolute pressures of both muscles above which it vents, as it was armed for its set point \[Pa\].
+    /// Absolute pressures of both muscles above which the joint vents, as armed for its set point \[Pa\].
     limits_pa: [f32; 2],
-    /// Faults that hold now, and those that are latched.
+    /// Faults that are present, and those that are latched.
     pub(super) present: JointFaults,
     pub(super) latched: JointFaults,
     pub(super) first: Option<FirstFailure>,
 }
 
 impl Coordinator {
-    /// With a configuration that holds.
+    /// Creates the coordinator from a checked configuration.
     #[cold]
     pub(super) fn new(config: &JointConfig) -> Self {
         Self {
@@ -81,13 +81,13 @@ impl Coordinator {
         }
     }
 
-    /// Becomes [`new`](Self::new). Not inlined: the stack holds muscles or this, one after the other.
+    /// Replaces this by [`new`](Self::new). Not inlined: the stack holds muscles or this, one after the other.
     #[inline(never)]
     pub(super) fn become_new(&mut self, config: &JointConfig) {
         *self = Self::new(config);
     }
 
-    /// Becomes `other` with the faults of its own, and where the muscles were armed with the other's set point.
+    /// Becomes `other` but keeps its own faults, and takes the other's set point if the muscles were armed.
     pub(super) fn restart_as(&mut self, muscles: [&Core; 2], other: &Self, armed: bool) {
         self.line = other.line;
         self.controller = other.controller;
@@ -99,23 +99,23 @@ impl Coordinator {
         self.started = false;
     }
 
-    /// Takes a set point for muscles that are armed.
+    /// Sets a set point for muscles that are armed.
     pub(super) fn set(&mut self, muscles: [&Core; 2], set_point: JointSetPoint) {
         let kind = core::mem::discriminant::<JointSetPoint>;
-        // The guard of a joint that was driven goes on while it is locked.
+        // The guard of a joint that was driven continues while it is locked.
         if kind(&set_point) != kind(&self.set_point) && set_point != JointSetPoint::Lock {
             self.started = false;
         }
         self.note_limits(muscles);
-        // Given once more, it is as old as it was: a trace only has those that differ.
+        // A repeated set point keeps its age: a trace only contains changes.
         if set_point != self.set_point {
             self.set_steps = 0;
         }
         self.set_point = set_point;
     }
 
-    /// Keeps the limits of a set point: a fault disarms the muscles, and their supervisors then only have the
-    /// configuration's.
+    /// Keeps the limits of a set point: a fault disarms the muscles, and their supervisors are then left with the
+    /// configured limits.
     fn note_limits(&mut self, [a, b]: [&Core; 2]) {
         self.limits_pa = [a.supervisor().limit_pa(), b.supervisor().limit_pa()];
     }
@@ -139,13 +139,13 @@ impl Coordinator {
         b.vent();
     }
 
-    /// Vents both, and takes no set point until they are armed.
+    /// Vents both muscles, and accepts no set point until they are armed.
     pub(super) fn disarm(&mut self, muscles: &mut Muscles) {
         self.vent(muscles);
         muscles.iter_mut().for_each(|muscle| muscle.disarm());
     }
 
-    /// One step. During the startup check the joint vents, and neither estimates nor counts steps.
+    /// Runs one step. During the startup check the joint vents, and neither estimates nor counts steps.
     pub(super) fn step(
         &mut self,
         mechanism: &Mechanism,
@@ -164,7 +164,7 @@ impl Coordinator {
             b.begin(sample_b, Some((length_b_m, wide_b_m))),
         ];
         let [judged_a, judged_b] = &judged;
-        // Their own openings are not used; their periods go on as the hardware's do.
+        // The muscles' own openings are not used; their periods continue like the hardware's.
         a.openings(sample_a, judged_a);
         b.openings(sample_b, judged_b);
         let pressure_pa = [a.measured(judged_a), b.measured(judged_b)].map(|one| one.pressure_pa);
@@ -196,7 +196,7 @@ impl Coordinator {
         self.finish(muscles, angle_rad, gauge_pa, &samples, &judged)
     }
 
-    /// Whether what fails leaves the pressures of a driven joint trusted and below their limits, so that shut valves
+    /// Whether the faults leave the pressures of a driven joint trusted and below their limits, so that shut valves
     /// hold it more safely than open ones.
     #[cold]
     fn may_lock(&self, mechanism: &Mechanism, muscles: [&Core; 2], pressure_pa: [f32; 2]) -> bool {
@@ -206,7 +206,7 @@ impl Coordinator {
         let trusted = muscles.iter().all(|muscle| muscle.supervisor().pressure_trusted());
         let below = pressure_pa.iter().zip(self.limits_pa).all(|(pa, limit_pa)| *pa < limit_pa);
         let wanted = mechanism.lock_s > 0.0 && self.set_point != JointSetPoint::Vent;
-        // Valves that vent until a set point's first period go on venting.
+        // Valves that vent until a set point's first period continue to vent.
         let driven = self.started || self.commands != [Command::VENT; 2];
         wanted && driven && harmless && trusted && below
     }
@@ -244,13 +244,13 @@ impl Coordinator {
     ) -> FirstFailure {
         let [judged_a, judged_b] = judged;
         let faults = judged_a.faults().with(judged_b.faults()).with(self.latched.of_failure());
-        // Of the pair, the one that has the fault.
+        // Of the pair, the muscle that has the fault.
         let only_b =
             a.supervisor().latched() == Faults::NONE && b.supervisor().latched() != Faults::NONE;
         FirstFailure { faults, pressure_pa: if only_b { of_b } else { of_a }, step: a.steps() }
     }
 
-    /// Observer and faults of the joint.
+    /// Updates observer and faults of the joint.
     fn watch(
         &mut self,
         mechanism: &Mechanism,
@@ -258,7 +258,7 @@ impl Coordinator {
         angle_rad: f32,
         judged: &[Judged; 2],
     ) {
-        // The angle's sensor is not known before it is configured.
+        // Before it is configured, the type of the angle's sensor is unknown.
         let lost = is_configured(muscles)
             && judged.iter().any(|one| one.faults().intersects(Faults::LENGTH_SENSOR));
         let mut present = JointFaults::ANGLE_SENSOR.when(lost);
@@ -277,7 +277,7 @@ impl Coordinator {
         self.latched = self.latched.with(present);
     }
 
-    /// The openings of this step. But for venting they change at the start of a PWM period only.
+    /// The openings of this step. Except for venting they change only at the start of a PWM period.
     fn drive(
         &mut self,
         mechanism: &Mechanism,
@@ -316,7 +316,7 @@ impl Coordinator {
             };
             self.commands = self.controller.period(mechanism, &set_point, angle_rad, &measured);
         }
-        // A step ahead, and a step after: the one that begins a period is the longest.
+        // One step before a period, and one after its first: the step that begins a period is the longest.
         if ends {
             self.controller.measure(mechanism, angle_rad, &measured);
         } else if !begins {

@@ -1,7 +1,7 @@
-//! Types of the angle's sensor, and the code of one that is read over a bus.
+//! Types of the angle's sensor, and the code of a sensor that is read over a bus.
 //!
 //! A potentiometer is read by the converter. An AS5600 is read once in every step: an [`Encoder`] puts its reading on
-//! the converter's scale, so that both are one code, which the sensing of both muscles judges.
+//! the converter's scale, so that both give one code, which the sensing of both muscles judges.
 
 use crate::sample::AdcCode;
 use crate::sensing::adc::at_rail;
@@ -25,17 +25,17 @@ impl AnglePart {
     }
 }
 
-/// Readings of an AS5600 in a turn.
+/// Number of readings of an AS5600 in a turn.
 pub const TURN: u16 = 4096;
-/// Codes of a reading: those of a turn are 90 % of the scale.
+/// Codes per reading: a turn spans 90 % of the scale.
 const PER_READING: f32 = 0.9 * 32_768.0 / TURN as f32;
 /// Code of reading 0.
 const FIRST: f32 = 0.05 * 32_768.0;
-/// Steps without a reading from which the angle is lost: ten disturbed messages, or the chip's start.
+/// Steps without a reading after which the angle is lost: ten disturbed messages, or the chip's start.
 const PATIENCE_STEPS: u8 = 10;
 
-/// Code of a reading, 0 to 4095, far from both rails. Its lowest bit alternates from reading to reading, so that
-/// only the code of a chip that is not read any more is frozen.
+/// Code of a reading, 0 to 4095, far from both rails. Its lowest bit alternates from reading to reading, so that a
+/// frozen code always means a chip that is no longer read.
 ///
 /// ```
 /// use model_core::joint::encoder;
@@ -64,16 +64,16 @@ pub struct Encoder {
 }
 
 impl Default for Encoder {
-    /// Nothing read yet: half a turn, until a first reading comes or the patience ends. A joint is in its startup check
-    /// for longer, and vents.
+    /// No reading yet: half a turn, until a first reading comes or the patience ends. The joint's startup check lasts
+    /// longer, and the joint vents meanwhile.
     fn default() -> Self {
         Self { last: code(TURN / 2, false), silent_steps: 0 }
     }
 }
 
 impl Encoder {
-    /// The code of a step; `None` where no reading has come since the step before. One that stays away leaves the last
-    /// code for 10 steps, and then gives a rail's.
+    /// Returns the code of a step; `reading` is `None` if none has come since the step before. Without readings the
+    /// last code stays for 10 steps, and then a rail's code follows.
     ///
     /// ```
     /// use model_core::joint::encoder::Encoder;

@@ -1,4 +1,4 @@
-//! Torque of gravity, with a sine once in a PWM period in place of two in every step.
+//! Torque of gravity, with one sine per PWM period instead of two in every step.
 //!
 //! ```text
 //! g(q + d) = g(q) (1 - d^2/2) + g'(q) d        g'' = -g
@@ -15,16 +15,16 @@ const NEAR_RAD: f32 = 0.2;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gravity {
     about_rad: f32,
-    /// Torque \[N m\], and its slope \[N m/rad\].
+    /// Torque \[N m\] there, and its slope \[N m/rad\].
     torque_n_m: f32,
     slope_n_m_rad: f32,
 }
 
 impl Gravity {
-    /// Not worked out yet: far from every angle.
+    /// Not computed yet: far from every angle.
     pub const UNKNOWN: Self = Self { about_rad: f32::MAX, torque_n_m: 0.0, slope_n_m_rad: 0.0 };
 
-    /// About an angle \[rad\].
+    /// Computes gravity about an angle \[rad\].
     #[inline(never)] // In two places: as small as can be.
     pub fn about(mechanism: &Mechanism, about_rad: f32) -> Self {
         let hangs_rad = mechanism.gravity_angle_rad - about_rad;
@@ -42,7 +42,7 @@ impl Gravity {
         if absolute(way_rad) < NEAR_RAD {
             self.torque_n_m * (1.0 - 0.5 * way_rad * way_rad) + self.slope_n_m_rad * way_rad
         } else {
-            // Before the first period's, a reference that is far from the arm, or an angle that jumps.
+            // Before the first period's computation, for a reference far from the arm, or for an angle that jumps.
             Self::about(mechanism, angle_rad).torque_n_m
         }
     }

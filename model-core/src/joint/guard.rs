@@ -1,13 +1,13 @@
-//! Faults of the mechanism: an angle that is lost, goes the wrong way, or does not fit the torque.
+//! Faults of the mechanism: an angle that is lost, moves the wrong way, or does not fit the torque.
 
 use super::config::{JointConfig, Mechanism};
 use crate::math::absolute;
 use crate::sample::{Faults, fault_set};
 use crate::step_counts::StepCounts;
 
-/// Way from where it was armed, after which the direction is judged: 3 deg \[rad\].
+/// Way from the angle at arming after which the direction is judged: 3 deg \[rad\].
 const JUDGED_RAD: f32 = 0.052;
-/// Nearer to where it began, nothing has moved \[rad\].
+/// Distance from the start below which nothing counts as moved \[rad\].
 const RETURNED_RAD: f32 = 0.1 * JUDGED_RAD;
 /// Torque against which a load may move a healthy joint, share of the torque limit \[-\].
 const LOADED: f32 = 0.5;
@@ -20,15 +20,15 @@ const STOP_RAD: f32 = 0.02;
 pub struct JointFaults(pub u8);
 
 impl JointFaults {
-    /// Nothing.
+    /// No fault.
     pub const NONE: Self = Self(0);
-    /// The angle's code lies at a rail, is frozen or noisy, or stands for a length that a muscle cannot have.
+    /// The angle's code lies at a rail, is frozen or noisy, or implies a length that a muscle cannot have.
     pub const ANGLE_SENSOR: Self = Self(1 << 0);
     /// After arming the angle moved against the torque of the muscles: swapped tubes, valves or sensors, or a load
     /// that is not configured.
     pub const WRONG_WAY: Self = Self(1 << 1);
-    /// Angle and pressures stand for a torque beyond `torque_limit_n_m` that nothing explains: a torn or slipping
-    /// tendon, a collision, an angle sensor that slips.
+    /// Angle and pressures imply an unexplained torque beyond `torque_limit_n_m`: a torn or slipping tendon, a
+    /// collision, an angle sensor that slips.
     pub const TORQUE: Self = Self(1 << 2);
 
     /// Every fault and its name, in the order of the bits.
@@ -38,15 +38,15 @@ impl JointFaults {
         (Self::TORQUE, "torque"),
     ];
 
-    /// The first of their bits in [`Faults`].
+    /// First bit of these faults in [`Faults`].
     const FIRST_BIT: u32 = Faults::JOINT_ANGLE.0.trailing_zeros();
 
-    /// The same among the faults of a first failure.
+    /// The same faults in a first failure.
     pub const fn of_failure(self) -> Faults {
         Faults((self.0 as u32) << Self::FIRST_BIT)
     }
 
-    /// Those among the faults of a first failure.
+    /// The joint's faults in a first failure.
     pub const fn from_failure(faults: Faults) -> Self {
         Self((faults.0 >> Self::FIRST_BIT) as u8 & 0b111)
     }
@@ -63,11 +63,11 @@ pub struct Motions {
     pub speed_rad_s: f32,
     /// Torque of muscles and gravity \[N m\].
     pub torque_n_m: f32,
-    /// Dry friction that there may be \[N m\].
+    /// Largest dry friction \[N m\].
     pub coulomb_n_m: f32,
-    /// Torque that nothing explains \[N m\].
+    /// Unexplained torque \[N m\].
     pub disturbance_n_m: f32,
-    /// It is where it should be, and the valves rest.
+    /// Whether the joint is at its goal and the valves rest.
     pub holds: bool,
 }
 
@@ -79,20 +79,20 @@ pub struct Guard {
     stops_rad: [f32; 2],
     patience_steps: u16,
     beyond_steps: u16,
-    /// Angle at which it began to move \[rad\].
+    /// Angle at which the joint began to move \[rad\].
     start_rad: f32,
     /// Angle \[rad\] and torque \[N m\] of the step before.
     before_rad: f32,
     before_n_m: f32,
-    /// Work of muscles and gravity since then, and the kinetic energy that it had there \[J\].
+    /// Work of muscles and gravity since then, and the kinetic energy at that point \[J\].
     work_j: f32,
     swing_j: f32,
-    /// It has moved the right way since it was armed.
+    /// Whether the joint has moved the right way since it was armed.
     confirmed: bool,
 }
 
 impl Guard {
-    /// One that has seen nothing.
+    /// Creates a guard without any step.
     pub fn new(config: &JointConfig) -> Self {
         let [a, _] = &config.muscles;
         let Mechanism { torque_limit_n_m, inertia_kg_m2, minimum_rad, maximum_rad, .. } =
@@ -113,17 +113,17 @@ impl Guard {
         }
     }
 
-    /// The joint begins to move from this angle \[rad\].
+    /// Restarts the guard for a joint that begins to move from this angle \[rad\].
     pub fn restart(&mut self, angle_rad: f32) {
         let (start_rad, before_rad) = (angle_rad, angle_rad);
         (self.work_j, self.swing_j) = (0.0, 0.0);
         *self = Self { start_rad, before_rad, confirmed: false, beyond_steps: 0, ..*self };
     }
 
-    /// Faults of a step in which the joint is driven.
+    /// Returns the faults of a step in which the joint is driven.
     pub fn step(&mut self, now: &Motions) -> JointFaults {
         let moved_rad = now.angle_rad - core::mem::replace(&mut self.before_rad, now.angle_rad);
-        // The mean of both torques: a torque that follows the angle would give the noise of the angle a work of its own.
+        // The mean of both torques: a torque that follows the angle would turn the angle's noise into work.
         let before_n_m = core::mem::replace(&mut self.before_n_m, now.torque_n_m);
         self.work_j += 0.5 * (before_n_m + now.torque_n_m) * moved_rad;
         if now.holds {
@@ -136,8 +136,8 @@ impl Guard {
         }
         let mut wrong = false;
         if !self.confirmed && way_rad >= JUDGED_RAD {
-            // From rest the muscles have done the work of the motion, up to that of a load; an arm that swings through
-            // goes on against them.
+            // From rest the muscles have done the work of the motion, apart from a load's; an arm that swings through
+            // continues against them.
             let loaded_n_m = LOADED * self.torque_limit_n_m + 0.5 * now.coulomb_n_m;
             wrong = self.work_j + self.swing_j < -loaded_n_m * way_rad;
             self.confirmed = self.work_j > 0.0;
@@ -168,8 +168,8 @@ mod tests {
         Motions { angle_rad, speed_rad_s, torque_n_m, coulomb_n_m, disturbance_n_m, holds }
     }
 
-    /// A heavy arm at 5 Hz: it has not gone far enough to be judged when it turns, swings through where it began, and is
-    /// braked beyond by the muscles.
+    /// A heavy arm at 5 Hz: it turns before it has gone far enough to be judged, swings through its starting angle, and
+    /// is braked beyond it by the muscles.
     #[test]
     fn an_arm_that_swings_through_is_braked_and_not_on_the_wrong_way() {
         let mut config = JointConfig::default();
@@ -202,8 +202,8 @@ mod tests {
         }
     }
 
-    /// The noise of an angle that is held, or a vibration about it, is no motion: their work added up for minutes, until
-    /// the first motion of a healthy joint went the wrong way.
+    /// The noise of a held angle, or a vibration about it, is no motion: its work once added up for minutes, until the
+    /// first motion of a healthy joint counted as the wrong way.
     #[test]
     fn what_goes_to_and_fro_does_no_work() {
         for (size_rad, holds, away_rad) in
@@ -219,7 +219,7 @@ mod tests {
             }
             for way in 0..100 {
                 let faults = step(0.1 + away_rad + 1.0e-3 * way as f32, false);
-                // By its own torque it moves back, and here a load of less than half the limit moves it.
+                // Its own torque moves it back, and here a load of less than half the limit moves it.
                 assert_eq!(faults, JointFaults::NONE, "{size_rad}, {holds}, {away_rad}");
             }
         }

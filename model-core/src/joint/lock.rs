@@ -1,16 +1,16 @@
-//! A muscle that loses gas in a lock. Without the angle there are no volumes, and no balance of the gas.
+//! Detects a muscle that loses gas in a lock. Without the angle there are no volumes, and no balance of the gas.
 //!
-//! With four shut valves whatever turns the arm presses one muscle's gas and gives room to the other one's: the product
-//! of both pressures stays. A hole lets it fall, twice: the arm follows the muscle that is tight, whose gas gets room.
-//! Gas that is warmer than its wall cools, and takes as much pressure with it.
+//! With four shut valves anything that turns the arm compresses one muscle's gas and expands the other's: the product
+//! of both pressures stays. A hole lowers it twice: the arm follows the tight muscle, whose gas expands. Gas that is
+//! warmer than its wall cools, and its pressure falls in proportion.
 
 use crate::math::limit;
 use crate::physics::gas::Reservoir;
 use crate::step_counts::StepCounts;
 
-/// Share of a muscle's gas that has to be missing, as in the balance of one muscle \[-\].
+/// Share of a muscle's gas that counts as missing, as in the balance of one muscle \[-\].
 const TRIP: f32 = 0.25;
-/// Share of the product that is forgotten in a second: 2 % of the gas of each muscle, as there \[1/s\].
+/// Share of the product that is forgotten in a second: 2 % of the gas of each muscle, as in that balance \[1/s\].
 const FORGOTTEN_PER_S: f32 = 0.04;
 
 /// State of the watch.
@@ -18,7 +18,7 @@ const FORGOTTEN_PER_S: f32 = 0.04;
 pub struct LockWatch {
     /// Product of both pressures below which gas is missing \[Pa2\].
     least_pa2: f32,
-    /// Share of it that is left after a step \[-\].
+    /// Share of it that remains after a step \[-\].
     left: f32,
     patience_steps: u16,
     below_steps: u16,
@@ -26,7 +26,7 @@ pub struct LockWatch {
 }
 
 impl LockWatch {
-    /// A lock begins with this gas, and walls at these temperatures \[K\].
+    /// Starts the watch at the beginning of a lock, with this gas and these wall temperatures \[K\].
     #[cold] // Once in a lock: as small as can be.
     pub fn new(step_s: f32, gas: [Reservoir; 2], wall_k: [f32; 2]) -> Self {
         let least_pa2 = gas.iter().zip(wall_k).fold(1.0 - TRIP, |product, (gas, wall_k)| {
@@ -41,7 +41,7 @@ impl LockWatch {
         }
     }
 
-    /// A step with these absolute pressures \[Pa\]; whether gas is missing.
+    /// Runs a step with these absolute pressures \[Pa\]; returns whether gas is missing.
     #[cold]
     pub fn step(&mut self, [of_a, of_b]: [f32; 2]) -> bool {
         self.steps = self.steps.saturating_add(1);
@@ -51,7 +51,7 @@ impl LockWatch {
         self.below_steps > self.patience_steps
     }
 
-    /// Steps that it has been locked for.
+    /// Steps since the lock began.
     pub fn steps(&self) -> u32 {
         self.steps
     }
@@ -68,7 +68,7 @@ mod tests {
         LockWatch::new(STEP_S, gas, [300.0; 2])
     }
 
-    /// Step in which gas is missing, of pressures over time \[s\].
+    /// Step in which gas is found missing, for pressures over time \[s\].
     fn missing(gas_k: f32, pressure_pa: impl Fn(f32) -> [f32; 2]) -> Option<u16> {
         let mut watch = watch(gas_k);
         (1..=30_000).find(|&step| watch.step(pressure_pa(STEP_S * f32::from(step))))
@@ -85,7 +85,7 @@ mod tests {
         }
     }
 
-    /// A fast fill warms the gas by a quarter; beside a wall as warm as it, as much less is a hole.
+    /// A fast fill warms the gas by a quarter; beside an equally warm wall, the same loss is a hole.
     #[test]
     fn gas_that_cools_is_not_missing() {
         let cools = |t: f32| [4.0e5, 2.5e5].map(|pa| pa * (0.8 + 0.2 * (-10.0 * t).exp()));
@@ -93,7 +93,7 @@ mod tests {
         assert!(missing(300.0, cools).is_some());
     }
 
-    /// A quarter of the gas of either one; a tenth of it is less than the day's changes.
+    /// A quarter of the gas of either muscle; a tenth of that rate is less than the day's changes.
     #[test]
     fn a_hole_in_either_muscle_is_found() {
         for side in 0..2 {
@@ -110,7 +110,7 @@ mod tests {
         }
     }
 
-    /// Shorter than 10 ms a reading may be disturbed.
+    /// A reading may be disturbed for less than 10 ms.
     #[test]
     fn a_reading_that_jumps_is_no_hole() {
         let jumps = |t: f32| [if (1.0..1.008).contains(&t) { 1.0e5 } else { 4.0e5 }, 2.5e5];

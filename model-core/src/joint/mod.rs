@@ -5,15 +5,14 @@
 //!                angle --> both lengths --> both estimators                  \-- otherwise both vent
 //! ```
 //!
-//! Each muscle is a [`Core`]: sensing, estimator, plausibility monitor and supervisor are its own. Controller, arming and
-//! the decision to vent belong to the joint: a venting fault of either muscle, or of the joint itself, opens both
+//! Each muscle is a [`Core`] with its own sensing, estimator, plausibility monitor and supervisor. Controller, arming
+//! and the decision to vent belong to the joint: a venting fault of either muscle, or of the joint itself, opens both
 //! outlets in the same step. One muscle is never vented alone, because the other would then throw the arm.
 //!
-//! One sensor gives the angle, and the angle both lengths. Without it there is no fallback: the joint
-//! vents.
+//! One sensor gives the angle, and from it both lengths. Without it there is no fallback: the joint vents.
 //!
-//! With `joint.lock_s` above 0 a joint that is driven locks before it vents, all four valves shut, where link, angle or
-//! a digital gas sensor is lost: both muscles then hold the arm as long as their gas does, and pressures are still
+//! With `joint.lock_s` above 0, a driven joint locks before it vents if link, angle or a digital gas sensor is lost:
+//! all four valves are shut. Both muscles then hold the arm as long as their gas lasts, and pressures are still
 //! trusted. Every other fault, a pressure beyond its limit and the end of that time vent both.
 
 pub mod allocation;
@@ -46,7 +45,7 @@ use crate::sample::{AdcCode, Command, Faults, RawCode, Sample, SetPoint, Telemet
 use crate::step::Core;
 use core::borrow::{Borrow, BorrowMut};
 
-/// Everything that one step of a joint takes in. Arrays are of muscles a and b.
+/// Inputs of one step of a joint. Arrays hold muscles a and b.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointSample {
@@ -56,18 +55,18 @@ pub struct JointSample {
     pub gas: [RawCode; 2],
     /// Angle: a code of the converter, or of an [`Encoder`](encoder::Encoder).
     pub angle: AdcCode,
-    /// The emergency stop line is open or low.
+    /// Whether the run line is open or low.
     pub emergency_stop: bool,
-    /// A request of the host has come since the step before.
+    /// Whether a request of the host has come since the step before.
     pub heard: bool,
-    /// The host asks more than is carried out.
+    /// Whether the host sends more requests than the board carries out.
     pub flooded: bool,
     /// Steps that were left out before this one.
     pub missed_steps: u8,
 }
 
 impl JointSample {
-    /// The samples of both muscles. The code of the angle stands in place of their lengths'.
+    /// The samples of both muscles. The code of the angle takes the place of their lengths.
     fn muscles(&self) -> [Sample; 2] {
         let [pressure_a, pressure_b] = self.pressure;
         let [gas_a, gas_b] = self.gas;
@@ -88,7 +87,7 @@ impl JointSample {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum JointMode {
-    /// Startup check: it vents and tests the sensors.
+    /// Startup check: the joint vents and tests the sensors.
     StartupCheck,
     /// Both inlets closed, both outlets open.
     Vent,
@@ -100,9 +99,9 @@ pub enum JointMode {
     Torque,
     /// Angle and stiffness are followed.
     Angle,
-    /// The joint is where it should be, and all valves rest.
+    /// The joint is at its goal, and all valves rest.
     AngleHeld,
-    /// All four valves shut, until `joint.lock_s` are over.
+    /// All four valves shut, until `joint.lock_s` has passed.
     Locked,
 }
 
@@ -119,17 +118,17 @@ impl JointMode {
         (Self::Locked, "locked"),
     ];
 
-    /// Its name, as in the messages.
+    /// Name of the mode, as in messages.
     pub fn name(self) -> &'static str {
         Self::NAMES.iter().find(|(mode, _)| *mode == self).map_or("", |(_, name)| name)
     }
 }
 
-/// Everything that one step of a joint leaves behind.
+/// Outputs of one step of a joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JointTelemetry {
-    /// Both muscles: their mode and set point only show that the joint drives them.
+    /// Both muscles; their mode and set point only show that the joint drives them.
     pub muscles: [Telemetry; 2],
     /// Mode of the joint.
     pub mode: JointMode,
@@ -139,22 +138,22 @@ pub struct JointTelemetry {
     pub speed_rad_s: f32,
     /// Angle of the reference \[rad\].
     pub reference_rad: f32,
-    /// Torque of both muscles, by pressures and angle \[N m\].
+    /// Torque of both muscles, from pressures and angle \[N m\].
     pub torque_n_m: f32,
     /// Stiffness of both muscles behind shut valves \[N m/rad\].
     pub stiffness_n_m_rad: f32,
     /// Torque that nothing configured explains \[N m\].
     pub disturbance_n_m: f32,
-    /// Stiffness, or torque too, had to give way to the limits of pressure.
+    /// Whether stiffness, or torque too, had to yield to the limits of pressure.
     pub limited: bool,
-    /// The set point of this step: to vent or to lock where the joint decided so.
+    /// Set point of this step: vent or lock if the joint decided so.
     pub set_point: JointSetPoint,
-    /// Faults of the joint that hold or are latched.
+    /// Faults of the joint that are present or latched.
     pub faults: JointFaults,
 }
 
 impl JointTelemetry {
-    /// Number of the step, the same of both muscles.
+    /// Number of the step, the same for both muscles.
     pub fn step(&self) -> u32 {
         let [a, _] = &self.muscles;
         a.step
@@ -181,8 +180,8 @@ impl JointTelemetry {
     }
 }
 
-/// Two muscles, one angle, one controller, one decision to vent. `M` is a muscle's core, or a reference to one that
-/// is kept elsewhere: a board has no room to build a whole joint on its stack.
+/// Two muscles, one angle, one controller, one decision to vent. `M` is a muscle's core, or a reference to one stored
+/// elsewhere: a board has no room to build a whole joint on its stack.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint<M = Core> {
     muscles: [M; 2],
@@ -201,8 +200,7 @@ fn both_mut<M: BorrowMut<Core>>([a, b]: &mut [M; 2]) -> [&mut Core; 2] {
 }
 
 impl Joint {
-    /// A joint that vents until it has tested its sensors and is given a set point. It is armed, as a
-    /// [`Core`] is.
+    /// Creates a joint that vents until it has tested its sensors and has a set point. It is armed, like a [`Core`].
     ///
     /// ```
     /// use model_core::joint::{Joint, JointConfig, JointSetPoint, Motion};
@@ -221,15 +219,15 @@ impl Joint {
         Ok(Self::of(config.muscles.each_ref().map(|muscle| Core::of(muscle, true)), config))
     }
 
-    /// The joint of a board without a configuration: it and its muscles have the default one, and it vents until it
-    /// is [restarted](Self::restart_as) as one that is configured, and armed.
+    /// Creates the joint of a board without a configuration. It and its muscles have the default one, and it vents
+    /// until it is [restarted](Self::restart_as) with a configuration and armed.
     pub fn unconfigured() -> Self {
         Self::unconfigured_in(|muscle| muscle)
     }
 }
 
 impl<M: BorrowMut<Core>> Joint<M> {
-    /// With a configuration that holds, and muscles that have it.
+    /// Creates a joint from a checked configuration, and muscles that have it.
     #[cold]
     fn of(mut muscles: [M; 2], config: &JointConfig) -> Self {
         let [_, b] = both_mut(&mut muscles);
@@ -237,10 +235,11 @@ impl<M: BorrowMut<Core>> Joint<M> {
         Self { muscles, config: *config, coordinator: Coordinator::new(config) }
     }
 
-    /// Becomes [`new`](Self::new) with another configuration, in its place: a board has no memory for a third joint.
+    /// Replaces this joint in place by [`new`](Self::new) with another configuration: a board has no memory for a third
+    /// joint.
     ///
     /// # Errors
-    /// [`ConfigError`] as [`JointConfig::check`]; it is as before then.
+    /// [`ConfigError`] as [`JointConfig::check`]; the joint is then unchanged.
     #[cold]
     pub fn become_new(&mut self, config: &JointConfig) -> Result<(), ConfigError> {
         config.check()?;
@@ -254,7 +253,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
         Ok(())
     }
 
-    /// As [`unconfigured`](Joint::unconfigured), with muscles that are kept where `place` puts them.
+    /// Like [`unconfigured`](Joint::unconfigured), with muscles that are stored where `place` puts them.
     #[cold]
     pub fn unconfigured_in(mut place: impl FnMut(Core) -> M) -> Self {
         let config = JointConfig::default();
@@ -268,13 +267,13 @@ impl<M: BorrowMut<Core>> Joint<M> {
         place(Core::of(config, false))
     }
 
-    /// Whether somebody has configured it.
+    /// Whether the joint runs with a configuration that was set.
     pub fn is_configured(&self) -> bool {
         coordinator::is_configured(both(&self.muscles))
     }
 
-    /// Restarts as `other`, with its configuration and, where the joint is armed, its set point. What is latched
-    /// is latched, as [`Core::restart_as`] has it.
+    /// Restarts as `other`, with its configuration and, if the joint is armed, its set point. Faults are latched as in
+    /// [`Core::restart_as`].
     pub fn restart_as(&mut self, other: &Self) {
         let armed = self.is_armed();
         let others = both(&other.muscles);
@@ -285,7 +284,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
         self.coordinator.restart_as(both(&self.muscles), &other.coordinator, armed);
     }
 
-    /// Takes over what was latched before the board restarted. It does not say of which muscle: both have it.
+    /// Takes over the faults that were latched before the board restarted. They do not state the muscle: both get them.
     pub fn recall(&mut self, first: FirstFailure, latched: Faults) {
         both_mut(&mut self.muscles).into_iter().for_each(|muscle| muscle.recall(first, latched));
         let own = &mut self.coordinator;
@@ -293,8 +292,8 @@ impl<M: BorrowMut<Core>> Joint<M> {
         own.first = Some(first);
     }
 
-    /// The first failure since faults were last cleared, or the last one before that: the faults of both muscles and
-    /// of the joint in that step, and the pressure of the muscle that has one.
+    /// The first failure since faults were last cleared, or the last one before that: the faults of both muscles and of
+    /// the joint in that step, and the pressure of the muscle that has a fault.
     pub fn first_failure(&self) -> Option<FirstFailure> {
         self.coordinator.first
     }
@@ -304,17 +303,17 @@ impl<M: BorrowMut<Core>> Joint<M> {
         self.coordinator.latched(both(&self.muscles))
     }
 
-    /// Takes set points from now on, with pressures of no more than `most_pa` in either muscle \[Pa\]; `None`: as
-    /// much as the configuration gives. It vents until there is one.
+    /// Accepts set points from now on, with pressures of up to `most_pa` in either muscle \[Pa\]; `None`: up to the
+    /// configured maximum. The joint vents until there is a set point.
     ///
     /// # Errors
-    /// [`JointError::Range`] for a pressure below what a muscle has now or above its configuration's, and
-    /// [`JointError::Faults`] while faults vent; it is as armed as before.
+    /// [`JointError::Range`] for a pressure below a muscle's present one or above its configured maximum, and
+    /// [`JointError::Faults`] while faults vent; the arming is then unchanged.
     pub fn arm(&mut self, most_pa: Option<f32>) -> Result<(), JointError> {
         let [a, b] = both_mut(&mut self.muscles);
         match a.may_arm(most_pa).and_then(|_| b.may_arm(most_pa)) {
             Ok(_) if self.coordinator.latched == JointFaults::NONE => {
-                // Neither fails now.
+                // Neither can fail here.
                 let _ = a.arm(most_pa).and_then(|()| b.arm(most_pa));
                 self.vent();
                 Ok(())
@@ -326,17 +325,17 @@ impl<M: BorrowMut<Core>> Joint<M> {
         }
     }
 
-    /// Vents, and takes no set point until it is [armed](Self::arm).
+    /// Vents, and accepts no set point until the joint is [armed](Self::arm).
     pub fn disarm(&mut self) {
         self.coordinator.disarm(&mut both_mut(&mut self.muscles));
     }
 
-    /// Whether set points are taken.
+    /// Whether set points are accepted.
     pub fn is_armed(&self) -> bool {
         self.armed_pa().is_some()
     }
 
-    /// Highest absolute pressure that either muscle may be given \[Pa\]; `None`: it is not armed.
+    /// Highest absolute pressure permitted in either muscle \[Pa\]; `None`: the joint is not armed.
     pub fn armed_pa(&self) -> Option<f32> {
         coordinator::armed_pa(both(&self.muscles))
     }
@@ -346,7 +345,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
         self.coordinator.vent(&mut both_mut(&mut self.muscles));
     }
 
-    /// Forgets latched faults whose cause is gone, and vents until it is armed and has a set point.
+    /// Forgets latched faults whose cause is gone, and vents until the joint is armed and has a set point.
     pub fn clear_faults(&mut self) {
         self.coordinator.latched = self.coordinator.present;
         both_mut(&mut self.muscles).into_iter().for_each(Core::clear_faults);
@@ -363,16 +362,16 @@ impl<M: BorrowMut<Core>> Joint<M> {
         &self.config
     }
 
-    /// The faults that vent it now.
+    /// The error with the faults that make the joint vent now.
     fn refusal(&self) -> JointError {
         JointError::Faults(coordinator::venting(both(&self.muscles)), self.coordinator.latched)
     }
 
-    /// Changes what the joint is to do, from the next PWM period on; to vent, from the next step on.
+    /// Changes the set point, from the next PWM period on; venting starts with the next step.
     ///
     /// # Errors
-    /// [`JointError`] for a value that is no number or out of its range, and for anything but to vent while faults
-    /// do or it is not armed; what held before goes on.
+    /// [`JointError`] for a value that is not a number or out of its range, and for any set point but venting while
+    /// faults vent or the joint is not armed; the set point before then stays.
     pub fn set(&mut self, set_point: JointSetPoint) -> Result<(), JointError> {
         self.may_set(&set_point)?;
         if set_point == JointSetPoint::Vent {
@@ -380,14 +379,14 @@ impl<M: BorrowMut<Core>> Joint<M> {
             return Ok(());
         }
         for muscle in both_mut(&mut self.muscles) {
-            // Driven, but by the joint: with both valves shut its own controller does nothing. It does not fail now.
+            // Driven, but by the joint: with both valves shut its own controller does nothing. This cannot fail here.
             let _ = muscle.set(SetPoint::Duty { inlet: 0.0, outlet: 0.0 });
         }
         self.coordinator.set(both(&self.muscles), set_point);
         Ok(())
     }
 
-    /// Whether it would [take](Self::set) this set point, as it is armed now.
+    /// Checks whether [`set`](Self::set) would accept this set point now.
     ///
     /// # Errors
     /// As [`set`](Self::set).
@@ -413,7 +412,7 @@ impl<M: BorrowMut<Core>> Joint<M> {
         Ok(())
     }
 
-    /// One step. During the startup check the joint vents, and neither estimates nor counts steps.
+    /// Runs one step. During the startup check the joint vents, and neither estimates nor counts steps.
     pub fn step(&mut self, sample: &JointSample) -> JointTelemetry {
         self.coordinator.step(&self.config.mechanism, &mut both_mut(&mut self.muscles), sample)
     }
@@ -439,7 +438,7 @@ mod tests {
     };
     const FILLING: JointSetPoint = JointSetPoint::Duty { inlet: [0.5; 2], outlet: [0.0; 2] };
 
-    /// Codes that are alive.
+    /// Codes that change, as from healthy channels.
     fn alive(step: u16) -> JointSample {
         let code = |code: u16| AdcCode(code + step % 2);
         JointSample {
@@ -476,7 +475,7 @@ mod tests {
         assert_eq!(joint, other);
     }
 
-    /// Steps until both vent with that sample. Until then neither does.
+    /// Steps until both vent with this sample. Until then neither does.
     fn vents_after(joint: &mut Joint, broken: impl Fn(JointSample) -> JointSample) -> Option<u16> {
         (0..200).find(|step| {
             let [a, b] = joint.step(&broken(alive(*step))).commands();
@@ -517,7 +516,7 @@ mod tests {
         assert_eq!(joint.set(FILLING), Ok(()));
     }
 
-    /// A joint that locks for that time.
+    /// A joint that locks for this time.
     fn that_locks_for(lock_s: f32) -> Joint {
         let mut config = JointConfig::default();
         config.mechanism.lock_s = lock_s;
@@ -529,7 +528,7 @@ mod tests {
         JointSample { angle: AdcCode(CODE_MAX), ..sample }
     }
 
-    /// A set point that waits for the sensors to be tested drives nothing yet.
+    /// A set point that waits for the test of the sensors drives nothing yet.
     #[test]
     fn a_joint_that_is_not_driven_yet_vents_instead_of_locking() {
         for started in 0..50 {
@@ -544,7 +543,7 @@ mod tests {
         }
     }
 
-    /// A fault disarms it; it was armed up to 200 kPa, and vents 5 % of its range above.
+    /// A fault disarms it; it was armed up to 200 kPa, and vents at 5 % of its range above that.
     #[test]
     fn a_locked_joint_vents_above_the_pressure_that_it_was_armed_for() {
         let mut joint = that_locks_for(0.3);
@@ -562,7 +561,7 @@ mod tests {
         assert_eq!(joint.latched(), Faults::JOINT_ANGLE);
     }
 
-    /// It locks for 20 ms, and vents for all but a lost link, angle or digital part.
+    /// It locks for 20 ms, and vents for every fault but a lost link, angle or digital part.
     #[test]
     fn a_joint_locks_where_it_is_configured_and_vents_when_the_time_is_over() {
         let locking = || {
@@ -601,7 +600,7 @@ mod tests {
         assert_eq!(filling().set(JointSetPoint::Lock), Err(JointError::NeverLocks));
     }
 
-    /// It vents in the startup check, and what is let out there is no leak.
+    /// It vents in the startup check, and the gas let out there is no leak.
     #[test]
     fn a_start_locks_after_the_startup_check_for_the_whole_time() {
         let mut joint = that_locks_for(0.1);
@@ -628,7 +627,7 @@ mod tests {
         }
     }
 
-    /// Also over a restart of the board, and by the name of the joint's own fault.
+    /// Also after a restart of the board, and under the name of the joint's own fault.
     #[test]
     fn the_first_failure_is_kept_and_another_configuration_forgives_nothing() {
         let mut joint = filling();
@@ -670,7 +669,7 @@ mod tests {
         assert_eq!((joint.armed_pa(), joint.set_point()), (Some(2.0e5), FILLING));
     }
 
-    /// Nothing is driven before the sensors are tested, nor after it was disarmed.
+    /// Nothing is driven before the sensors are tested, nor after disarming.
     #[test]
     fn it_vents_until_it_may_drive() {
         let mut joint = Joint::new(&JointConfig::default()).unwrap();
@@ -685,7 +684,7 @@ mod tests {
         assert_eq!(joint.set(FILLING), Err(JointError::NotArmed));
     }
 
-    /// An encoder that stands still has two codes, one that falls silent vents after 10 steps.
+    /// An encoder at rest gives two codes; one that falls silent vents after 10 steps.
     #[test]
     fn an_encoder_that_falls_silent_is_a_lost_angle() {
         let mut config = JointConfig { angle_part: AnglePart::As5600, ..JointConfig::default() };
@@ -710,7 +709,7 @@ mod tests {
         assert_eq!(joint.latched(), Faults::JOINT_ANGLE);
     }
 
-    /// The converter's input is at a rail where an encoder gives the angle.
+    /// The converter's input is at a rail if an encoder gives the angle.
     #[test]
     fn a_joint_that_is_not_configured_judges_no_angle() {
         let mut joint = Joint::unconfigured();
@@ -730,7 +729,7 @@ mod tests {
         assert!((a - 0.27 + way_m).abs() < 1e-6 && (b - 0.27 - way_m).abs() < 1e-6, "{a} {b}");
     }
 
-    /// Set points of a test, of which the last but one is refused.
+    /// Set points of a test; the last but one is refused.
     fn set_points() -> [JointSetPoint; 7] {
         [
             FILLING,
@@ -757,8 +756,8 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever is asked and read: only a set point that was taken drives, every fault vents both muscles or locks
-        /// both, and nothing locks but where, when and for as long as it may.
+        /// For any requests and readings: only an accepted set point drives, every fault vents both muscles or locks
+        /// both, and nothing locks except where, when and for as long as permitted.
         #[test]
         fn what_must_be_still_is_never_driven(
             locks in any::<bool>(),

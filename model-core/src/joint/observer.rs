@@ -4,14 +4,14 @@
 //! J q'' = torque - gravity - viscous q' - friction + d
 //! ```
 //!
-//! A Luenberger observer of angle, speed and d. The pole of d is slower than the other two: an inertia that is believed
-//! twice too large makes d follow the acceleration, and what compensates it comes late. Dry friction is in its model, as
-//! a play: it grows with the way since the last turn, up to its Coulomb value, so that d has no part of it at a turn.
+//! A Luenberger observer of angle, speed and d. The pole of d is slower than the other two: with an inertia believed
+//! twice too large, d follows the acceleration, and its compensation comes late. Dry friction is part of the model, as
+//! a play: it grows with the way since the last turn, up to its Coulomb value, so that d contains none of it at a turn.
 
 use super::config::{JointTuning, Mechanism};
 use crate::math::limit;
 
-/// A step of the play changes the speed by no more than this share of what it was \[-\].
+/// Largest share of the speed by which a step of the play changes it \[-\].
 const STIFFEST: f32 = 0.05;
 
 /// Friction of the whole joint, with presliding.
@@ -21,12 +21,12 @@ pub struct Friction {
     pub coulomb_n_m: f32,
     /// Torque per way after a turn \[N m/rad\].
     pub presliding_n_m_rad: f32,
-    /// Viscous torque beside it, per speed \[N m s/rad\].
+    /// Viscous torque in addition, per speed \[N m s/rad\].
     pub viscous_n_m_s: f32,
 }
 
 impl Friction {
-    /// Torque after a way \[rad\] from where it was `before_n_m` \[N m\], positive against growing angles.
+    /// Torque after a way \[rad\] from `before_n_m` \[N m\], positive against growing angles.
     pub fn after(&self, before_n_m: f32, way_rad: f32) -> f32 {
         let torque_n_m = before_n_m + self.presliding_n_m_rad * way_rad;
         limit(torque_n_m, -self.coulomb_n_m, self.coulomb_n_m)
@@ -40,7 +40,7 @@ pub struct Observer {
     per_inertia: f32,
     /// Stiffest play that a step resolves \[N m/rad\].
     stiffest_n_m_rad: f32,
-    /// Of angle \[1/s\], speed \[1/s2\] and disturbance \[N m/(rad s)\].
+    /// Gains of angle \[1/s\], speed \[1/s2\] and disturbance \[N m/(rad s)\].
     gains: [f32; 3],
     angle_rad: f32,
     /// Speed \[rad/s\].
@@ -52,7 +52,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// At rest.
+    /// An observer at rest.
     pub fn new(mechanism: &Mechanism, tuning: &JointTuning, step_s: f32) -> Self {
         let JointTuning { observer_rad_s: p, disturbance_rad_s: slow, .. } = *tuning;
         let inertia_kg_m2 = mechanism.inertia_kg_m2;
@@ -69,13 +69,13 @@ impl Observer {
         }
     }
 
-    /// At rest at that angle \[rad\].
+    /// Restarts at rest at this angle \[rad\].
     pub fn restart(&mut self, angle_rad: f32) {
         *self =
             Self { angle_rad, speed_rad_s: 0.0, disturbance_n_m: 0.0, friction_n_m: 0.0, ..*self };
     }
 
-    /// One step, with the measured angle \[rad\] and the torque of muscles and gravity \[N m\].
+    /// Runs one step with the measured angle \[rad\] and the torque of muscles and gravity \[N m\].
     pub fn step(&mut self, angle_rad: f32, torque_n_m: f32, friction: &Friction) {
         let [of_angle, of_speed, of_disturbance] = self.gains;
         let error_rad = angle_rad - self.angle_rad;
@@ -95,7 +95,7 @@ impl Observer {
 mod tests {
     use super::*;
 
-    /// An arm on a spring of 20 N m/rad that carries 1.5 N m more than is believed, against dry friction.
+    /// An arm on a spring of 20 N m/rad that carries 1.5 N m more than believed, against dry friction.
     #[test]
     fn it_finds_the_speed_and_what_nothing_explains() {
         let mechanism = Mechanism::default();

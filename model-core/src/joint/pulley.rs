@@ -5,8 +5,8 @@
 //! L_a = mid_length_a_m - integral of r_a from 0 to q,   L_b = mid_length_b_m + integral of r_b
 //! ```
 //!
-//! A muscle on a radius s r acts like another one on r: [`Lever`] has what changes. Where the radius is constant, lengths
-//! and levers are those of a plain pulley to the bit, at the cost of a comparison of integers.
+//! A muscle on a radius s r acts like another muscle on r: [`Lever`] holds the difference. For a constant radius,
+//! lengths and levers equal those of a plain pulley to the bit, at the cost of a comparison of integers.
 
 /// Coefficients of a muscle's radius over `radius_m`, by rising powers of the angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -15,22 +15,22 @@ pub struct Shape(pub [f32; 4]);
 /// How a muscle acts at an angle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lever {
-    /// Its radius over `radius_m` \[-\].
+    /// The muscle's radius over `radius_m` \[-\].
     pub share: f32,
-    /// Change of the share per way on `radius_m`, positive where the muscle thereby pulls the joint back \[1/m\].
+    /// Change of the share per way on `radius_m`, positive if the muscle thereby pulls the joint back \[1/m\].
     pub turn_per_m: f32,
 }
 
 impl Lever {
-    /// Of a constant radius.
+    /// Lever of a constant radius.
     pub const PLAIN: Self = Self { share: 1.0, turn_per_m: 0.0 };
 
-    /// A way \[m\] or a radius \[m\] of the pulley as the muscle has it.
+    /// Converts a way \[m\] or a radius \[m\] of the pulley to the muscle's.
     pub fn scaled(&self, of_pulley: f32) -> f32 {
         if self.is_plain() { of_pulley } else { of_pulley * self.share }
     }
 
-    /// Whether it changes nothing.
+    /// Whether the lever changes nothing.
     pub fn is_plain(&self) -> bool {
         let Self { share, turn_per_m } = self;
         (share.to_bits() ^ 1.0_f32.to_bits()) | turn_per_m.to_bits() == 0
@@ -46,7 +46,7 @@ impl Shape {
         angle_rad * mean.share(angle_rad)
     }
 
-    /// The lever at an angle; `pulls_m`: `radius_m`, negative of a muscle that shortens as the angle grows.
+    /// The lever at an angle; `pulls_m`: `radius_m`, negative for a muscle that shortens as the angle grows.
     #[inline(never)]
     pub fn lever(&self, angle_rad: f32, pulls_m: f32) -> Lever {
         let Self([_, one, two, three]) = *self;
@@ -65,7 +65,7 @@ impl Shape {
 mod tests {
     use super::*;
 
-    /// Against sums over small ways.
+    /// Compares with sums over small ways.
     #[test]
     fn a_length_is_the_integral_of_the_radius() {
         let shape = Shape([0.9, 0.2, -0.1, 0.05]);

@@ -3,11 +3,11 @@
 use super::config::{JointTuning, Mechanism};
 use crate::math::{absolute, limit, sqrt};
 
-/// Share of the torque that gains speed which the reference keeps for braking: an assumption, since a pulse that brakes
-/// comes up to a period late, and gravity may pull on \[-\].
+/// Share of the accelerating torque that the reference uses for braking: an assumption, since a braking pulse comes up
+/// to a period late, and gravity may keep pulling \[-\].
 const BRAKES: f32 = 0.7;
 
-/// Wanted motion and stiffness.
+/// Requested motion and stiffness.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Motion {
@@ -22,7 +22,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// At rest.
+    /// A motion at rest.
     pub fn still(angle_rad: f32, stiffness_n_m_rad: f32) -> Self {
         Self { angle_rad, speed_rad_s: 0.0, acceleration_rad_s2: 0.0, stiffness_n_m_rad }
     }
@@ -32,7 +32,7 @@ impl Motion {
         self.speed_rad_s != 0.0 || self.acceleration_rad_s2 != 0.0
     }
 
-    /// That much later \[s\], while the acceleration changes by `gained_rad_s2`.
+    /// Motion `time_s` later \[s\], while the acceleration changes by `gained_rad_s2`.
     fn later(&self, time_s: f32, gained_rad_s2: f32) -> Self {
         let mean_rad_s2 = self.acceleration_rad_s2 + 0.5 * gained_rad_s2;
         let early_rad_s2 = self.acceleration_rad_s2 + (1.0 / 3.0) * gained_rad_s2;
@@ -45,20 +45,20 @@ impl Motion {
     }
 }
 
-/// A critically damped follower of second order. It is limited in what it adds to the set point's own acceleration. A set point that comes with its speed and acceleration is followed
-/// without lag.
+/// A critically damped follower of second order. The acceleration that it adds to the set point's own is limited. A set
+/// point that comes with its speed and acceleration is followed without lag.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
-    /// Where it is at the end of the period under way.
+    /// Motion at the end of the period under way.
     pub motion: Motion,
     /// Acceleration of the set point at the start of the period before \[rad/s2\].
     wanted_rad_s2: f32,
-    /// By how much it has changed since \[rad/s2\].
+    /// Change of that acceleration since \[rad/s2\].
     gained_rad_s2: f32,
 }
 
 impl Reference {
-    /// At rest.
+    /// A reference at rest.
     pub fn still(angle_rad: f32, stiffness_n_m_rad: f32) -> Self {
         Self {
             motion: Motion::still(angle_rad, stiffness_n_m_rad),
@@ -67,7 +67,8 @@ impl Reference {
         }
     }
 
-    /// One period \[s\] towards a set point that holds at its start. The stiffness waits where it may not change.
+    /// Moves by one period \[s\] towards a set point that applies at its start. The stiffness waits while it must not
+    /// change.
     pub fn advance(
         &mut self,
         mechanism: &Mechanism,
@@ -91,7 +92,7 @@ impl Reference {
             + mean_rad_s2;
         let acceleration = pulled / (1.0 + wt * (2.0 + 0.5 * wt));
         let most = tuning.reference_torque_n_m / mechanism.inertia_kg_m2;
-        // So fast towards its target that it still stops there.
+        // Only as fast towards its target that it can still stop there.
         let left_rad = target.angle_rad - free_rad;
         let stops = sqrt(2.0 * BRAKES * most * absolute(left_rad));
         let fastest = tuning.reference_speed_rad_s;
@@ -102,7 +103,8 @@ impl Reference {
         };
         let speed = limit(now.speed_rad_s + acceleration * period_s, least, greatest);
         let acceleration = (speed - now.speed_rad_s) / period_s;
-        // Gaining speed is limited to so much beside the set point's own; braking is not: it must not run past its target.
+        // Gaining speed is limited relative to the set point's own acceleration; braking is not: the reference must not
+        // run past its target.
         let limited = limit(acceleration, mean_rad_s2 - most, mean_rad_s2 + most);
         let gains = absolute(speed) > absolute(now.speed_rad_s);
         let acceleration = if gains { limited } else { acceleration };
@@ -112,18 +114,18 @@ impl Reference {
         self.motion = Motion {
             angle_rad: now.angle_rad + 0.5 * (now.speed_rad_s + speed_rad_s) * period_s,
             speed_rad_s,
-            // At the period's end, when the pressures for it are there.
+            // Acceleration at the period's end, when the pressures for it have been reached.
             acceleration_rad_s2: acceleration + 0.5 * gained_rad_s2,
             stiffness_n_m_rad: now.stiffness_n_m_rad + limit(missing, -faster, faster),
         };
     }
 
-    /// Where it is that much after the period \[s\], the acceleration changing as in the last one.
+    /// Motion `time_s` after the period \[s\], with the acceleration changing as in the last period.
     pub fn ahead(&self, time_s: f32, period_s: f32) -> Motion {
         self.motion.later(time_s, self.gained_rad_s2 * time_s / period_s)
     }
 
-    /// Whether it has arrived at the angle of a set point at rest, up to that angle \[rad\].
+    /// Whether the reference has arrived at the angle of a set point at rest, to within `within_rad` \[rad\].
     pub fn arrives_at(&self, wanted: &Motion, within_rad: f32) -> bool {
         !wanted.moves() && absolute(wanted.angle_rad - self.motion.angle_rad) <= within_rad
     }
@@ -155,7 +157,7 @@ mod tests {
         assert!((early.motion.stiffness_n_m_rad - 17.0).abs() < 1e-3, "1 N m/rad a period");
     }
 
-    /// 40 deg with 2 kg at 0.25 m: 0.7 of 17 rad/s2 slow it, and a third more where it settles.
+    /// 40 deg with 2 kg at 0.25 m: 0.7 of 17 rad/s2 slow it, and a third more while it settles.
     #[test]
     fn a_heavy_arm_brakes_in_time() {
         let mechanism = Mechanism { inertia_kg_m2: 0.145, ..Mechanism::default() };

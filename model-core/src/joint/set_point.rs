@@ -6,11 +6,11 @@ use super::reference::Motion;
 use crate::math::limit;
 use crate::sample::Faults;
 
-/// Longest time for which a motion goes on by its speed and acceleration, without a set point that differs: ten set
+/// Longest time for which a motion continues with its speed and acceleration without a different set point: ten set
 /// points of a host that sends a hundred a second \[s\].
 pub const LONGEST_S: f32 = 0.1;
 
-/// Fastest speed \[rad/s\] and acceleration \[rad/s2\] of a set point, beyond what muscles of any size do.
+/// Highest speed \[rad/s\] and acceleration \[rad/s2\] of a set point, beyond those of muscles of any size.
 const FASTEST_RAD_S: f32 = 1.0e3;
 const LARGEST_RAD_S2: f32 = 1.0e6;
 /// Largest torque \[N m\] and stiffness \[N m/rad\] of a set point.
@@ -35,17 +35,18 @@ pub enum JointSetPoint {
         /// Pressures, 0 to the configured limit \[Pa\].
         pressure_pa: [f32; 2],
     },
-    /// A torque with a stiffness behind shut valves, at whatever angle.
+    /// A torque with a stiffness behind shut valves, at any angle.
     Torque {
         /// Torque, positive towards growing angles \[N m\].
         torque_n_m: f32,
         /// Stiffness \[N m/rad\].
         stiffness_n_m_rad: f32,
     },
-    /// An angle with a stiffness. With its speed and acceleration a motion is followed without lag; a step has none.
-    /// Until the next set point it goes on by them, for [`LONGEST_S`] at most, and then rests where it has come to.
-    /// Angles that come without either, 20 times a second or more, are a motion too: they go on by their differences for
-    /// one and a half intervals at most, and then rest at the last angle. One that follows a rest is a step.
+    /// An angle with a stiffness. A motion that comes with its speed and acceleration is followed without lag; a step
+    /// has neither. Until the next set point it continues with them, for [`LONGEST_S`] at most, and then rests where it
+    /// has arrived. Angles that come without either, 20 times a second or more, are a motion too: they continue with
+    /// their differences for one and a half intervals at most, and then rest at the last angle. An angle that follows a
+    /// rest is a step.
     Angle(Motion),
     /// All four valves shut, for `joint.lock_s` at most; then both muscles vent.
     Lock,
@@ -56,9 +57,9 @@ pub enum JointSetPoint {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum JointField {
-    /// Share for which an inlet is open.
+    /// Share of the time for which an inlet is open.
     Inlet,
-    /// Share for which an outlet is open.
+    /// Share of the time for which an outlet is open.
     Outlet,
     /// Pressure of a muscle.
     Pressure,
@@ -68,16 +69,16 @@ pub enum JointField {
     Stiffness,
     /// Angle.
     Angle,
-    /// Its speed.
+    /// Speed.
     Speed,
-    /// Its acceleration.
+    /// Acceleration.
     Acceleration,
     /// Highest pressure for which a joint is armed.
     Armed,
 }
 
 impl JointField {
-    /// Its key, the unit included.
+    /// Key of the value, including the unit.
     pub const fn key(self) -> &'static str {
         match self {
             Self::Inlet => "inlet",
@@ -93,23 +94,23 @@ impl JointField {
     }
 }
 
-/// Why a set point is not taken; what held before goes on.
+/// Reason why a set point is not accepted; the set point before then stays.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum JointError {
     /// A value is not a number, or out of its range.
     Range {
-        /// Which one.
+        /// The value that was refused.
         field: JointField,
-        /// The refused value, in the unit of its key.
+        /// Its size, in the unit of its key.
         value: f32,
-        /// Smallest value allowed.
+        /// Smallest permitted value.
         minimum: f32,
-        /// Largest value allowed.
+        /// Largest permitted value.
         maximum: f32,
     },
-    /// Faults of muscles a and b, or of the joint, hold or are latched.
+    /// Faults of muscles a and b, or of the joint, are present or latched.
     Faults([Faults; 2], JointFaults),
     /// The joint has not been armed since a fault last made it vent.
     NotArmed,
@@ -151,7 +152,7 @@ impl core::fmt::Display for JointError {
 impl core::error::Error for JointError {}
 
 impl JointSetPoint {
-    /// It, that long after it was given \[s\]: a motion has gone on, up to the stops.
+    /// The set point `age_s` after it came \[s\]: a motion has continued, up to the stops.
     #[must_use]
     pub fn after(&self, age_s: f32, mechanism: &Mechanism) -> Self {
         let Self::Angle(given) = *self else { return *self };
@@ -170,7 +171,7 @@ impl JointSetPoint {
     /// Checks every value.
     ///
     /// # Errors
-    /// [`JointError::Range`] names the first value that is none; [`JointError::NeverLocks`].
+    /// [`JointError::Range`] names the first value that is not permitted; [`JointError::NeverLocks`].
     pub fn check(&self, config: &JointConfig) -> Result<(), JointError> {
         let JointConfig { muscles, mechanism, .. } = config;
         match self {
@@ -203,7 +204,7 @@ impl JointSetPoint {
 }
 
 fn within(field: JointField, value: f32, minimum: f32, maximum: f32) -> Result<(), JointError> {
-    // Not a number fails both.
+    // NaN fails both.
     if value >= minimum && value <= maximum {
         Ok(())
     } else {

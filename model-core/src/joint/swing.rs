@@ -1,33 +1,34 @@
-//! Swing of an arm on the gas spring of its muscles, until a torque acts that answers it.
+//! Swing of an arm on the gas spring of its muscles, until a torque that answers it acts.
 //!
 //! ```text
 //! w^2 = K/J     e(t + D) = e cos(w D) + e'/w sin(w D)     e'(t + D/2) = e' cos(w D/2) - e w sin(w D/2)
 //! ```
 //!
-//! Behind late valves a small arm turns round before the torque is there: one for where its present speed would take it
-//! then drives the swing. The error is predicted until the end of the delay D, its rate until the middle of it. A small
-//! part of a swing may as well be an error that lasts: up to half a radian it only goes on with its rate.
+//! Behind late valves a small arm turns round before the torque arrives: a torque for the position that its present
+//! speed would lead to drives the swing. The error is predicted for the end of the delay D, its rate for the middle of
+//! it. A small part of a swing may just as well be a lasting error: up to half a radian it only continues with its
+//! rate.
 
 use crate::math::{inverse_sqrt, limit};
 
-/// Farthest that a swing is predicted, a quarter of it: beyond, its frequency is not known well enough \[rad\].
+/// Farthest prediction of a swing, a quarter of it: beyond, its frequency is not known well enough \[rad\].
 pub const FARTHEST_RAD: f32 = 1.5;
-/// Slowest square of a swing's frequency: of an arm without a spring \[rad2/s2\].
+/// Smallest square of a swing's frequency, for an arm without a spring \[rad2/s2\].
 const SLOWEST_RAD2_S2: f32 = 1.0;
 
-/// An error and its rate when a torque acts.
+/// An error and its rate at the time when a torque acts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Swing {
     /// Error at the end of the delay \[rad\].
     pub error_rad: f32,
-    /// Its rate in the middle of it \[rad/s\].
+    /// Rate in the middle of the delay \[rad/s\].
     pub rate_rad_s: f32,
-    /// Time in which the swing turns by a radian \[s\].
+    /// Time in which the swing advances by a radian \[s\].
     pub radian_s: f32,
 }
 
 impl Swing {
-    /// An error \[rad\] and its rate \[rad/s\] on a spring by inertia \[1/s2\], a delay later \[s\].
+    /// Predicts an error \[rad\] and its rate \[rad/s\] on a spring over inertia \[1/s2\], a delay later \[s\].
     ///
     /// ```
     /// use model_core::joint::swing::Swing;
@@ -40,12 +41,12 @@ impl Swing {
         let spring_rad2_s2 = limit(spring_rad2_s2, SLOWEST_RAD2_S2, f32::MAX);
         let radian_s = inverse_sqrt(spring_rad2_s2);
         let half_s = 0.5 * limit(delay_s, 0.0, FARTHEST_RAD * radian_s);
-        // Sine by its angle, and cosine, of half the way: the series to 3e-4.
+        // Sine over its angle, and cosine, of half the way: the series to 3e-4.
         let square = spring_rad2_s2 * half_s * half_s;
         let sine = 1.0 - (1.0 / 6.0) * square * (1.0 - 0.05 * square);
         let cosine = 1.0 - 0.5 * square * (1.0 - (1.0 / 12.0) * square);
         let moved = half_s * sine;
-        // Of the whole way, from half a radian on and from a radian on in full.
+        // Share by the whole way: from half a radian on, in full from a radian on.
         let share = limit((4.0 * square - 0.25) * (1.0 / 0.75), 0.0, 1.0);
         let turned_rad = share * error_rad;
         Self {
