@@ -1,16 +1,16 @@
-//! Several hosts at one board: whose silence vents, and which orders a stop overtakes.
+//! Several hosts on one board: whose silence makes it vent, and which orders a stop overtakes.
 //!
-//! - The host whose order was carried out last is obeyed: its set point holds as long as this host is heard. An order
-//!   that is refused changes nothing, and neither does any other request.
-//! - A line has one host at a time. One that connects asks for the version first: the host before it is gone, and is
-//!   not heard any more, whatever the new one asks.
+//! - The host whose order was carried out last is obeyed: its set point holds as long as this host is heard. A refused
+//!   order changes nothing, and neither does any other request.
+//! - A line has one host at a time. A new host asks for the version first: the host before it is then gone, and is no
+//!   longer heard, whatever the new one asks.
 //! - A stop overtakes every order that was sent before it, on any line. Bytes wait in the receiver and in the host
-//!   before the board reads them, so that what another line brings counts as older until that line has been silent
-//!   for a whole step, [`SETTLING_STEPS`] after the stop or later. What the stop's own line brings next is
-//!   newer, unless that line is itself behind another one's stop.
+//!   before the board reads them, so bytes from another line count as older until that line has been silent for a whole
+//!   step, [`SETTLING_STEPS`] after the stop or later. Bytes that follow on the stop's own line are newer, unless that
+//!   line is itself behind another line's stop.
 //!
 //! Orders are [`HostCommand::Arm`](super::HostCommand::Arm), [`Start`](super::HostCommand::Start) and
-//! [`Set`](super::HostCommand::Set) of anything but to vent: what a muscle may move by.
+//! [`Set`](super::HostCommand::Set) of anything but venting: requests that may move a muscle.
 //!
 //! ```
 //! use thermyo_protocol::arbiter::Arbiter;
@@ -22,8 +22,7 @@
 //! assert!(arbiter.admits(arbiter.begin(1)), "it follows the stop");
 //! ```
 
-/// Steps after a stop for which no other line is believed to be silent: the one that carries the stop out, and a
-/// whole one.
+/// Steps after a stop for which no other line counts as silent: the step that carries the stop out, and a whole one.
 pub const SETTLING_STEPS: u8 = 2;
 
 /// The state of all lines.
@@ -33,23 +32,23 @@ pub struct Arbiter<const LINES: usize> {
     obeyed: Option<usize>,
     /// Stops so far, wrapping.
     stops: u32,
-    /// A stop has come that is not carried out yet.
+    /// Whether a stop has come that is not carried out yet.
     stopping: bool,
     settling_steps: u8,
 }
 
-/// State of a link.
+/// State of one line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Line {
-    /// A request has come since the last step.
+    /// Whether a request has come since the last step.
     heard: bool,
-    /// Stops that precede what is read from it now.
+    /// Stops that precede the bytes now read from it.
     stops: u32,
-    /// Nothing waited to be read when a step asked last.
+    /// Whether nothing waited to be read when a step last asked.
     silent: bool,
 }
 
-/// When an order began to arrive, and where.
+/// Line of an order, and the stops that precede it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Ticket {
     line: usize,
@@ -59,50 +58,50 @@ pub struct Ticket {
 /// Link inputs of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Turn {
-    /// The host that is obeyed has asked something since the last step.
+    /// Whether the obeyed host has sent a request since the last step.
     pub heard: bool,
-    /// A stop has come since the last step.
+    /// Whether a stop has come since the last step.
     pub stop: bool,
-    /// [`Arbiter::silent`] is called for each link that has nothing to read.
+    /// Whether [`Arbiter::silent`] must be called for each line that has nothing to read.
     pub ask: bool,
 }
 
 impl<const LINES: usize> Arbiter<LINES> {
-    /// Before the first request: no host is obeyed.
+    /// Creates the state before the first request: no host is obeyed.
     pub const fn new() -> Self {
         let line = Line { heard: false, stops: 0, silent: false };
         Self { lines: [line; LINES], obeyed: None, stops: 0, stopping: false, settling_steps: 0 }
     }
 
-    /// Bytes are read from a line.
+    /// Records that bytes are read from a line.
     pub fn read(&mut self, line: usize) {
         if let Some(line) = self.lines.get_mut(line) {
             line.silent = false;
         }
     }
 
-    /// A frame begins with bytes that are read from a line.
+    /// Returns the ticket of a frame that begins with bytes now read from a line.
     pub fn begin(&self, line: usize) -> Ticket {
         // A line that does not exist is behind every stop.
         let older = self.stops.wrapping_sub(1);
         Ticket { line, stops: self.lines.get(line).map_or(older, |line| line.stops) }
     }
 
-    /// A request has come on a line.
+    /// Records that a request has come on a line.
     pub fn hear(&mut self, line: usize) {
         if let Some(line) = self.lines.get_mut(line) {
             line.heard = true;
         }
     }
 
-    /// A host has connected on a line: it asks for the version.
+    /// Records that a host has connected on a line: it asks for the version.
     pub fn greet(&mut self, line: usize) {
         if self.obeyed == Some(line) {
             self.obeyed = None;
         }
     }
 
-    /// A stop has come on a line.
+    /// Records that a stop has come on a line.
     pub fn stop(&mut self, line: usize) {
         let before = self.stops;
         self.stops = before.wrapping_add(1);
@@ -111,7 +110,7 @@ impl<const LINES: usize> Arbiter<LINES> {
         for line in &mut self.lines {
             line.silent = false;
         }
-        // Behind another line's stop it stays: what follows may be older than that one.
+        // Behind another line's stop the line stays there: the bytes that follow may be older than that stop.
         if let Some(line) = self.lines.get_mut(line)
             && line.stops == before
         {
@@ -119,7 +118,7 @@ impl<const LINES: usize> Arbiter<LINES> {
         }
     }
 
-    /// A line that a step has asked has nothing to read.
+    /// Records that a line has nothing to read, at the request of a step.
     pub fn silent(&mut self, line: usize) {
         if self.settling_steps == 0
             && let Some(line) = self.lines.get_mut(line)
@@ -134,14 +133,15 @@ impl<const LINES: usize> Arbiter<LINES> {
         order.stops == self.stops
     }
 
-    /// An order was carried out: its host is obeyed.
+    /// Records that an order was carried out: its host is obeyed.
     pub fn obey(&mut self, order: Ticket) {
         self.obeyed = Some(order.line);
-        // The step that has seen the request may have been one that obeyed another host.
+        // The step that has seen the request may have obeyed another host.
         self.hear(order.line);
     }
 
-    /// Whether a stop has come since the last step, once: an order that follows it on its line is carried out after it.
+    /// Whether a stop has come since the last step; cleared by the call. An order that follows the stop on its line is
+    /// carried out after it.
     pub fn take_stop(&mut self) -> bool {
         core::mem::take(&mut self.stopping)
     }
@@ -151,7 +151,7 @@ impl<const LINES: usize> Arbiter<LINES> {
         self.obeyed == Some(line)
     }
 
-    /// Before each step.
+    /// Returns the link inputs of a step; called before each step.
     pub fn step(&mut self) -> Turn {
         let obeyed = self.obeyed.and_then(|line| self.lines.get(line));
         let heard = obeyed.is_some_and(|line| line.heard);
@@ -184,7 +184,7 @@ mod tests {
         assert!(arbiter.step().heard, "its order counts");
         assert!(!arbiter.step().heard);
         for _ in 0..3 {
-            // Whatever the other one asks, refused orders included.
+            // Whatever the other host requests, including refused orders.
             arbiter.hear(1);
             assert!(!arbiter.step().heard);
         }

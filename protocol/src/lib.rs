@@ -1,10 +1,9 @@
 //! Messages between board and host, over a UART or USB.
 //!
-//! A frame is one message in postcard's encoding, its CRC-32 (ISO-HDLC, little end first), both
-//! together stuffed by COBS, and a zero byte. COBS leaves no zero inside a frame, so that a receiver
-//! that comes late or reads garbage is in step again after the next zero. Numbers cross without
-//! loss: f32 as its four bytes, raw codes as they are, so that a recorded run can be compared to
-//! the bit.
+//! A frame is one message in postcard's encoding and its CRC-32 (ISO-HDLC, little end first), both stuffed by COBS, and
+//! a zero byte. COBS leaves no zero inside a frame, so a receiver that starts late or reads garbage is in step again
+//! after the next zero. Numbers cross without loss: f32 as its four bytes, raw codes as they are, so that a recorded
+//! run can be compared to the bit.
 //!
 //! The host asks ([`Request`]), the board answers each request with one [`Reply`] of the same
 //! sequence number, and sends [`Message::Telemetry`] of its own accord.
@@ -115,32 +114,32 @@ use model_core::sample::{Sample, SetPoint, Telemetry};
 use serde::de::{DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
-/// Version of these messages. Board and host understand each other when it is equal.
+/// Version of these messages. Board and host must have the same one.
 pub const PROTOCOL: u16 = 23;
-/// USB vendor and product of a board: pid.codes' pair for tests, until the project has one of its own.
+/// USB vendor and product of a board: pid.codes' pair for tests, until the project has its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
-/// USB name of the maker of a board, which tells it from other devices of [`USB_ID`].
+/// USB name of the board's maker, which distinguishes it from other devices of [`USB_ID`].
 pub const USB_MANUFACTURER: &str = "Thermyo";
 /// Speed of the serial line \[baud\], 8 data bits, no parity, one stop bit.
 pub const BAUD: u32 = 921_600;
-/// Longest frame, its zero included \[bytes\].
+/// Longest frame including its zero \[bytes\].
 pub const MAX_FRAME: usize = 640;
 
-/// Longest message and CRC before COBS adds its byte per 254, begun or whole, and the zero.
+/// Longest message and CRC before COBS adds a byte for each 254, or part of them, and the zero.
 const MAX_PAYLOAD: usize = MAX_FRAME - 4;
 const CRC_BYTES: usize = 4;
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// From the host to the board.
+/// A request from the host to the board.
 pub type Request = RequestWith<Config, JointRest, JointSetPoint>;
 /// Commands of the host.
 pub type HostCommand = HostCommandWith<Config, JointRest, JointSetPoint>;
 
-/// [`Request`], what only a joint takes as a `C`, a `J` and a `P`: each is [`Unread`] on a board for one muscle, whose
-/// image then has no code for it.
+/// [`Request`] with the joint's parts as types `C`, `J` and `P`: on a board for one muscle each is [`Unread`], and its
+/// image has no code for them.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RequestWith<C, J, P> {
-    /// Comes back with the reply.
+    /// Number that comes back with the reply.
     pub sequence: u8,
     /// The command of the request.
     pub command: HostCommandWith<C, J, P>,
@@ -150,69 +149,69 @@ pub struct RequestWith<C, J, P> {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)] // One at a time, in a static buffer.
 pub enum HostCommandWith<C, J, P> {
-    /// Who is there: [`Answer::Version`]. Kept first, so that every protocol version can ask. A host asks once, when it
-    /// connects: the set point of the host before it on the line is not kept alive any more.
+    /// The board's version: [`Answer::Version`]. Kept first, so that every protocol version can ask for it. A host asks
+    /// once, when it connects: the set point of the previous host on the line is then no longer kept alive.
     Version,
-    /// Restart into the boot loader, which takes another image; only while the board vents. Kept second,
-    /// so that every protocol version can ask for a newer firmware.
+    /// Restart into the boot loader, which accepts another image; only while the board vents. Kept second, so that
+    /// every protocol version can request a newer firmware.
     BootLoader,
     /// The configuration in use: [`Answer::Config`].
     ReadConfig,
-    /// A whole new configuration, without a name: the core restarts with it, vents, and is not armed.
+    /// A complete new configuration, without a name: the core restarts with it, vents, and is not armed.
     Configure(Config),
-    /// The core restarts with its configuration, as armed as it is; the next step is step 0.
+    /// Restart the core with its configuration and its present arming; the next step is step 0.
     Start(SetPoint),
-    /// Another set point, from the step on that the reply names.
+    /// Another set point, from the step named in the reply on.
     Set(SetPoint),
-    /// Vent. What was sent before it on any line and could drive is refused: [`Refusal::Overtaken`].
+    /// Vent. Orders that were sent before it on any line and could drive are refused: [`Refusal::Overtaken`].
     Stop,
     /// Forget latched faults whose cause is gone; the board then vents.
     ClearFaults,
     /// One telemetry frame per this many steps; 0 for none.
     TelemetryDivider(u16),
-    /// How the steps were timed: [`Answer::Timing`].
+    /// Timing of the steps: [`Answer::Timing`].
     Timing,
-    /// Why the board started last: [`Answer::LastReset`].
+    /// Reason of the board's last start: [`Answer::LastReset`].
     LastReset,
     /// The first venting fault: [`Answer::FirstFailure`].
     FirstFailure,
-    /// The host is there; nothing is answered.
+    /// Sign of life of the host; it gets no answer.
     Alive,
-    /// One step on this sample instead of one from the ADC; firmware with the `hil` feature only.
-    /// The reply is the step's telemetry.
+    /// One step on this sample instead of one from the ADC; only for firmware with the `hil` feature. The reply is the
+    /// step's telemetry.
     Step(Sample),
-    /// Takes set points from now on, as far as they ask for no more than this absolute pressure \[Pa\];
-    /// `None`: as much as the configuration gives. The muscle vents until there is one.
+    /// Accept set points from now on, up to this absolute pressure \[Pa\]; `None`: up to the configured maximum. The
+    /// muscle vents until there is one.
     Arm {
-        /// \[Pa\]
+        /// Absolute pressure \[Pa\].
         most_pa: Option<f32>,
     },
     /// The status: [`Answer::Status`].
     Status,
-    /// The name of the configuration in use.
+    /// Set the name of the configuration in use.
     Name(Name),
-    /// Keeps the configuration in use, with its name, over the loss of power.
+    /// Save the configuration in use, with its name, so that it survives a loss of power.
     Save,
-    /// Forgets what was saved.
+    /// Forget the saved configuration.
     Forget,
-    /// The event of this number, counted from 0 for the last one: [`Answer::Event`].
+    /// Read the event of this number, counted from 0 for the last one: [`Answer::Event`].
     History(u8),
-    /// Of a joint: the configuration of one of its muscles, which is used from the next
-    /// [`Self::ConfigureJoint`] on.
+    /// For a joint: the configuration of one of its muscles, used from the next [`Self::ConfigureJoint`] on.
     ConfigureMuscle(Side, C),
-    /// The rest of a joint's configuration: with both muscles' it is a whole new one, as [`Self::Configure`].
+    /// The rest of a joint's configuration: together with both muscles' it is a complete new one, like
+    /// [`Self::Configure`].
     ConfigureJoint(J),
-    /// [`Self::Start`] of a joint.
+    /// [`Self::Start`] for a joint.
     StartJoint(P),
-    /// [`Self::Set`] of a joint.
+    /// [`Self::Set`] for a joint.
     SetJoint(P),
-    /// The configuration in use of one of a joint's muscles: [`Answer::Config`].
+    /// Read the active configuration of one of a joint's muscles: [`Answer::Config`].
     ReadMuscle(Side),
-    /// The rest of a joint's configuration in use: [`Answer::Joint`].
+    /// Read the rest of a joint's active configuration: [`Answer::Joint`].
     ReadJoint,
 }
 
-/// The rest of a message, whatever it is: taken, and forgotten.
+/// The rest of a message, whatever it contains: read and discarded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unread;
 
@@ -227,7 +226,7 @@ impl<'de> Deserialize<'de> for Unread {
             }
 
             fn visit_seq<A: SeqAccess<'de>>(self, mut bytes: A) -> Result<Unread, A::Error> {
-                // The end of the message is an error of postcard's.
+                // postcard reports the end of the message as an error.
                 while let Ok(Some(_)) = bytes.next_element::<u8>() {}
                 Ok(Unread)
             }
@@ -245,29 +244,29 @@ pub enum Side {
     B,
 }
 
-/// A joint's configuration without those of its muscles.
+/// A joint's configuration without its muscles.
 pub type JointRest = (Mechanism, JointTuning, AnglePart);
 
-/// From the board to the host.
+/// A message from the board to the host.
 pub type Message = MessageWith<Config, JointRest, JointTelemetry>;
-/// An answer and what it belongs to.
+/// An answer with the number of its request.
 pub type Reply = ReplyWith<Config, JointRest>;
 /// Answers of the board.
 pub type Answer = AnswerWith<Config, JointRest>;
 
-/// [`Message`], its configuration as a `C`, the rest of a joint's as a `J` and a joint's telemetry as a `T`, of which
-/// no more is asked than the same encoding: a board with little memory need not hold one for every message that
-/// waits, nor what it never sends.
+/// [`Message`] with its configuration as `C`, the rest of a joint's as `J` and a joint's telemetry as `T`. Only the
+/// encodings must match: a board with little memory need not hold a configuration for every waiting message, nor types
+/// that it never sends.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)]
 pub enum MessageWith<C, J, T> {
-    /// One step.
+    /// Telemetry of one step.
     Telemetry(Telemetry),
     /// Answer to the request of the same sequence number.
     Reply(ReplyWith<C, J>),
-    /// The status, at each change and twice a second.
+    /// The status, on each change and twice a second.
     Status(Status),
-    /// One step of a joint.
+    /// Telemetry of one step of a joint.
     JointTelemetry(T),
 }
 
@@ -284,76 +283,75 @@ pub struct ReplyWith<C, J> {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[allow(clippy::large_enum_variant)]
 pub enum AnswerWith<C, J> {
-    /// Who is there.
+    /// Version and purpose of the board's firmware.
     Version(Version),
-    /// Done; it holds from this step on.
+    /// The request was carried out; it takes effect from this step on.
     Done {
-        /// Number of the first step that it holds for.
+        /// Number of the first step that it affects.
         step: u32,
     },
-    /// Not done.
+    /// The request was not carried out.
     Refused(Refusal),
     /// The configuration in use.
     Config(C),
-    /// How the steps were timed.
+    /// Timing of the steps.
     Timing(Timing),
-    /// Why the board started last.
+    /// Reason of the board's last start.
     LastReset(LastReset),
-    /// The first venting fault since faults were last cleared, also before the last restart.
+    /// The first venting fault since faults were last cleared, including one before the last restart.
     FirstFailure(Option<FirstFailure>),
     /// Status of the board.
     Status(Status),
-    /// An event; `None` before the first event that is remembered.
+    /// An event; `None` beyond the oldest one that is remembered.
     Event(Option<Event>),
-    /// The joint's configuration in use, without those of its muscles.
+    /// The joint's active configuration, without its muscles.
     Joint(J),
 }
 
-/// Why a request was not carried out.
+/// Reason why a request was not carried out.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Refusal {
-    /// A value of the configuration is out of its range: which one, in the order in which
-    /// [`Config::check`] looks, has the message of that function on the host.
+    /// A value of the configuration is out of its range; [`Config::check`] on the host names the value.
     Config,
-    /// The board runs at a step of its own, this one \[us\].
+    /// The board runs at its own step, this one \[us\].
     Step {
-        /// \[us\]
+        /// Step of the board \[us\].
         board_us: u32,
     },
     /// The valves' PWM cannot be that slow: at most this many steps per period.
     Period {
-        /// \[-\]
+        /// Longest period in steps \[-\].
         maximum_steps: u16,
     },
     /// Samples from the host need firmware with the `hil` feature.
     NoHostSamples,
-    /// The set point: which value, and what is allowed, or what vents.
+    /// The set point was refused: the value and its permitted range, or the faults that vent.
     SetPoint(SetPointError),
     /// The board has not been configured since it started.
     NotConfigured,
-    /// This board has no place where it could keep a configuration.
+    /// This board has no store for a configuration.
     NoStore,
-    /// The request is carried out only while the board vents: to write its flash, to start its boot loader.
+    /// The request is carried out only while the board vents: writing its flash, or starting its boot loader.
     NotVented,
-    /// The flash does not take what is written to it.
+    /// The flash could not be written.
     Flash,
     /// The board has no boot loader that it could start by itself.
     NoBootLoader,
-    /// A [`HostCommand::Stop`] of another line came after it was sent: [`arbiter`]. Or another line
-    /// configured the board while this request to configure or start it waited.
+    /// A [`HostCommand::Stop`] on another line came after it was sent: [`arbiter`]. Or another line configured the
+    /// board while this request to configure or start it waited.
     Overtaken,
-    /// A joint's request to an image for one muscle, or the other way round.
+    /// A joint's request to an image for one muscle, or vice versa.
     OtherImage {
-        /// The board's image is that of a joint.
+        /// Whether the board's image is for a joint.
         joint: bool,
     },
-    /// A joint's set point: which value, and what is allowed, or what vents.
+    /// A joint's set point was refused: the value and its permitted range, or the faults that vent.
     JointSetPoint(JointError),
-    /// A joint's board has its converter for both pressures and the angle, and reads gas temperatures from
-    /// MAX31865 chips.
+    /// A joint's board uses its converter for both pressures and the angle, and reads gas temperatures from MAX31865
+    /// chips.
     JointSensors,
-    /// A joint's configuration came without those of both muscles before it.
+    /// A joint's configuration came before those of both muscles.
     NoMuscles,
 }
 
@@ -423,7 +421,7 @@ impl core::fmt::Display for Refusal {
 
 impl core::error::Error for Refusal {}
 
-/// Who is at the other end.
+/// Protocol, firmware and chip of a board.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Version {
     /// [`PROTOCOL`] of the board. Kept first.
@@ -432,7 +430,7 @@ pub struct Version {
     pub firmware: [u16; 3],
     /// The chip.
     pub chip: Chip,
-    /// The purpose of the image. One byte, 0 or 1 before protocol 18: the answer of an older board arrives too.
+    /// The purpose of the image. One byte, 0 or 1 before protocol 18, so the answer of an older board can be read too.
     pub image: Image,
 }
 
@@ -440,15 +438,15 @@ pub struct Version {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Image {
-    /// It drives one muscle.
+    /// The image drives one muscle.
     Muscle,
-    /// The same, with samples that come from the host.
+    /// The same, with samples from the host.
     Hil,
-    /// It drives a joint of two muscles.
+    /// The image drives a joint of two muscles.
     Joint,
 }
 
-/// Name of a configuration: up to 24 bytes of UTF-8, zeros behind them.
+/// Name of a configuration: up to 24 bytes of UTF-8, padded with zeros.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Name([u8; 24]);
 
@@ -456,7 +454,7 @@ impl Name {
     /// No name.
     pub const NONE: Self = Self([0; 24]);
 
-    /// The name, or as much of it as there is room for.
+    /// Creates the name, or as much of it as fits.
     pub fn new(text: &str) -> Self {
         let mut bytes = [0; 24];
         let mut end = 0;
@@ -468,7 +466,7 @@ impl Name {
         Self(bytes)
     }
 
-    /// As text; empty: it has none.
+    /// The name as text; empty if there is none.
     pub fn as_str(&self) -> &str {
         let end = self.0.iter().position(|&byte| byte == 0).unwrap_or(self.0.len());
         let bytes = self.0.get(..end).unwrap_or_default();
@@ -479,19 +477,19 @@ impl Name {
 /// Status of the board.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Status {
-    /// Number of the step from which on this holds.
+    /// Number of the step from which this status holds.
     pub step: u32,
-    /// Restarts of the board without a request, since power came.
+    /// Unrequested restarts of the board since power came.
     pub restarts: u32,
-    /// Starts of the core since the board started: with each of them its steps count from 0 again.
+    /// Starts of the core since the board started: each of them restarts its steps from 0.
     pub starts: u32,
     /// [`checksum`] of the configuration in use.
     pub config_checksum: u32,
-    /// Where that comes from.
+    /// Origin of the configuration.
     pub config_source: ConfigSource,
     /// Name of the configuration.
     pub config_name: Name,
-    /// Highest absolute pressure that set points may ask for \[Pa\]; `None`: the board is not armed.
+    /// Highest absolute pressure that set points may request \[Pa\]; `None`: the board is not armed.
     pub armed_pa: Option<f32>,
 }
 
@@ -508,29 +506,29 @@ impl Status {
     };
 }
 
-/// Where a configuration comes from.
+/// Origin of a configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub enum ConfigSource {
-    /// The core's defaults: the muscle is another one.
+    /// The core's defaults, which describe another muscle.
     #[default]
     Defaults,
     /// The host, since the board started.
     Host,
-    /// The board has kept it.
+    /// The board's own flash.
     Flash,
 }
 
 /// Something that happened to a board.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Event {
-    /// It started.
+    /// The board started.
     Started(LastReset),
-    /// It vented.
+    /// The board vented.
     Vented(FirstFailure),
 }
 
 /// Identifies a configuration: the CRC-32 of its encoding.
-// Compiled where it is called: for a board's flash that is for size, as its other encodings of a configuration are.
+// Compiled where it is called: for a board's flash that means for size, like its other encodings of a configuration.
 #[inline]
 pub fn checksum(config: &Config) -> u32 {
     let mut digest = CRC.digest();
@@ -551,7 +549,7 @@ pub fn joint_checksum(config: &JointConfig) -> u32 {
 
 fn add(digest: &mut Digest<'_, u32>, value: &impl Serialize) {
     let mut bytes = [0_u8; MAX_PAYLOAD];
-    // Every configuration fits, or it would not have come over the link.
+    // Every configuration fits, or it could not have come over the link.
     if let Ok(encoded) = postcard::to_slice(value, &mut bytes) {
         digest.update(encoded);
     }
@@ -579,12 +577,12 @@ impl core::fmt::Display for Chip {
     }
 }
 
-/// How the steps were timed since the board started.
+/// Timing of the steps since the board started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, Default)]
 pub struct Timing {
-    /// Steps.
+    /// Number of steps.
     pub steps: u64,
-    /// Steps that were left out, because the one before was not done.
+    /// Steps that were left out because the previous one was not done.
     pub missed_steps: u32,
     /// Mean time of the core's step \[ns\].
     pub step_mean_ns: u32,
@@ -592,25 +590,25 @@ pub struct Timing {
     pub step_worst_us: u32,
     /// Worst time from waking to sleeping: sampling, the core's step, valves, telemetry \[us\].
     pub busy_worst_us: u32,
-    /// Mean delay of a start after its time \[ns\].
+    /// Mean delay of a step's start \[ns\].
     pub jitter_mean_ns: u32,
-    /// Worst delay of a start after its time \[us\].
+    /// Worst delay of a step's start \[us\].
     pub jitter_worst_us: u32,
-    /// Telemetry that the line was too slow for.
+    /// Telemetry frames that the line was too slow for.
     pub dropped_telemetry: u32,
-    /// Frames from the host that were malformed, and dropped.
+    /// Frames from the host that were malformed and dropped.
     pub malformed_frames: u32,
-    /// Requests that were dropped, because more came than the board carries out.
+    /// Requests that were dropped because more came than the board carries out.
     pub dropped_requests: u32,
 }
 
-/// Why the board started last.
+/// Reason why the board last started.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum LastReset {
     /// Power, the reset pin, or a probe.
     Power,
-    /// The watchdog was not fed; what control was doing then.
+    /// The watchdog was not fed.
     Watchdog {
         /// Activity of the control task.
         phase: Phase,
@@ -634,26 +632,26 @@ pub enum LastReset {
 /// Activity of the control task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Phase {
-    /// Before its first step.
+    /// Before the first step.
     Starting,
-    /// Until the next step's time.
+    /// Waiting for the next step's time.
     Waiting,
-    /// The ADC.
+    /// Reading the ADC.
     Sampling,
-    /// The core.
+    /// Running the core.
     Stepping,
-    /// Valves and telemetry.
+    /// Driving the valves and sending telemetry.
     Driving,
 }
 
-/// The message does not fit a frame. None of this module's does not; the limit is in their tests.
+/// The message does not fit a frame. All messages of this module fit; the tests check it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TooLong;
 
 /// Bytes of a frame.
 pub type Frame = heapless::Vec<u8, MAX_FRAME>;
 
-/// The frame of a message.
+/// Encodes a message as a frame.
 ///
 /// # Errors
 /// [`TooLong`] for a type whose encoding exceeds [`MAX_FRAME`].
@@ -664,7 +662,7 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Frame, TooLong> {
     *rest.first_chunk_mut::<CRC_BYTES>().ok_or(TooLong)? = CRC.checksum(message).to_le_bytes();
     let content = payload.get(..length + CRC_BYTES).ok_or(TooLong)?;
     let mut frame = Frame::new();
-    // No longer than it may get: an RP2040 takes 50 us to set all of them.
+    // No longer than it may become: an RP2040 takes 50 us to set all of it.
     frame.resize(cobs::max_encoding_length(content.len()) + 1, 0).map_err(|_| TooLong)?;
     let stuffed = cobs::try_encode(content, &mut frame).map_err(|_| TooLong)?;
     if let Some(end) = frame.get_mut(stuffed) {
@@ -674,13 +672,13 @@ pub fn encode<T: Serialize>(message: &T) -> Result<Frame, TooLong> {
     Ok(frame)
 }
 
-/// Puts a stream of bytes together into messages; what is no message it counts and drops.
+/// Assembles messages from a stream of bytes; anything else is counted and dropped.
 #[derive(Debug)]
 pub struct Decoder {
     cobs: DecoderState,
     /// Message and checksum so far.
     content: heapless::Vec<u8, MAX_PAYLOAD>,
-    /// The frame at hand is longer than any can be.
+    /// Whether the present frame is longer than any can be.
     overlong: bool,
     malformed: u32,
 }
@@ -692,7 +690,7 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// A decoder at the start of a frame.
+    /// Creates a decoder at the start of a frame.
     ///
     /// ```
     /// use thermyo_protocol::{Decoder, HostCommand, encode};
@@ -711,7 +709,7 @@ impl Decoder {
         }
     }
 
-    /// Frames that were dropped: too long, damaged, or of no known message; wraps.
+    /// Number of dropped frames: too long, damaged, or no known message; wraps.
     pub fn malformed(&self) -> u32 {
         self.malformed
     }
@@ -724,7 +722,7 @@ impl Decoder {
                 self.overlong |= self.content.push(byte).is_err();
                 return None;
             }
-            // Ends a frame that was cut, if there was one.
+            // Ends a truncated frame, if there was one.
             Ok(DecodeResult::DataComplete) if self.content.is_empty() => return None,
             Ok(DecodeResult::DataComplete) if !self.overlong => decode(&self.content),
             Ok(DecodeResult::DataComplete) | Err(_) => None,
@@ -738,7 +736,7 @@ impl Decoder {
     }
 }
 
-/// The message of a frame's content.
+/// Decodes the message of a frame's content.
 fn decode<T: DeserializeOwned>(content: &[u8]) -> Option<T> {
     let (payload, checksum) = content.split_last_chunk::<CRC_BYTES>()?;
     if CRC.checksum(payload) != u32::from_le_bytes(*checksum) {
@@ -812,7 +810,7 @@ mod tests {
         }
     }
 
-    /// A frame in three steps is what the serial line carries.
+    /// The serial line carries one frame in three steps.
     #[test]
     fn telemetry_of_a_joint_fits_three_milliseconds() {
         let telemetry = encode(&Message::JointTelemetry(longest_of_joint())).unwrap().len();
@@ -836,7 +834,7 @@ mod tests {
         bytes.iter().filter_map(|&byte| decoder.push(byte)).collect()
     }
 
-    /// 92 bytes are what the line carries in one millisecond; a reply a step has room beside it.
+    /// The line carries 92 bytes in one millisecond; beside telemetry there is room for one reply per step.
     #[test]
     fn telemetry_fits_one_millisecond() {
         let bytes_per_ms = (BAUD / 10 / 1000) as usize;
@@ -844,7 +842,7 @@ mod tests {
         let done = Reply { sequence: 255, answer: Answer::Done { step: u32::MAX } };
         let reply = encode(&Message::Reply(done)).unwrap().len();
         assert!((60..=bytes_per_ms - reply).contains(&telemetry), "{telemetry} + {reply} bytes");
-        // Where a set point has two values, the reply comes with the next step's.
+        // If a set point has two values, the reply comes with the next step's telemetry.
         let cycle = SetPoint::MassFlowCycle { flow_kg_s: f32::NAN, period_s: f32::NAN };
         let longest = Telemetry { set_point: cycle, ..longest_telemetry() };
         let telemetry = encode(&Message::Telemetry(longest)).unwrap().len();
@@ -888,7 +886,7 @@ mod tests {
         let request = Request { sequence: 255, command };
         let reply = Message::Reply(Reply { sequence: 255, answer: Answer::Config(config) });
         for length in [encode(&request).unwrap().len(), encode(&reply).unwrap().len()] {
-            // Whole numbers of the configuration may need two bytes more than the default's.
+            // Integers of the configuration may need two bytes more than the default's.
             assert!((300..=MAX_FRAME - 4).contains(&length), "{length} bytes");
         }
         let timing = Timing {
@@ -909,7 +907,7 @@ mod tests {
         assert_eq!(encode(&[u64::MAX; 64].as_slice()), Err(TooLong));
     }
 
-    /// The bytes of [`PROTOCOL`]: who changes them changes its number, and these.
+    /// The bytes of [`PROTOCOL`]: a change of them must change its number, and these values.
     #[test]
     fn the_bytes_of_the_protocol_are_these() {
         let hex = |frame: Frame| frame.iter().map(|byte| format!("{byte:02x}")).collect::<String>();
@@ -966,7 +964,7 @@ mod tests {
         .into_iter()
         .unzip();
         assert_eq!(found, expected);
-        // The long ones by their checksum.
+        // The long ones by their checksums.
         let config = Request { sequence: 7, command: HostCommand::Configure(Config::default()) };
         let telemetry = Message::Telemetry(longest_telemetry());
         let muscle = HostCommand::ConfigureMuscle(Side::A, Config::default());
@@ -987,7 +985,7 @@ mod tests {
         }
     }
 
-    /// A board for one muscle has to answer that it does not take it.
+    /// A board for one muscle must answer that it does not accept it.
     #[test]
     fn what_only_a_joint_takes_arrives_unread() {
         type Unreading = RequestWith<Unread, Unread, Unread>;
@@ -1038,7 +1036,7 @@ mod tests {
         assert_eq!(decoder.malformed(), 1);
     }
 
-    /// Nor is it a message if it begins with one and its checksum.
+    /// Nor is an overlong frame a message if it begins with one and its checksum.
     #[test]
     fn an_overlong_frame_is_no_message_whatever_it_begins_with() {
         type Bytes = heapless::Vec<u8, MAX_PAYLOAD>;
@@ -1059,7 +1057,7 @@ mod tests {
         }
     }
 
-    /// Up to the longest that a frame holds with its checksum, whatever COBS makes of the bytes.
+    /// Up to the longest message that fits a frame with its checksum, for all kinds of bytes.
     #[test]
     fn every_length_arrives_or_is_refused() {
         type Bytes = heapless::Vec<u8, 600>;
@@ -1136,7 +1134,7 @@ mod tests {
             let frame = encode(&Message::Telemetry(telemetry)).unwrap();
             prop_assert_eq!(frame.iter().filter(|&&byte| byte == 0).count(), 1);
             let back = decode_all::<Message>(&mut Decoder::new(), &frame);
-            // Through the encoding again: NaN is equal to itself there.
+            // By its encoding: there NaN is equal to itself.
             prop_assert_eq!(back.len(), 1);
             prop_assert_eq!(encode(&back[0]).unwrap(), frame);
         }
