@@ -1,4 +1,4 @@
-//! Remembers the phase of control and the first failure over a restart, in memory that a start does
+//! Preserves the phase of control and the first failure over a restart, in memory that a start does
 //! not clear.
 
 use crate::board::Reset;
@@ -11,7 +11,7 @@ use thermyo_protocol::{LastReset, Phase};
 /// First failure before the restart, and the faults latched then.
 pub type Remembered = Option<(FirstFailure, Faults)>;
 
-/// Why the firmware ended itself.
+/// Reason why the firmware ended itself.
 #[derive(Clone, Copy)]
 #[repr(u32)]
 pub enum End {
@@ -19,17 +19,17 @@ pub enum End {
     HardFault = 2,
 }
 
-/// The one instance is a static in the section `.uninit`. Each field is one word, so that a restart
-/// during a write leaves no halves.
+/// The only instance is a static in the section `.uninit`. Each field is one word, so that a
+/// restart during a write leaves no half-written field.
 pub struct BlackBox {
-    /// [`WRITTEN`]; otherwise the memory is random since power came.
+    /// [`WRITTEN`]; otherwise the memory has been random since power came.
     written: Word,
     phase: Word,
     end: Word,
     /// Line of the panic, or address of the hard fault.
     detail: Word,
     latched: Word,
-    /// Faults of the first failure, its pressure \[Pa\] as bits, its step.
+    /// Faults of the first failure, its pressure \[Pa\] as bits, and its step.
     failure: Word,
     failure_pressure: Word,
     failure_step: Word,
@@ -43,7 +43,7 @@ const PHASES: [Phase; 5] =
     [Phase::Starting, Phase::Waiting, Phase::Sampling, Phase::Stepping, Phase::Driving];
 
 impl BlackBox {
-    /// Uninitialised.
+    /// Creates uninitialised words.
     pub const fn new() -> Self {
         Self {
             written: Word::new(),
@@ -58,8 +58,8 @@ impl BlackBox {
         }
     }
 
-    /// Returns why the board started and the first failure before, and prepares the next record. To
-    /// be called once, before all other functions.
+    /// Returns why the board started and the first failure before, and prepares the next record.
+    /// Must be called once, before all other functions.
     pub fn open(&self, reset: Reset) -> (LastReset, Remembered) {
         // Memory may outlive a short loss of power; only the chip's reset cause is certain.
         if reset == Reset::Power || self.written.get() != WRITTEN {
@@ -124,8 +124,8 @@ impl BlackBox {
         self.latched.set(latched.0);
     }
 
-    /// Records why the firmware is about to restart. A cause that is recorded stays, and gives `false`: a log that
-    /// panics is what follows, not what happened.
+    /// Records why the firmware is about to restart. Returns `false` if a cause was already
+    /// recorded, which then stays: a panic while logging is a consequence, not the cause.
     pub fn close(&self, end: End, detail: u32) -> bool {
         let first = self.end.get() == 0;
         if first {
@@ -136,10 +136,10 @@ impl BlackBox {
     }
 }
 
-/// A word whose content the compiler assumes nothing about.
+/// A word about whose content the compiler makes no assumptions.
 struct Word(UnsafeCell<MaybeUninit<u32>>);
 
-// SAFETY: accesses are volatile and of a whole word, which none of the chips splits.
+// SAFETY: accesses are volatile and cover a whole word, which none of the chips splits.
 unsafe impl Sync for Word {}
 
 impl Word {

@@ -35,9 +35,9 @@ pub struct Control<'a, S, V, O> {
     shared: &'static Shared,
     tally: Tally,
     next_step: u32,
-    /// The core has restarted, and its first step has to begin a PWM period.
+    /// Whether the core has restarted and its first step must begin a PWM period.
     fresh: bool,
-    /// Waits in a row that ended without a sample.
+    /// Consecutive waits that ended without a sample.
     silence: u32,
     dropped_requests: u32,
     flooded_steps: u32,
@@ -45,7 +45,7 @@ pub struct Control<'a, S, V, O> {
 }
 
 impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
-    /// Takes a core that has not stepped yet.
+    /// Creates the task's state with a core that has not stepped yet.
     pub fn new(
         core: &'a mut Core,
         source: S,
@@ -102,7 +102,7 @@ impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
         }
     }
 
-    /// One step, which was due at `due`; `missed` steps before it were left out.
+    /// Runs one step, which was due at `due`; `missed` steps before it were left out.
     fn step(&mut self, due: Instant, missed: u32) {
         self.silence = 0;
         let start = Instant::now();
@@ -159,7 +159,7 @@ impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
             self.black_box.record(first, self.latched);
             let known = shared.first_failure();
             shared.set_first_failure(first);
-            // Latched faults change also when they are cleared: no other event.
+            // Latched faults also change when they are cleared: that is no new event.
             if let Some(first) = first.filter(|_| first != known) {
                 shared.failed.signal(first);
             }
@@ -198,12 +198,12 @@ impl<'a, S: Source, V: Valves, O: OutputPin> Control<'a, S, V, O> {
     fn obey(&mut self, order: Order, requester: Option<Requester>) -> Result<(), Refusal> {
         let Self { core, shared, .. } = self;
         let ticket = requester.filter(|_| order.may_drive()).map(|requester| requester.ticket);
-        // Checked here, where no stop can come in between.
+        // Checked here, where no stop can intervene.
         if ticket.is_some_and(|ticket| !shared.arbitrate(|arbiter| arbiter.admits(ticket))) {
             return Err(Refusal::Overtaken);
         }
         if ticket.is_some() && shared.arbitrate(Arbiter::take_stop) {
-            // The stop before it on its own line is not carried out after it.
+            // The stop before it on its own line must not be carried out after it.
             core.vent();
         }
         match order {

@@ -19,10 +19,10 @@ const EVENTS: usize = 8;
 /// Time between two writes of events: a sector of the flash endures 100 000 erases.
 const PAUSE: Duration = Duration::from_secs(10);
 
-/// Time between two checks whether the muscle is vented.
+/// Time between two checks of whether the muscle is vented.
 const UNTIL_VENTED: Duration = Duration::from_millis(10);
 
-/// Time for an answer to find room: five times what a full outbox takes to be sent.
+/// Time for an answer to find room: five times the time to send a full outbox.
 const ANSWERING: Duration = Duration::from_millis(100);
 
 /// Events, the last one first.
@@ -74,7 +74,7 @@ pub async fn run<F: NorFlash>(flash: Option<F>, identity: Identity, shared: &'st
 
 struct Keeper<F> {
     store: Option<Store<F>>,
-    /// A value, behind the store's head.
+    /// A value, after the store's head.
     buffer: Buffer,
     history: History,
     shared: &'static Shared,
@@ -106,7 +106,7 @@ impl<F: NorFlash> Keeper<F> {
         let _written = self.shared.flash.lock().await;
         self.may_write()?;
         let Status { config_checksum, config_name: name, .. } = self.shared.status();
-        // Another one may be prepared, and wait for this one to be written.
+        // Another configuration may be staged, and wait for this one to be written.
         let active = self.shared.with_prepared(config_checksum, |core| Ok(*core.config()));
         let saved = Saved { config: active.map_err(|_| Refusal::NotConfigured)?, name };
         self.write(Key::Config, &saved).await?;
@@ -126,8 +126,8 @@ impl<F: NorFlash> Keeper<F> {
         Ok(())
     }
 
-    /// The flash is written only while the muscle is vented: while the flash is busy the links to
-    /// the host wait, and a hang is found late.
+    /// Whether the flash may be written, which is only while the muscle is vented: while the flash
+    /// is busy the links to the host wait, and a hang is found late.
     fn may_write(&self) -> Result<(), Refusal> {
         if self.store.is_none() {
             Err(Refusal::NoStore)
@@ -144,8 +144,8 @@ impl<F: NorFlash> Keeper<F> {
         self.put(key, length).await
     }
 
-    /// Writes the value of so many bytes in the buffer, an empty one to forget it; digital sensors count as paused
-    /// meanwhile.
+    /// Writes the value of `length` bytes in the buffer, or an empty one to forget it; digital
+    /// sensors count as paused meanwhile.
     async fn put(&mut self, key: Key, length: usize) -> Result<(), Refusal> {
         let store = self.store.as_mut().ok_or(Refusal::NoStore)?;
         self.shared.storing.store(true, Ordering::Relaxed);
@@ -154,7 +154,8 @@ impl<F: NorFlash> Keeper<F> {
         outcome.map_err(|Unwritable| Refusal::Flash)
     }
 
-    /// Returns whether there is nothing left to write: written, or the flash cannot be written.
+    /// Writes the history. Returns whether nothing is left to write: it was written, or the flash
+    /// cannot be written.
     async fn write_history(&mut self) -> bool {
         let _written = self.shared.flash.lock().await;
         match self.may_write() {
@@ -193,7 +194,8 @@ impl<F: NorFlash> Keeper<F> {
         }
     }
 
-    /// The last venting before the loss of power is the first failure until there is another one.
+    /// Loads the history. The last venting before the loss of power is the first failure until
+    /// there is another one.
     async fn take_history(&mut self) {
         let Some(store) = &mut self.store else { return };
         if let Loaded::Value(value) = store.load(Key::History, &mut self.buffer).await {

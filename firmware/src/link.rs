@@ -25,7 +25,7 @@ pub struct Identity {
 
 /// Sends what the tasks post.
 pub async fn send<W: Write>(mut port: W, line: &'static Line) -> ! {
-    // Ends a frame that a loss of power has cut, so that the first answer is not lost with it.
+    // Ends a frame truncated by a loss of power, so that the first answer is not lost with it.
     let _ = port.write_all(&[0]).await;
     loop {
         let message = line.outbox.receive().await;
@@ -37,7 +37,7 @@ pub async fn send<W: Write>(mut port: W, line: &'static Line) -> ! {
 }
 
 /// Rate limit: requests that may come at once, and the time after which one more may come. A host
-/// that sends set points at 100 Hz and a few queries needs half of that.
+/// that sends set points at 100 Hz and a few queries needs half of it.
 const RATION: u32 = 16;
 const RATION_EVERY: Duration = Duration::from_millis(4);
 
@@ -65,13 +65,14 @@ impl Ration {
         enough
     }
 
-    /// When a request that counts as `cost` requests may be carried out.
+    /// Time from which a request that counts as `cost` requests may be carried out.
     fn until(&self, cost: u32) -> Instant {
         self.since + RATION_EVERY * cost.saturating_sub(self.left)
     }
 }
 
-/// A new core takes a millisecond. The receiver's buffer is not full after four in a row.
+/// Number of requests that a command counts as. A new core takes a millisecond. The receiver's
+/// buffer does not fill up after four in a row.
 fn cost(command: &HostCommand) -> u32 {
     match command {
         HostCommand::Configure(_)
@@ -98,7 +99,7 @@ struct Incoming<R> {
 }
 
 impl<R: Read> Incoming<R> {
-    /// Waits until there is a byte to take; nothing is lost if it is dropped before.
+    /// Waits until there is a byte to take; no byte is lost if the wait is cancelled.
     async fn arrived(&mut self) {
         let index = self.shared.index(self.line);
         while self.next == self.end {
@@ -125,8 +126,8 @@ impl<R: Read> Incoming<R> {
 }
 
 /// Carries out requests at a rate that leaves the other tasks their time. A request that comes too
-/// early waits, so that a host that waits for each answer is only slowed. If more comes meanwhile,
-/// it is dropped and counted, but a stop is always carried out.
+/// early waits, so a host that waits for each answer is only slowed. If more arrive meanwhile, it
+/// is dropped and counted, but a stop is always carried out.
 pub async fn receive<R: Read>(
     port: R,
     line: &'static Line,
@@ -159,7 +160,7 @@ pub async fn receive<R: Read>(
                         _ => (),
                     }
                 });
-                // Samples need no limit: each comes after the answer to the one before.
+                // Samples need no limit: each one comes after the answer to the previous one.
                 let unlimited = cfg!(feature = "hil") && matches!(command, HostCommand::Step(_));
                 if !unlimited && !ration.take(cost(&command)) {
                     let affordable = ration.until(cost(&command));
@@ -178,7 +179,7 @@ pub async fn receive<R: Read>(
     }
 }
 
-/// Answers a request, or hands it on to the task that does.
+/// Answers a request, or passes it on to the task that does.
 async fn hand_on(outcome: Outcome, requester: Requester, shared: &'static Shared) {
     match outcome {
         Outcome::Answer(answer) => requester.line.answer(requester.sequence, answer),
@@ -210,9 +211,9 @@ pub enum Outcome {
     Restart(Order),
     /// The keeper carries it out and answers.
     Store(StoreRequest),
-    /// An answer, and then the board enters its boot loader.
+    /// The request is answered, and then the board enters its boot loader.
     Leave(fn() -> !),
-    /// One step, whose telemetry is the answer.
+    /// One step, with its telemetry as the answer.
     #[cfg(feature = "hil")]
     Step(kind::Sample),
     Silent,
@@ -275,12 +276,12 @@ pub fn configure(
     Ok(Order::Configure { checksum: shared.prepare(config)?, source, name })
 }
 
-/// Refuses a request that the other image takes.
+/// Refuses a request that only the other image accepts.
 pub fn other_image() -> Outcome {
     Outcome::Answer(Answer::Refused(Refusal::OtherImage { joint: kind::IMAGE == Image::Joint }))
 }
 
-/// Whether the board can run a muscle's configuration, its sensors and values left aside.
+/// Checks whether the board can run a muscle's configuration, apart from its sensors and values.
 pub fn check_muscle(config: &Config, identity: &Identity) -> Result<(), Refusal> {
     let board_us = STEP.as_micros() as u32;
     if (config.step_s * 1.0e6 + 0.5) as u32 != board_us {

@@ -1,4 +1,4 @@
-//! The valve controller's firmware.
+//! Firmware of the valve controller.
 //!
 //! Two executors run the tasks. The upper one, in an interrupt, runs the control task alone: at
 //! every whole millisecond it samples, steps the core and drives the valves. The lower one, in the
@@ -112,7 +112,7 @@ fn main() -> ! {
     })
 }
 
-/// The core, with the first failure from before a restart.
+/// Creates the core, with the first failure from before a restart.
 fn core(remembered: Remembered) -> &'static mut Core {
     // Static: a task that owned the core would hold three copies, in `main`, argument and variable.
     static CORE: StaticCell<Core> = StaticCell::new();
@@ -223,7 +223,7 @@ async fn supervise(outputs: [Output; 2], last_reset: LastReset) -> ! {
     supervisor::run(Chosen::feed, outputs, last_reset, &SHARED).await
 }
 
-/// Vents, records the cause in the black box, logs it where it is the first, and restarts.
+/// Vents, records the cause in the black box, logs it if it is the first, and restarts.
 fn give_up(end: End, detail: u32, log: impl FnOnce()) -> ! {
     cortex_m::interrupt::disable();
     Chosen::vent();

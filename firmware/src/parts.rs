@@ -52,8 +52,8 @@ impl Part {
         fresh.then_some(reading)
     }
 
-    /// The last reading, and whether it has come since the step before. While its task is paused it counts as coming
-    /// again: that it stays away is no fault.
+    /// The last reading, and whether it has come since the step before. While its task is paused,
+    /// it counts as new in every step: a missing reading is then no fault.
     fn last(&self, seen: &mut u32, paused: bool) -> (u16, bool) {
         let last = self.last.load(Ordering::Relaxed);
         let fresh = core::mem::replace(seen, last) != last || (paused && last != 0);
@@ -73,13 +73,13 @@ impl Part {
 }
 
 pub struct Parts {
-    /// One of each muscle.
+    /// Gas sensor of each muscle.
     pub gas: [Part; MUSCLES],
-    /// Pressure of one muscle, angle of a joint.
+    /// Pressure sensor of one muscle, or angle sensor of a joint.
     pub on_i2c: Part,
 }
 
-/// Readings of the step before.
+/// Readings seen in the step before.
 #[derive(Default)]
 pub struct Seen {
     pub gas: [u32; MUSCLES],
@@ -118,7 +118,7 @@ const GAS_PATIENCE: u32 = 70;
 pub async fn read_gas<S: SpiDevice, P: InputPin>(bus: S, mut ready: P, part: &Part) -> ! {
     let mut chip = Max31865::new(bus);
     let mut quiet = GAS_PATIENCE;
-    // DRDY has to rise in between: while it stays low there is no new reading.
+    // DRDY must rise in between: while it stays low there is no new reading.
     let mut was_high = false;
     loop {
         if !part.is_enabled() {
@@ -207,7 +207,7 @@ pub async fn read_i2c<I: I2c>(bus: I, part: &Part) -> ! {
                 part.put(reading);
                 true
             }
-            // Control misses the readings.
+            // Control notices the missing readings.
             Ok(None) | Err(Error::Broken) => true,
             Err(_) => false,
         };

@@ -18,8 +18,8 @@ use thermyo_protocol::{self as link, ConfigSource, Name, Refusal, ReplyWith, Sta
 
 const DEFAULT_TELEMETRY_DIVIDER: u16 = 10;
 
-/// Capacity of the outbox, and the parts of it that are kept for the reply to a host that waits for
-/// it, and for the status.
+/// Capacity of the outbox, and the parts of it that are reserved for the reply to a waiting host
+/// and for the status.
 const OUTBOX: usize = 8;
 const FOR_REPLIES: usize = 1;
 const FOR_STATUS: usize = 1;
@@ -67,17 +67,17 @@ pub type Answer = link::AnswerWith<ActiveConfig, ActiveRest>;
 
 pub const LINES: usize = if cfg!(feature = "usb") { 2 } else { 1 };
 
-/// One line to the host. Each line has its own telemetry divider: there is no telemetry before the
-/// first request.
+/// One line to the host. Each line has its own telemetry divider, and no telemetry before the first
+/// request.
 pub struct Line {
     pub outbox: Channel<CriticalSectionRawMutex, Message, OUTBOX>,
     /// Steps per telemetry frame (0 for none) plus one; zero before the first request.
     telemetry: AtomicU32,
-    /// Control asks the receiver whether there is nothing to read.
+    /// Signal by which control asks the receiver whether there is nothing to read.
     pub silence_check: Signal<CriticalSectionRawMutex, ()>,
     /// Messages for which the outbox had no room.
     dropped: AtomicU32,
-    /// Frames that were no request.
+    /// Frames that were not a request.
     pub malformed: AtomicU32,
 }
 
@@ -99,7 +99,7 @@ impl Line {
         }
     }
 
-    /// The host is gone: nothing is sent until the next request.
+    /// Closes the line, because the host is gone: nothing is sent until the next request.
     #[cfg(feature = "usb")]
     pub fn close(&self) {
         self.telemetry.store(0, Ordering::Relaxed);
@@ -116,7 +116,8 @@ impl Line {
         self.telemetry.load(Ordering::Relaxed) > 0
     }
 
-    /// Whether the telemetry of this step is due on the line; `obeyed` if its host's orders hold.
+    /// Whether the telemetry of this step is due on the line; `obeyed`: the orders of its host
+    /// hold.
     pub fn wants(&self, step: u32, obeyed: bool) -> bool {
         if cfg!(feature = "hil") {
             // Each sample is answered by its telemetry.
@@ -155,11 +156,11 @@ impl Line {
 pub struct Requester {
     pub line: &'static Line,
     pub sequence: u8,
-    /// Drawn when the request began to arrive.
+    /// Issued when the request began to arrive.
     pub ticket: Ticket,
 }
 
-/// The one instance is a static of the board.
+/// The only instance is a static of the board.
 pub struct Shared {
     pub lines: [Line; LINES],
     /// Orders to control, each with the requester that gets the answer, if there is one.
@@ -171,29 +172,31 @@ pub struct Shared {
     /// Steps for which the busy flash may still block the thread: control feeds the watchdog
     /// meanwhile.
     pub flash_busy_steps: AtomicU32,
-    /// The keeper writes: busy flash and searches in it leave the tasks of digital sensors no time.
+    /// Whether the keeper writes: busy flash and searches in it leave the tasks of digital sensors
+    /// no time.
     pub storing: AtomicBool,
     #[cfg(feature = "hil")]
     pub samples: Channel<CriticalSectionRawMutex, Sample, 1>,
-    /// Grows with every turn of the control task.
+    /// Incremented in every turn of the control task.
     pub heartbeat: AtomicU32,
     /// Faults of the last step.
     pub faults: AtomicU32,
     /// Held while the flash is written and while an order is given. The flash is written only while
     /// the muscle is vented, since a hang during a write is found late.
     pub flash: mutex::Mutex<CriticalSectionRawMutex, ()>,
-    /// The saved configuration is loaded. No request is answered before, with the defaults.
+    /// Whether the saved configuration is loaded. Until then no request is answered, as the
+    /// defaults would apply.
     pub recalled: AtomicBool,
-    /// The set point of the last step was to vent.
+    /// Whether the set point of the last step was venting.
     pub vented: AtomicBool,
     /// Requests that the link dropped because they came too fast.
     pub dropped_requests: AtomicU32,
     arbiter: Mutex<CriticalSectionRawMutex, Cell<Arbiter<LINES>>>,
     /// There is never contention: the tasks of the thread hold it between two waits, and control
-    /// reads it after one of them has sent an order, before that task goes on. It is no critical
+    /// reads it after one of them has sent an order, before that task continues. It is no critical
     /// section, because copying a core with interrupts off would delay a step.
     next_core: mutex::Mutex<CriticalSectionRawMutex, Option<NextCore>>,
-    /// Kept over restarts.
+    /// First failure, kept over restarts.
     first_failure: Mutex<CriticalSectionRawMutex, Cell<Option<FirstFailure>>>,
     tally: Mutex<CriticalSectionRawMutex, Cell<Tally>>,
     status: Mutex<CriticalSectionRawMutex, Cell<Status>>,
@@ -201,7 +204,7 @@ pub struct Shared {
 
 struct NextCore {
     core: &'static mut Core,
-    /// Of its configuration.
+    /// Checksum of its configuration.
     checksum: u32,
 }
 
@@ -251,7 +254,7 @@ impl Shared {
         self.orders.send((requester, order)).await;
     }
 
-    /// Sends control an order that restarts the core, at a time of the step that leaves room for
+    /// Sends control an order that restarts the core, at a time in the step that leaves room for
     /// it.
     pub async fn restart(&self, requester: Option<Requester>, order: Order) {
         let _written = self.flash.lock().await;
@@ -263,7 +266,7 @@ impl Shared {
         Faults(self.faults.load(Ordering::Relaxed))
     }
 
-    /// Whether the set point of control's last step was to vent.
+    /// Whether the set point of control's last step was venting.
     pub fn vented(&self) -> bool {
         self.vented.load(Ordering::Relaxed)
     }
@@ -286,7 +289,7 @@ impl Shared {
         }
     }
 
-    /// Gives the staged core its memory, before the first.
+    /// Provides the memory of the staged core, before the first one.
     pub fn stage(&self, core: &'static mut Core) {
         if let Ok(mut next) = self.next_core.try_lock() {
             *next = Some(NextCore { core, checksum: 0 });

@@ -73,13 +73,13 @@ type Map<'a, F> = MapStorage<
 
 pub struct Store<F> {
     flash: F,
-    /// Numbers of the values in each copy; the greater is newer, 0 is no value.
+    /// Numbers of the values in each copy; the greater is newer, 0 means no value.
     numbers: [[u32; KEYS.len()]; COPIES],
 }
 
 impl<F: NorFlash> Store<F> {
-    /// Opens the store and makes both copies the same. The other tasks of the thread have their
-    /// turns meanwhile.
+    /// Opens the store and makes both copies the same. The thread's other tasks get their turns
+    /// meanwhile.
     pub async fn open(flash: F) -> Self {
         let mut store = Self { flash, numbers: [[0; KEYS.len()]; COPIES] };
         let mut buffer = [0; MAX_VALUE];
@@ -128,8 +128,8 @@ impl<F: NorFlash> Store<F> {
         }
     }
 
-    /// Saves the value of so many bytes that `buffer` has after [`HEAD`] in place of the one before; an empty one counts as
-    /// absent. If it fails, the one before may be lost.
+    /// Saves the value of `length` bytes after [`HEAD`] in `buffer` in place of the previous one;
+    /// an empty one counts as absent. If it fails, the previous one may be lost.
     pub async fn save(
         &mut self,
         key: Key,
@@ -151,7 +151,7 @@ impl<F: NorFlash> Store<F> {
         self.write(newest, key, headed).await
     }
 
-    /// Whether the copy has that value already.
+    /// Whether the copy already has this value.
     async fn holds(&mut self, copy: usize, key: Key, headed: &[u8]) -> bool {
         let mut buffer = [0; MAX_VALUE];
         matches!(
@@ -209,7 +209,7 @@ impl<F: NorFlash> Store<F> {
         if self.try_write(copy, key, headed).await.is_ok() {
             return Ok(());
         }
-        // The copy is damaged: it is erased, and its other values are copied from the other one.
+        // The copy is damaged: it is erased, and its other values are copied from the other copy.
         defmt::warn!("a damaged copy of what is stored is erased");
         self.map(copy).erase_all().await.map_err(|_| Unwritable)?;
         for other in KEYS.into_iter().filter(|other| *other != key) {
@@ -237,13 +237,13 @@ impl<F: NorFlash> Store<F> {
 }
 
 /// A flash that announces to control when it is busy: it then blocks the thread, and control feeds
-/// the watchdog. The thread's other tasks have their turns between two operations.
+/// the watchdog. The thread's other tasks get their turns between two operations.
 pub struct AnnouncedFlash<F> {
     flash: F,
     shared: &'static Shared,
 }
 
-/// Steps that an operation of the flash may take: an erase takes 400 ms at most (W25Q16JV, 9.6).
+/// Steps that an operation of the flash may take: an erase takes at most 400 ms (W25Q16JV, 9.6).
 const BUSY_STEPS: u32 = 450;
 
 impl<F> AnnouncedFlash<F> {

@@ -17,7 +17,7 @@ use thermyo_protocol::LastReset;
 
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Length of an LED pattern, in looks: one second.
+/// Length of an LED pattern, in ticks: one second.
 const PATTERN: u32 = 50;
 
 pub async fn run<O: OutputPin>(

@@ -24,7 +24,8 @@ const SET_CONTROL_LINE_STATE: u8 = 0x22;
 pub type Device<D> = UsbDevice<'static, D>;
 pub type Receiver<D> = BufferedReceiver<'static, D>;
 
-/// Returns the device with this serial number, which [`run`] has to run, and the port's two halves.
+/// Opens the port. Returns the device with this serial number, which [`run`] must run, and the
+/// port's two halves.
 pub fn open<D: Driver<'static>>(
     (driver, unique_id): (D, [u8; 8]),
     line: &'static Line,
@@ -58,11 +59,11 @@ pub fn open<D: Driver<'static>>(
 /// Runs a device; `reset_waits` returns whether a bus reset waits to be handled.
 ///
 /// embassy's device does not watch the bus while it answers a request of the host. If it is
-/// unplugged then, it would wait for the rest for ever, at an address that the next host does not
-/// use.
+/// unplugged meanwhile, it would wait for ever for the rest, at an address that the next host does
+/// not use.
 pub async fn run<D: Driver<'static>>(mut device: Device<D>, reset_waits: fn() -> bool) -> ! {
     loop {
-        // The same interrupt wakes both; the device is polled first and clears a reset that it
+        // The same interrupt wakes both; the device is polled first and clears the resets that it
         // handles.
         let unhandled = poll_fn(|_| if reset_waits() { Poll::Ready(()) } else { Poll::Pending });
         select(device.run(), unhandled).await;
@@ -82,7 +83,7 @@ fn hexadecimal(id: [u8; 8]) -> &'static str {
     str::from_utf8(digits).unwrap_or_default()
 }
 
-/// Closes the line when the cable is out, the host asleep, or the port not open.
+/// Closes the line when the cable is unplugged, the host asleep, or the port not open.
 struct Watch(&'static Line);
 
 impl Handler for Watch {

@@ -1,13 +1,13 @@
 //! Single-precision arithmetic for the RP2040, whose Cortex-M0+ has no FPU. A program that links
 //! this crate (`use rp2040_float as _;`) calls it wherever it adds, subtracts, multiplies, divides
-//! or compares f32: the routines have the names of Arm's run-time ABI, and the linker takes them
-//! instead of the compiler's, which are weak.
+//! or compares f32: the routines have the names of Arm's run-time ABI, and the linker prefers them
+//! to the compiler's, which are weak.
 //!
-//! The results are an FPU's to the bit. Board, emulator and host can compute the same because of
-//! it: the boot ROM's routines flush subnormal numbers to zero.
+//! The results equal an FPU's to the bit. Therefore board, emulator and host can compute the same;
+//! the boot ROM's routines would flush subnormal numbers to zero.
 //!
-//! It buys time. Mean cycles of usual numbers on the emulated chip, with the return, without the
-//! call:
+//! It also saves time. Mean cycles for ordinary numbers on the emulated chip, including the return,
+//! without the call:
 //!
 //! | routine | cycles |
 //! |---|---|
@@ -16,7 +16,7 @@
 //! | quotient | 76 |
 //! | comparison | 17 to 21 |
 //!
-//! When they came in, they took the core's step from 119 to 50 us. `cargo test -p system-tests
+//! When they were introduced, the core's step fell from 119 to 50 us. `cargo test -p system-tests
 //! emulated_float -- --nocapture` measures them in the firmware's image and compares every kind of
 //! number with the host's FPU.
 //!
@@ -27,7 +27,7 @@
 
 pub mod rare;
 
-/// The names by which compiled code and `routines.s` call the routines.
+/// Entry points by which compiled code and `routines.s` call the routines.
 #[cfg(all(target_arch = "arm", target_os = "none"))]
 mod calls {
     use crate::rare;

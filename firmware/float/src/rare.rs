@@ -1,7 +1,7 @@
 //! Single-precision multiply and divide in integers, for every input, short rather than fast. The
-//! RP2040 uses them for rare inputs: subnormal, infinite, not a number, over- and underflow. All
-//! others are in `routines.s`. The results equal an FPU's to the bit: round to nearest, ties to even
-//! (IEEE 754).
+//! RP2040 uses them for rare inputs: subnormal, infinite, not a number, over- and underflow.
+//! `routines.s` handles all others. The results equal an FPU's to the bit: round to nearest, ties
+//! to even (IEEE 754).
 
 const SIGN: u32 = 0x8000_0000;
 const INFINITE: u32 = 0x7f80_0000;

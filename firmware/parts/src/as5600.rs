@@ -1,28 +1,30 @@
-//! ams AS5600, magnetic angle sensor of 12 bits a turn (data sheet DS000365): I2C at 0x36, 1 MHz at
-//! most. It converts by itself every 150 us.
+//! ams AS5600, magnetic angle sensor of 12 bits a turn (data sheet DS000365): I2C at 0x36, at most
+//! 1 MHz. It converts by itself every 150 us.
 
 use crate::Error;
 use embedded_hal_async::i2c::I2c;
 
 const ADDRESS: u8 = 0x36;
-/// Registers: high byte of the configuration, and status, which the angle follows before scaling and
-/// hysteresis.
+/// Registers: high byte of the configuration, and status, which is followed by the angle before
+/// scaling and hysteresis.
 const CONF: u8 = 0x07;
 const STATUS: u8 = 0x0b;
-/// High byte of the angle, before its low byte.
+/// High byte of the angle, followed by its low byte.
 const RAW_ANGLE: u8 = 0x0c;
-/// Distance of the low byte from its end within which it passes it between two bytes: 2 LSB of noise by the data sheet,
-/// and 100 rad/s for 0.1 ms are 7.
+/// Distance of the low byte from its end within which it may pass the end between two bytes: 2 LSB
+/// of noise by the data sheet, and 100 rad/s for 0.1 ms are 7.
 const NEAR: u8 = 32;
 /// Bits of the status: magnet detected, too weak, too strong.
 const DETECTED: u8 = 0x20;
 const WEAK: u8 = 0x10;
 const STRONG: u8 = 0x08;
-/// Bits of the configuration's high byte: reserved ones, which stay as they are, and the filter that
-/// settles within 0.29 ms instead of 2.2 ms. Those between are watchdog and fast filter: off.
+/// Bits of the configuration's high byte: reserved bits, which keep their value, and the filter
+/// that settles within 0.29 ms instead of 2.2 ms. The bits between are watchdog and fast filter:
+/// off.
 const RESERVED: u8 = 0xc0;
 const FASTEST: u8 = 0x03;
-/// Bits of its low byte that concern the chip's own output. The others are hysteresis and power mode: off.
+/// Bits of its low byte that concern the chip's own output. The others are hysteresis and power
+/// mode: off.
 const OUTPUT: u8 = 0xf0;
 
 pub struct As5600<I>(I);
@@ -32,17 +34,17 @@ impl<I: I2c> As5600<I> {
         Self(i2c)
     }
 
-    /// Configures the chip, which forgets it without power.
+    /// Configures the chip, which loses its configuration without power.
     pub async fn start(&mut self) -> Result<(), Error<I::Error>> {
         let [high, low, _] = self.registers(CONF).await?;
         let conf = [CONF, high & RESERVED | FASTEST, low & OUTPUT];
         Ok(self.0.write(ADDRESS, &conf).await?)
     }
 
-    /// Reads the angle, in parts of 4096 of a turn. A magnet that is missing, too weak or too strong is
-    /// [`Error::Broken`]. The two bytes may be of two angles, 22.5 deg off, where the low one is next to
-    /// its end: the high byte is then read again, and if it has changed, the angle is the one between
-    /// both. `None` if it has changed by more.
+    /// Reads the angle, in parts of 4096 of a turn. A magnet that is missing, too weak or too
+    /// strong is [`Error::Broken`]. If the low byte is near its end, the two bytes may belong to
+    /// different angles, 22.5 deg off: the high byte is then read again, and if it has changed, the
+    /// angle is the one between both. `None` if it has changed by more.
     pub async fn read(&mut self) -> Result<Option<u16>, Error<I::Error>> {
         let [status, high, low] = self.registers(STATUS).await?;
         if status & (DETECTED | WEAK | STRONG) != DETECTED {
@@ -67,7 +69,7 @@ impl<I: I2c> As5600<I> {
         })
     }
 
-    /// Reads registers from that one on. Two messages, since the chip keeps its address pointer.
+    /// Reads registers from `first` on. Two messages, since the chip keeps its address pointer.
     async fn registers<const COUNT: usize>(
         &mut self,
         first: u8,
@@ -91,7 +93,7 @@ mod tests {
     struct Chip {
         registers: [u8; 0x20],
         pointer: usize,
-        /// Messages that it answers; then its wires are off.
+        /// Messages that the chip still answers; then its wires are disconnected.
         answers: usize,
         /// High byte of the angle after the next reading of it.
         then: Option<u8>,
@@ -164,8 +166,9 @@ mod tests {
         assert_eq!(now(Chip::with(0xe7, 1, 2).read()), Ok(Some(0x102)));
     }
 
-    /// From 0x7ff to 0x800 between the two bytes it would be 0x700 or 0x8ff. Dropped, ten in a row were a lost angle: an
-    /// arm that is held there has noise across the end of the low byte in every other reading.
+    /// From 0x7ff to 0x800 between the two bytes it would be 0x700 or 0x8ff. If such readings were
+    /// dropped, ten in a row would be a lost angle: an arm held there has noise across the end of
+    /// the low byte in every other reading.
     #[test]
     fn bytes_of_two_angles_are_the_angle_between_them() {
         for (first, low, then, angle) in [
@@ -179,7 +182,7 @@ mod tests {
             chip.0.then = Some(then);
             assert_eq!(now(chip.read()), Ok(angle), "{first:#x} {low:#x} {then:#x}");
         }
-        // Far from its end it is of one angle, whatever comes then.
+        // A low byte far from its end belongs to one angle, whatever follows.
         let mut chip = Chip::with(DETECTED, 0x07, 0x80);
         chip.0.then = Some(0x08);
         assert_eq!(now(chip.read()), Ok(Some(0x780)));
@@ -187,7 +190,7 @@ mod tests {
 
     #[test]
     fn a_magnet_that_is_missing_weak_or_strong_gives_no_angle() {
-        // The last two are buses that are stuck.
+        // The last two are stuck buses.
         for status in [WEAK, STRONG, DETECTED | WEAK, DETECTED | STRONG, 0x00, 0xff] {
             assert_eq!(now(Chip::with(status, 1, 2).read()), Err(Error::Broken), "{status:#x}");
         }

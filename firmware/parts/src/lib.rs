@@ -12,14 +12,14 @@ pub mod as5600;
 pub mod max31865;
 pub mod mpr;
 
-/// Why there is no reading.
+/// Reason why there is no reading.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Error<E> {
     /// The bus failed, or there was no answer.
     Bus(E),
-    /// Not the chip that was started: none is there, another one is, or it has lost power.
+    /// Not the chip that was started: it is missing, it was replaced, or it has lost power.
     NotThere,
-    /// The chip reports that its sensor or itself is broken.
+    /// The chip reports that its sensor, or the chip itself, is broken.
     Broken,
 }
 

@@ -1,4 +1,4 @@
-//! Maxim MAX31865, RTD to digital (data sheet 19-6478): SPI mode 1 or 3, 5 MHz at most. It converts
+//! Maxim MAX31865, RTD to digital (data sheet 19-6478): SPI mode 1 or 3, at most 5 MHz. It converts
 //! by itself every 20 ms, and its DRDY is low while there is an unread reading.
 
 use crate::Error;
@@ -34,8 +34,8 @@ impl<S: SpiDevice> Max31865<S> {
         Ok(self.0.write(&[CONFIG | WRITE, config]).await?)
     }
 
-    /// Reads the last reading, R/R_ref in parts of 32768, with the configuration, which shows a
-    /// loss of power. A fault is returned as [`Error::Broken`] and cleared in the chip.
+    /// Reads the last reading, R/R_ref in parts of 32768, and the configuration, which shows a loss
+    /// of power. A fault is returned as [`Error::Broken`] and cleared in the chip.
     pub async fn read(&mut self) -> Result<u16, Error<S::Error>> {
         let mut bytes = [CONFIG; 4];
         self.0.transfer_in_place(&mut bytes).await?;

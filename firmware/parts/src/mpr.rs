@@ -1,14 +1,15 @@
-//! Honeywell MPR, pressure (data sheet 32332628): I2C at 0x18, 400 kHz at most. A measurement takes
+//! Honeywell MPR, pressure (data sheet 32332628): I2C at 0x18, at most 400 kHz. A measurement takes
 //! 5 ms.
 
 use crate::Error;
 use embedded_hal_async::i2c::I2c;
 
-/// Address of most of the series.
+/// Address of most sensors of the series.
 const ADDRESS: u8 = 0x18;
 /// Command that starts a measurement.
 const MEASURE: [u8; 3] = [0xaa, 0, 0];
-/// Bits of the status. Those of damaged memory and saturated arithmetic are 0 in a healthy sensor.
+/// Bits of the status. The bits for damaged memory and saturated arithmetic are 0 in a healthy
+/// sensor.
 const POWERED: u8 = 0x40;
 const BUSY: u8 = 0x20;
 
@@ -19,13 +20,13 @@ impl<I: I2c> Mpr<I> {
         Self(i2c)
     }
 
-    /// Starts a measurement: there is a reading 5 ms later.
+    /// Starts a measurement: its reading is ready 5 ms later.
     pub async fn start(&mut self) -> Result<(), Error<I::Error>> {
         Ok(self.0.write(ADDRESS, &MEASURE).await?)
     }
 
-    /// Reads the measurement, in parts of 2^24; `None` while busy. Every status but powered and
-    /// busy is [`Error::Broken`].
+    /// Reads the measurement, in parts of 2^24; `None` while busy. Every status other than powered
+    /// and busy is [`Error::Broken`].
     pub async fn read(&mut self) -> Result<Option<u32>, Error<I::Error>> {
         let mut bytes = [0; 4];
         self.0.read(ADDRESS, &mut bytes).await?;
@@ -87,7 +88,7 @@ mod tests {
     fn a_busy_broken_or_missing_sensor_gives_no_reading() {
         let mut part = Mpr::new(Part { answer: Some([0x60, 0, 0, 0]), ..Part::default() });
         assert_eq!(now(part.read()), Ok(None));
-        // Memory, arithmetic, no power, a bus that is stuck high.
+        // Memory, arithmetic, no power, a bus stuck high.
         for status in [0x44, 0x41, 0x00, 0xff] {
             part.0.answer = Some([status, 0x66, 0x66, 0x67]);
             assert_eq!(now(part.read()), Err(Error::Broken));

@@ -54,29 +54,30 @@ pub trait Board: Sized {
     #[cfg(feature = "usb")]
     type Usb: embassy_usb::driver::Driver<'static>;
 
-    /// SPI of a MAX31865: mode 1, 5 MHz at most.
+    /// SPI of a MAX31865: mode 1, at most 5 MHz.
     type GasBus: embedded_hal_async::spi::SpiDevice;
-    /// I2C of an MPR, or of a joint's AS5600: 400 kHz at most.
+    /// I2C of an MPR, or of a joint's AS5600: at most 400 kHz.
     type I2c: embedded_hal_async::i2c::I2c;
 
-    /// Called once, before all else. It takes the power from all coils first. The serial line runs
-    /// at [`BAUD`](thermyo_protocol::BAUD); its interrupt has a higher priority than control's, and
-    /// the USB interrupt a lower one. The watchdog runs when this returns.
+    /// Called once, before everything else. It first removes the power from all coils. The serial
+    /// line runs at [`BAUD`](thermyo_protocol::BAUD); its interrupt has a higher priority than
+    /// control's, and the USB interrupt a lower one. The watchdog runs when this returns.
     fn start() -> Parts<Self>;
     /// Starts control's executor in an interrupt below the serial line's priority, whose handler
     /// calls [`on_control_interrupt`](crate::on_control_interrupt).
     fn start_control(executor: &'static InterruptExecutor) -> SendSpawner;
     /// Feeds the watchdog, which restarts the board unless fed within [`WATCHDOG`].
     fn feed();
-    /// Takes the power from all coils, whichever code owns the pins. To be called when no other code
-    /// runs.
+    /// Removes the power from all coils, whichever code owns the pins. Must be called only when no
+    /// other code runs.
     fn vent();
     /// Whether a bus reset waits to be handled by the driver of [`Self::Usb`].
     #[cfg(feature = "usb")]
     fn usb_reset_waits() -> bool;
     /// Restarts the board, with [`Reset::Forced`] as the cause.
     fn restart() -> !;
-    /// Restarts the board into the chip's boot loader, which takes another image, if there is one.
+    /// Restarts the board into the chip's boot loader, which accepts another image, if there is
+    /// one.
     const BOOT_LOADER: Option<fn() -> !>;
 }
 
@@ -84,15 +85,16 @@ pub trait Board: Sized {
 pub struct Parts<B: Board> {
     pub reset: Reset,
     pub adc: B::Adc,
-    /// Pulled down: high while the emergency stop is not pressed and its wire not broken.
+    /// The run line, pulled down: high while the emergency stop is not pressed and its wire is
+    /// intact.
     pub run_line: B::Input,
     /// All valves, closed for an inlet and open for an outlet.
     pub valves: B::Valves,
     /// Flash of the nonvolatile store, if the board has one.
     pub flash: Option<B::Flash>,
-    /// LED, lit while high.
+    /// LED, lit while the pin is high.
     pub led: B::Output,
-    /// High while a fault holds or is latched.
+    /// High while a fault is present or latched.
     pub fault_output: B::Output,
     /// High while a joint moves, if the board drives one: its brake is released.
     pub brake_release: Option<B::Output>,
@@ -106,7 +108,7 @@ pub struct Parts<B: Board> {
     pub i2c: B::I2c,
 }
 
-/// Why a board started.
+/// Reason why a board started.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Reset {
     /// Power came, or the reset button was pressed.
@@ -128,18 +130,18 @@ pub enum Channel {
 
 /// A converter of 12 bits.
 pub trait Adc {
-    /// One conversion, 0 to 4095. It blocks for some two microseconds; the watchdog ends a longer
-    /// wait.
+    /// Runs one conversion, 0 to 4095. It blocks for about two microseconds; the watchdog ends a
+    /// longer wait.
     fn convert(&mut self, channel: Channel) -> u16;
     /// Masks interrupts above control's priority whose peripherals can wait for 100 us, from
     /// shortly before a step is due until its conversions are done.
     fn hold_others(&mut self, _held: bool) {}
 }
 
-/// PWM of all valves. One call sets them, so that they change together; `embedded-hal`'s
-/// `SetDutyCycle` has one channel at a time.
+/// PWM of all valves. One call sets all duties, so that they change together; `embedded-hal`'s
+/// `SetDutyCycle` sets one channel at a time.
 pub trait Valves {
-    /// Begins another modulation with these duties; a period of pulses
+    /// Starts another modulation with these duties; a period of pulses starts
     /// [`PWM_DELAY`](crate::kind::PWM_DELAY) from now.
     fn restart(&mut self, modulation: Modulation, commands: Commands);
     /// Sets the duties from the next period on; [`Command::VENT`](model_core::Command::VENT) acts at
@@ -147,10 +149,10 @@ pub trait Valves {
     fn drive(&mut self, commands: Commands);
 }
 
-/// How the duties leave the pins.
+/// Modulation of the pins by the duties.
 #[derive(Clone, Copy)]
 pub enum Modulation {
-    /// Pulses for switching valves, one in a period of so many steps.
+    /// Pulses for switching valves, one in each period of `period_steps`.
     Pulses { period_steps: u16 },
     /// A carrier whose mean, behind a filter, is the command of a proportional valve.
     Carrier,
@@ -165,7 +167,8 @@ impl Modulation {
     }
 }
 
-/// Frequency of the carrier: above hearing, and a hundred times what the filter and a valve follow \[Hz\].
+/// Frequency of the carrier: above hearing, and a hundred times what filter and valve can follow
+/// \[Hz\].
 pub const CARRIER_HZ: u32 = 25_000;
 
 /// Size of the nonvolatile store: four sectors.

@@ -24,7 +24,7 @@ use embassy_rp::adc::{self, Blocking};
 use embassy_rp::clocks::clk_sys_freq;
 use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
-// Of embassy's timer.
+// The interrupt of embassy's timer.
 #[cfg(not(feature = "pico2"))]
 use embassy_rp::interrupt::TIMER_IRQ_0 as TIMER_IRQ;
 #[cfg(feature = "pico2")]
@@ -58,9 +58,9 @@ unsafe fn SWI_IRQ_1() {
 /// Differences between the boards.
 pub trait Member {
     const CHIP: Chip;
-    /// Unique number of the board; zeros where it cannot be read.
+    /// Unique number of the board; zeros if it cannot be read.
     fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8];
-    /// Restarts the chip into the boot ROM as if BOOTSEL was pressed.
+    /// Restarts the chip into the boot ROM as if BOOTSEL were pressed.
     fn boot_loader() -> !;
 }
 
@@ -111,7 +111,7 @@ impl<M: Member> Board for Rp<M> {
 
         let mut spi_config = spi::Config::default();
         spi_config.phase = spi::Phase::CaptureOnSecondTransition;
-        // Its setup stays; the messages go past embassy's driver.
+        // Only its setup is used; the messages bypass embassy's driver.
         let _spi = Spi::new_blocking(p.SPI1, p.PIN_10, p.PIN_11, p.PIN_12, spi_config);
         let ready_a = Input::new(p.PIN_9, Pull::Up);
         let gas_buses = [
@@ -153,7 +153,7 @@ impl<M: Member> Board for Rp<M> {
     }
 
     fn feed() {
-        // SAFETY: it writes a single register.
+        // SAFETY: feeding writes a single register.
         Watchdog::new(unsafe { peripherals::WATCHDOG::steal() }).feed(WATCHDOG);
     }
 
@@ -194,7 +194,7 @@ impl<M: Member> Board for Rp<M> {
     });
 }
 
-/// The serial line. To be called once.
+/// Sets up the serial line. Must be called only once.
 fn serial(
     uart: Peri<'static, peripherals::UART0>,
     tx: Peri<'static, peripherals::PIN_0>,
@@ -216,12 +216,12 @@ fn serial(
 /// Words of the vector table: 16 of the Arm core, and one for each interrupt of the chip.
 const VECTORS: usize = 16 + if cfg!(feature = "pico2") { 52 } else { 32 };
 
-/// Vector table in RAM, as the rest of the program: flash cannot be read while it is written.
+/// Vector table in RAM, like the rest of the program: flash cannot be read while it is written.
 /// Aligned for the longer of both tables (Armv8-M, VTOR).
 #[repr(C, align(512))]
 struct VectorTable([u32; VECTORS]);
 
-/// Moves the vector table to RAM. To be called once.
+/// Moves the vector table to RAM. Must be called only once.
 fn vectors_to_ram() {
     static TABLE: StaticCell<VectorTable> = StaticCell::new();
     // SAFETY: the active table has this length, and both have the same handlers.
@@ -250,8 +250,8 @@ impl Adc for Converter {
         self.adc.blocking_read(channel).unwrap_or(0)
     }
 
-    /// Masks the UART, whose receiver buffers meanwhile, and the timer, which wakes tasks below control only: they
-    /// have to wait for it anyway.
+    /// Masks the UART, whose receiver buffers meanwhile, and the timer, which wakes only tasks
+    /// below control: they must wait for control anyway.
     fn hold_others(&mut self, held: bool) {
         if held {
             interrupt::UART0_IRQ.disable();
@@ -266,16 +266,15 @@ impl Adc for Converter {
     }
 }
 
-/// Counts of the PWM per period: with them the divider is exact for every whole number of
-/// milliseconds at 125 MHz and at 150 MHz.
+/// Counts of the PWM per period: the divider is then exact for every whole number of milliseconds
+/// at 125 MHz and at 150 MHz.
 const TICKS: u16 = 50_000;
 
-/// Pins of inlet and outlet of each muscle. Those of muscle a are on PWM slice 0, those of muscle b on
-/// slice 1.
+/// Pins of inlet and outlet of each muscle. Muscle a is on PWM slice 0, muscle b on slice 1.
 const COIL_PINS: [[usize; 2]; 2] = [[16, 17], [18, 19]];
 
-/// The PWM slices of all valves. Their counters run together from 0 to [`TICKS`] - 1, or over as many
-/// clocks as a period of the carrier has: the full duty is above the counter's top, always on.
+/// The PWM slices of all valves. Their counters run together from 0 to [`TICKS`] - 1, or over the
+/// clocks of a carrier period: the full duty is above the counter's top, always on.
 pub struct Slices([Slice; MUSCLES]);
 
 /// One muscle's valves.
@@ -319,7 +318,7 @@ impl Slice {
         self.config.compare_b = outlet.ticks(ticks);
     }
 
-    /// Stops, shortly before the begin of a period of another modulation.
+    /// Stops the PWM shortly before the start of a period of another modulation.
     fn stop_before(&mut self, modulation: Modulation) {
         self.config.enable = false;
         self.pwm.set_config(&self.config);

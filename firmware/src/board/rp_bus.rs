@@ -1,6 +1,6 @@
 //! SPI and I2C for digital sensors, whose messages fit the peripherals' FIFOs. The task fills the
 //! FIFO, sleeps for the time on the wire, and reads the answer. embassy's drivers with interrupts
-//! and DMA would take 5 KiB of the image; here a bus that hangs blocks no task.
+//! and DMA would take 5 KiB of the image; and here a hanging bus blocks no task.
 
 use embassy_rp::Peri;
 use embassy_rp::clocks::clk_sys_freq;
@@ -40,7 +40,7 @@ impl hal_spi::ErrorType for SpiDevice {
 }
 
 impl hal_spi::SpiDevice for SpiDevice {
-    /// One write or transfer in place, of [`SPI_BYTES`] at most.
+    /// Runs one write or transfer in place, of at most [`SPI_BYTES`].
     async fn transaction(
         &mut self,
         operations: &mut [hal_spi::Operation<'_, u8>],
@@ -85,11 +85,12 @@ const I2C_HZ: u32 = 400_000;
 const I2C_BYTE_US: u64 = 24;
 const I2C_ROOM_US: u64 = 60;
 
-/// Half of a clock that frees the bus: 100 kHz, slow for every chip.
+/// Half-periods per second of the clock that frees the bus: 100 kHz, slow enough for every chip
+/// \[Hz\].
 const FREES_HZ: u32 = 200_000;
 
-/// Frees a bus whose chip holds SDA low: a restart of the board or a disturbance has interrupted it while it sent a
-/// byte, and it waits for the rest of the clocks.
+/// Frees a bus whose chip holds SDA low: a restart of the board or a disturbance has interrupted
+/// the chip while it sent a byte, and it waits for the remaining clocks.
 #[cold]
 fn free_i2c(scl: Peri<'_, PIN_5>, sda: Peri<'_, PIN_4>) {
     let wait = || cortex_m::asm::delay(clk_sys_freq() / FREES_HZ);
@@ -98,7 +99,7 @@ fn free_i2c(scl: Peri<'_, PIN_5>, sda: Peri<'_, PIN_4>) {
     scl.set_pullup(true);
     sda.set_pullup(true);
     wait();
-    // Eight bits and the acknowledge, which nothing gives.
+    // Eight bits and the acknowledge, which no one sends.
     for _ in 0..9 {
         if sda.is_high() {
             return;
@@ -128,14 +129,14 @@ impl I2cBus {
         bus
     }
 
-    /// Frees the bus and gives it to the peripheral.
+    /// Frees the bus and hands it to the peripheral.
     #[cold]
     fn set_up(&mut self) {
         let Self { i2c, scl, sda } = self;
         free_i2c(scl.reborrow(), sda.reborrow());
         let mut config = i2c::Config::default();
         config.frequency = I2C_HZ;
-        // Its setup stays; the messages go past embassy's driver.
+        // Only its setup is used; the messages bypass embassy's driver.
         let _i2c = I2c::new_blocking(i2c.reborrow(), scl.reborrow(), sda.reborrow(), config);
     }
 }
@@ -145,7 +146,7 @@ impl hal_i2c::ErrorType for I2cBus {
 }
 
 impl hal_i2c::I2c for I2cBus {
-    /// One message of [`I2C_BYTES`] at most.
+    /// Runs one message of at most [`I2C_BYTES`].
     async fn transaction(
         &mut self,
         address: u8,
@@ -162,7 +163,7 @@ impl hal_i2c::I2c for I2cBus {
             return Err(hal_i2c::ErrorKind::Overrun);
         }
         let registers = pac::I2C0;
-        // Disabling it discards the rest of an earlier message.
+        // Disabling the peripheral discards the rest of an earlier message.
         registers.ic_enable().write(|enable| enable.set_enable(false));
         registers.ic_tar().write(|target| target.set_ic_tar(address.into()));
         registers.ic_clr_intr().read();

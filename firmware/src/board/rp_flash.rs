@@ -10,7 +10,7 @@ use embassy_rp::rom_data;
 use embedded_storage_async::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 
 unsafe extern "C" {
-    /// Where the image's flash ends (`memory.x`).
+    /// End of the image's flash (`memory.x`).
     static __store: u8;
 }
 
@@ -21,7 +21,7 @@ const PAGE: usize = 256;
 const BLOCK: u32 = 1 << 16;
 const ERASE_BLOCK: u8 = 0xd8;
 
-/// [`STORE_BYTES`](super::STORE_BYTES) behind the image.
+/// [`STORE_BYTES`](super::STORE_BYTES) of flash after the image.
 pub struct StoreFlash(());
 
 impl StoreFlash {
@@ -39,18 +39,18 @@ impl StoreFlash {
         Ok(store + offset)
     }
 
-    /// Runs one of the ROM's functions while the flash cannot be read.
+    /// Runs a function of the ROM while the flash cannot be read.
     ///
     /// # Safety
     /// The operation must stay within the store.
     unsafe fn write_with(operation: impl FnOnce()) {
-        // SAFETY: only this module reads flash, and it does not while this function runs.
+        // SAFETY: only this module reads flash, and not while this function runs.
         unsafe {
             rom_data::connect_internal_flash();
             rom_data::flash_exit_xip();
             operation();
             rom_data::flash_flush_cache();
-            // Slower than the boot loader's mode, which only a start needs and sets up again.
+            // Slower than the mode of the boot loader, which only a start needs and sets up again.
             rom_data::flash_enter_cmd_xip();
         }
     }
@@ -99,7 +99,7 @@ impl NorFlash for StoreFlash {
         let mut place = Self::place(offset, bytes.len())?;
         let mut rest = bytes;
         while !rest.is_empty() {
-            // A page at a time. Programming ones changes nothing.
+            // One page at a time. Programming ones changes nothing.
             let mut page = [0xff; PAGE];
             let room = page.split_at_mut(place % PAGE).1;
             let count = room.len().min(rest.len());

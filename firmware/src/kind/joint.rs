@@ -24,10 +24,11 @@ pub use thermyo_protocol::{HostCommand, Request};
 pub const MUSCLES: usize = 2;
 pub const IMAGE: Image = Image::Joint;
 /// Bytes of the longest value in the store, and schema of the values, whose bytes are those of the
-/// messages: never one of the image for one muscle, which has the same place for its own.
+/// messages. The schema never equals one of the image for one muscle, which stores its values in
+/// the same place.
 pub const MAX_VALUE: usize = 1536;
 pub const SCHEMA: u16 = 0x8000 | PROTOCOL;
-/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
+/// Delay from driving the valves to the start of the PWM period: later steps at a period's start
 /// take 300 us longer than the first one and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(500);
 pub type Commands = [Command; MUSCLES];
@@ -35,14 +36,15 @@ pub const VENT: Commands = [Command::VENT; MUSCLES];
 
 pub type JointTelemetry = Telemetry;
 
-/// The configurations of muscles a and b that wait for the rest of the joint's, and the line that each came over.
+/// Configurations of muscles a and b that wait for the rest of the joint's, each with the line that
+/// it came over.
 static MUSCLE_CONFIGS: Mutex<
     CriticalSectionRawMutex,
     [Option<(usize, model_core::Config)>; MUSCLES],
 > = Mutex::new([None; MUSCLES]);
 
-/// Stands for a muscle's active configuration in a message, which need not hold its half kilobyte:
-/// it is read when the message is sent.
+/// Stands for a muscle's active configuration in a message, which then need not hold its half
+/// kilobyte: it is read when the message is sent.
 #[derive(Clone, Copy)]
 pub struct ActiveConfig(&'static Shared, Side);
 
@@ -56,7 +58,7 @@ impl Serialize for ActiveConfig {
     }
 }
 
-/// The same for the rest of the joint's.
+/// Stands for the rest of the joint's active configuration, likewise.
 #[derive(Clone, Copy)]
 pub struct ActiveRest(&'static Shared);
 
@@ -70,7 +72,8 @@ impl Serialize for ActiveRest {
 /// The muscles are statics: the stack has no room for a whole joint.
 pub type Core = Joint<&'static mut model_core::Core>;
 
-/// One of the board's two joints: the one that controls, and the one that is configured next.
+/// Creates one of the board's two joints: the one that controls, and the one that is configured
+/// next.
 pub fn unconfigured() -> Core {
     static PLACES: [StaticCell<model_core::Core>; 2 * MUSCLES] =
         [const { StaticCell::new() }; 2 * MUSCLES];
@@ -94,7 +97,7 @@ pub fn is_checking(telemetry: &Telemetry) -> bool {
     telemetry.mode == JointMode::StartupCheck
 }
 
-/// Whether it is driven: neither vented nor locked.
+/// Whether the joint is driven: neither vented nor locked.
 pub fn moves(telemetry: &Telemetry) -> bool {
     !matches!(telemetry.mode, JointMode::StartupCheck | JointMode::Vent | JointMode::Locked)
 }
@@ -125,8 +128,8 @@ pub fn modulation(config: &Config) -> Modulation {
     Modulation::of(a)
 }
 
-/// Restarts with a set point, which is checked before: a restart keeps what the joint is armed for.
-/// There is no memory for a third joint that could be armed and set first, as one muscle's core is.
+/// Restarts with a set point, which is checked first: a restart keeps the arming. There is no
+/// memory for a third joint that could be armed and set first, as is done for one muscle's core.
 pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), Refusal> {
     set_point.check(other.config())?;
     core.may_set(&set_point)?;
@@ -135,17 +138,17 @@ pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), R
     Ok(())
 }
 
-/// The sample of these codes of ADC0 to ADC2.
+/// Sample with these codes of ADC0 to ADC2.
 pub fn sample([pressure_a, pressure_b, angle]: [AdcCode; 3]) -> Sample {
     Sample { pressure: [pressure_a.into(), pressure_b.into()], angle, ..Sample::default() }
 }
 
-/// Whether the gas sensors, and the sensor on I2C, are read.
+/// Whether the gas sensors, and the sensor on I2C, are digital.
 pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
     ([true; MUSCLES], config.angle_part.is_digital())
 }
 
-/// Puts the readings of digital sensors in place of the codes.
+/// Replaces the codes by readings of digital sensors.
 pub fn take_parts(
     config: &Config,
     parts: &Parts,
@@ -164,7 +167,7 @@ pub fn take_parts(
     }
 }
 
-/// Whether the board can run the configuration, its values left aside.
+/// Checks whether the board can run the configuration, apart from its values.
 pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
     for muscle in &config.muscles {
         check_muscle(muscle, identity)?;
@@ -176,7 +179,7 @@ pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
     Ok(())
 }
 
-/// Requests about what the image drives.
+/// Carries out requests that are specific to this image.
 pub fn carry_out(
     command: HostCommand,
     identity: &Identity,
@@ -189,7 +192,7 @@ pub fn carry_out(
         }
         HostCommand::ReadJoint => Outcome::Answer(Answer::Joint(ActiveRest(shared))),
         HostCommand::ConfigureMuscle(side, config) => {
-            // The tasks of the thread take turns.
+            // The tasks of the thread take turns, so the lock is free.
             if let Ok(mut configs) = MUSCLE_CONFIGS.try_lock() {
                 let [a, b] = &mut *configs;
                 let waits = Some((shared.index(line), config));
@@ -219,7 +222,7 @@ fn commit(
     let [Some((of_a, a)), Some((of_b, b))] = *configs else {
         return Err(Refusal::NoMuscles);
     };
-    // Another host's are not this joint's.
+    // Another host's muscles do not belong to this joint.
     if [of_a, of_b] != [shared.index(line); MUSCLES] {
         return Err(Refusal::NoMuscles);
     }

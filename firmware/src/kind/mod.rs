@@ -1,5 +1,5 @@
-//! The image drives one muscle, or a joint of two with the feature `joint`. All other code of
-//! the firmware is the same for both.
+//! Parts of the firmware that differ between the image for one muscle and, with the feature
+//! `joint`, the image for a joint of two. All other code is the same for both.
 
 #[cfg(feature = "joint")]
 mod joint;

@@ -18,11 +18,11 @@ use thermyo_protocol::{
 
 pub const MUSCLES: usize = 1;
 pub const IMAGE: Image = if cfg!(feature = "hil") { Image::Hil } else { Image::Muscle };
-/// Bytes of the longest value in the store, which holds every configuration that a frame does, with
+/// Bytes of the longest value in the store, which holds every configuration that fits a frame, with
 /// its name and head; and schema of the values, whose bytes are those of the messages.
 pub const MAX_VALUE: usize = MAX_FRAME + 64;
 pub const SCHEMA: u16 = PROTOCOL;
-/// Delay from driving the valves to the begin of the PWM period: later steps at a period's begin
+/// Delay from driving the valves to the start of the PWM period: later steps at a period's start
 /// may take longer and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(250);
 pub const VENT: Commands = Commands::VENT;
@@ -33,8 +33,8 @@ pub type HostCommand = HostCommandWith<Unread, Unread, Unread>;
 /// Never sent.
 pub type JointTelemetry = ();
 
-/// Stands for the active configuration in a message, which need not hold its half kilobyte: it is
-/// read when the message is sent.
+/// Stands for the active configuration in a message, which then need not hold its half kilobyte: it
+/// is read when the message is sent.
 #[derive(Clone, Copy)]
 pub struct ActiveConfig(&'static Shared);
 
@@ -66,7 +66,7 @@ pub fn is_checking(telemetry: &Telemetry) -> bool {
     telemetry.mode == Mode::StartupCheck
 }
 
-/// Whether it is driven.
+/// Whether the muscle is driven.
 pub fn moves(telemetry: &Telemetry) -> bool {
     !matches!(telemetry.mode, Mode::StartupCheck | Mode::Vent)
 }
@@ -95,7 +95,7 @@ pub fn modulation(config: &Config) -> Modulation {
     Modulation::of(config)
 }
 
-/// Restarts with a set point, which is checked as if the other core had been armed as this one is.
+/// Restarts with a set point, which is checked as if the other core were armed like this one.
 pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), Refusal> {
     let mut other = other.clone();
     if let Some(armed_pa) = core.armed_pa() {
@@ -108,7 +108,7 @@ pub fn start(core: &mut Core, other: &Core, set_point: SetPoint) -> Result<(), R
     Ok(())
 }
 
-/// The sample of these codes of ADC0 to ADC2.
+/// Sample with these codes of ADC0 to ADC2.
 #[cfg_attr(feature = "hil", allow(dead_code))]
 pub fn sample([pressure, gas, length]: [AdcCode; 3]) -> Sample {
     Sample::new(pressure, gas, length)
@@ -120,7 +120,7 @@ pub fn digital(config: &Config) -> ([bool; MUSCLES], bool) {
     ([sensors.gas_element.is_digital()], sensors.pressure_part.is_digital())
 }
 
-/// Puts the readings of digital sensors in place of the codes.
+/// Replaces the codes by readings of digital sensors.
 #[cfg_attr(feature = "hil", allow(dead_code))]
 pub fn take_parts(
     config: &Config,
@@ -140,12 +140,12 @@ pub fn take_parts(
     }
 }
 
-/// Whether the board can run the configuration, its values left aside.
+/// Checks whether the board can run the configuration, apart from its values.
 pub fn check(config: &Config, identity: &Identity) -> Result<(), Refusal> {
     check_muscle(config, identity)
 }
 
-/// Requests about what the image drives.
+/// Carries out requests that are specific to this image.
 pub fn carry_out(
     command: HostCommand,
     identity: &Identity,

@@ -10,18 +10,17 @@ use embedded_hal::digital::InputPin;
 use model_core::AdcCode;
 use model_core::sample::OVERSAMPLING;
 
-/// The timer is set this much early, and the task polls for the rest: the timer's interrupt takes
-/// some 14 us to reach the task, and the serial interrupt may delay it. That one is masked while
+/// Lead with which the timer is set; the task polls for the rest. The timer's interrupt takes some
+/// 14 us to reach the task, and the serial interrupt may delay it, so that one is masked while
 /// polling.
 const LEAD: Duration = Duration::from_micros(30);
 
 pub struct Inputs<A, P> {
     adc: A,
     run_line: P,
-    /// Time of the next step. The first one is set when it is requested, since the start takes
-    /// time.
+    /// Time of the next step. It is first set when a step is requested, since the start takes time.
     due: Option<Instant>,
-    /// Steps left out since the last one; a field, because an order may end a wait early.
+    /// Steps left out since the last step; a field, because an order may end a wait early.
     missed: u32,
     /// Last readings of digital sensors.
     seen: crate::parts::Seen,
@@ -29,12 +28,13 @@ pub struct Inputs<A, P> {
 }
 
 impl<A: Adc, P: InputPin> Inputs<A, P> {
-    /// `run_line` is high while the emergency stop is not pressed and its wire not broken.
+    /// Creates the source; `run_line` is high while the emergency stop is not pressed and its wire
+    /// is intact.
     pub fn new(adc: A, run_line: P, shared: &'static Shared) -> Self {
         Self { adc, run_line, due: None, missed: 0, seen: crate::parts::Seen::default(), shared }
     }
 
-    /// Sum of conversions. The core scales the sum, which saves a division.
+    /// Returns the sum of conversions. The core scales the sum, which saves a division.
     fn code(&mut self, channel: Channel) -> AdcCode {
         let mut sum = 0_u16;
         for _ in 0..OVERSAMPLING {

@@ -16,7 +16,8 @@ use embassy_time::{Duration, Instant};
 pub const STEP: Duration = Duration::from_micros(STEP_US as u64);
 pub const STEP_US: u32 = 1000;
 
-/// Time since the last step. In 32 bits, because a 64-bit division takes a kilobyte of flash.
+/// Time since the last step was due. In 32 bits, because a 64-bit division takes a kilobyte of
+/// flash.
 pub fn into_step(time: Instant) -> Duration {
     let us = time.as_micros();
     let (high, low) = ((us >> 32) as u32, us as u32);
@@ -27,9 +28,8 @@ pub fn into_step(time: Instant) -> Duration {
 }
 
 pub trait Source {
-    /// Waits until the next step is due. Returns that time and how many steps were left out before
-    /// it, or
-    /// `None` after a long wait without a step.
+    /// Waits until the next step is due. Returns that time and the number of steps left out before
+    /// it, or `None` after a long wait without a step.
     async fn due(&mut self) -> Option<(Instant, u32)>;
     /// Samples the sensors of this configuration for the step that is due.
     fn sample(&mut self, config: &Config) -> Sample;

@@ -1,5 +1,5 @@
-//! NUCLEO-G474RE: an STM32G474RE, Cortex-M4F, with a debug probe whose serial port is the line to
-//! the host.
+//! NUCLEO-G474RE: an STM32G474RE, Cortex-M4F, with a debug probe whose serial port connects to the
+//! host.
 //!
 //! | pin | Arduino | signal |
 //! |---|---|---|
@@ -51,7 +51,7 @@ embassy_stm32::bind_interrupts!(struct Irqs {
     USART2 => BufferedInterruptHandler<USART2>;
 });
 
-/// The interrupt of a peripheral that is not used.
+/// Interrupt of an unused peripheral.
 #[embassy_stm32::interrupt]
 unsafe fn UART4() {
     // SAFETY: the interrupt that control's executor was started with.
@@ -60,10 +60,10 @@ unsafe fn UART4() {
 
 /// SPI2, which the sensors' tasks share. A message of a few bytes blocks the thread, not control.
 type SpiBus = BlockingAsync<Spi<'static, Blocking, Master>>;
-/// The same of I2C, which gives up after [`I2C_TIMEOUT`]: the thread feeds the watchdog.
+/// I2C1, likewise; it gives up after [`I2C_TIMEOUT`], because the thread feeds the watchdog.
 type I2cBus = BlockingAsync<I2c<'static, Blocking, i2c::Master>>;
 
-/// Clock of SPI2: a MAX31865 takes up to 5 MHz.
+/// Clock of SPI2: a MAX31865 allows up to 5 MHz.
 const SPI_HZ: Hertz = Hertz(1_000_000);
 const I2C_HZ: Hertz = Hertz(400_000);
 /// The longest message, 8 bytes, takes 0.2 ms.
@@ -172,7 +172,7 @@ impl Board for NucleoG474re {
     const BOOT_LOADER: Option<fn() -> !> = None;
 }
 
-/// The serial line. To be called once.
+/// Sets up the serial line. Must be called only once.
 fn serial(
     uart: Peri<'static, USART2>,
     rx: Peri<'static, PA3>,
@@ -210,8 +210,8 @@ fn clocks() -> embassy_stm32::Config {
     config
 }
 
-/// Reads and clears the reset cause. Every reset also sets the flag of the reset pin, and power-on
-/// sets that of the brown-out.
+/// Reads and clears the reset cause. Every reset also sets the reset pin's flag, and power-on sets
+/// the brown-out's.
 fn reset() -> Reset {
     let flags = RCC.csr().read();
     RCC.csr().modify(|csr| csr.set_rmvf(true));
@@ -245,7 +245,7 @@ impl Adc for Converter {
     }
 }
 
-/// This board has no store: its program runs from the flash that would be written.
+/// This board has no store: its program runs from the flash that would have to be written.
 pub enum NoFlash {}
 
 impl ErrorType for NoFlash {

@@ -1,5 +1,5 @@
-//! All valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1, or over the clocks of a period of the
-//! carrier: the full duty is above the counter's top, always on.
+//! All valves, on TIM3. Its counter runs from 0 to [`TICKS`] - 1, or over the clocks of a carrier
+//! period: the full duty is above the counter's top, always on.
 
 use super::CLOCK_HZ;
 use crate::board::{CARRIER_HZ, Modulation, Valves};
@@ -36,10 +36,10 @@ pub const MAXIMUM_PERIOD_STEPS: u16 = (65_536 / CLOCKS_PER_STEP) as u16;
 /// Channels of inlet and outlet of each muscle: PA6 and PA7, PC8 and PC9.
 const CHANNELS: [[Channel; 2]; 2] = [[Channel::Ch1, Channel::Ch2], [Channel::Ch3, Channel::Ch4]];
 
-/// Forces both pins of a muscle low at once, or gives them back to the timer. A level forced in the timer
-/// itself would end only when its comparison changes: never, for a coil that is always on.
+/// Forces both pins of a muscle low at once, or returns them to the timer. A level forced in the
+/// timer itself would end only at a compare match: never, for a coil that is always on.
 fn force_low(muscle: usize, low: bool) {
-    // Their output registers are low since reset.
+    // Their output registers have been low since reset.
     let mode = if low { Moder::OUTPUT } else { Moder::ALTERNATE };
     let (port, coils) = if muscle == 0 { (GPIOA, [6, 7]) } else { (GPIOC, [8, 9]) };
     port.moder().modify(|pins| coils.iter().for_each(|&pin| pins.set_moder(pin, mode)));
@@ -73,7 +73,7 @@ pub struct Timer3 {
 }
 
 impl Timer3 {
-    /// The timer is stopped, and all coils are without power.
+    /// Stops the timer and removes the power from all coils.
     pub fn new(timer: Peri<'static, TIM3>, coils: Coils) -> Self {
         let timer = Timer::new(timer);
         timer.regs_core().arr().write(|top| top.set_arr(TICKS - 1));

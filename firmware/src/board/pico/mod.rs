@@ -16,7 +16,7 @@ pub enum Rp2040 {}
 impl Member for Rp2040 {
     const CHIP: Chip = Chip::Rp2040;
 
-    /// The flash's number: the chip has none.
+    /// The flash's number: the chip itself has none.
     fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8] {
         let mut id = [0; 8];
         match Flash::<_, _, FLASH_BYTES>::new_blocking(flash).blocking_unique_id(&mut id) {

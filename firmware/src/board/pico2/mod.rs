@@ -1,4 +1,4 @@
-//! Raspberry Pi Pico 2: the RP2350, its Arm cores.
+//! Raspberry Pi Pico 2: the Arm cores of the RP2350.
 
 use super::rp::{Member, Rp};
 use embassy_rp::{Peri, otp, peripherals::FLASH, rom_data};
