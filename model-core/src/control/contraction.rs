@@ -51,8 +51,9 @@ const SWING: f32 = 0.01;
 /// that has to stop sooner is thrown, as its muscle cannot push. Simulated with 2 to 30 kg and a third to three times
 /// the valves: steps overshoot by up to 13 % where 90 rad/s left 54 %, and 0.55 is slower and no better.
 const FASTEST: f32 = 0.7;
-/// Duration of that limit after a step, in its phase \[rad\]: (1 + 8) exp(-8) of the step is left then. A moving set
-/// point is followed faster, because the reference lags behind it by its acceleration over the frequency squared.
+/// Duration for which [`FASTEST`] applies after a step, in its phase \[rad\]: (1 + 8) exp(-8) of the step is left then.
+/// A moving set point is followed faster, because the reference lags behind it by its acceleration over the frequency
+/// squared.
 const STEP_RAD: f32 = 8.0;
 const FOUR_PER_PI: f32 = 4.0 / core::f32::consts::PI;
 /// Factor by which the integral shrinks faster than it grows while the muscle sticks: it has grown before a new load

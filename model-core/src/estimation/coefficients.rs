@@ -54,7 +54,7 @@ pub struct Coefficients {
     /// Coefficient of stirred gas in each zone, per flow in and out \[W/(m2 K) per kg/s\].
     pub jet: PerZone,
     pub column: PerZone,
-    /// Share of a movement's mean flow in the one that still stirs \[-\].
+    /// Share of a movement's mean flow in the flow that still stirs \[-\].
     pub stirring_share: f32,
     /// Volume that the jet exchanges at each face, per volume that comes in \[-\].
     pub recirculation: [f32; 3],

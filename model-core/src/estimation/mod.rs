@@ -27,7 +27,7 @@
 //! | e_i = d ln m_i | mass of each zone | `initial_sd_k` | `gas_drift_k` alike, `zone_drift` of the swing alone |
 //! | T_w | inner wall \[K\] | `initial_sd_k` | `wall_drift_k` |
 //! | T_h, T_s | housing, element \[K\] | `initial_sd_k` | - |
-//! | b | what the foil sees alone \[K\] | 0, `foil_sd_k` and `foil_swing` of the swing | `foil_memory_s` |
+//! | b | local difference at the foil \[K\] | 0, `foil_sd_k` and `foil_swing` of the swing | `foil_memory_s` |
 //! | ln s | scale of the heat transfer | `heat_scale_sd` | `memory_s` |
 //! | ln sigma | scale of what flows stir | `stirring_sd` | `memory_s` |
 //! | ln tau, ln tau_h | lags of element and housing | `lag_sd`, `housing_sd` | `memory_s` |
@@ -87,7 +87,7 @@ const HIGHEST_PA: f32 = 1.0e9;
 const LEAST_SD_K: f32 = 1.0e-3;
 /// Relative deviation of an unknown gas temperature \[-\].
 const UNKNOWN: f32 = 0.1;
-/// Gas mass that stands for none \[kg\].
+/// Gas mass of an estimator without any \[kg\].
 const LEAST_KG: f32 = 1.0e-9;
 /// Steps between a movement of the zones and the end of a balance: both, with their follow-up work, are done one after
 /// the other.

@@ -29,8 +29,8 @@ const FOLLOWED: [(f32, f32); 16] = [
 /// Share of its rate that a value loses in each step without flow and without a reading: half a swing of a load on its
 /// gas spring, at 10 to 30 Hz.
 const STOPS: f32 = 1.0 / 32.0;
-/// Steps that the rate counts as having at the first reading beyond a wide code (assumption). The noise of a reading at
-/// the code's edge is no rate: back within the code, the value would coast with it for 1/[`STOPS`] steps.
+/// Steps since a turn that count at the first reading beyond a wide code (assumption). The noise of a reading at the
+/// code's edge is no rate: back within the code, the value would coast with it for 1/[`STOPS`] steps.
 const LEFT_STEPS: usize = 8;
 /// Longest line along which gas may flow, in steps.
 const OPEN_STEPS: usize = FOLLOWED.len() - 1;

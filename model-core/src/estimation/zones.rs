@@ -48,7 +48,7 @@ pub struct Exchange {
 }
 
 impl Exchange {
-    /// Share of the still gas's heat that remains where flows stir this much \[-\].
+    /// Share of still gas in the conductance where flows stir this much \[-\].
     pub fn still_share(&self, stirred_j_k: f32) -> f32 {
         let all = self.formed_j_k + stirred_j_k;
         if all > 0.0 { self.formed_j_k / all } else { 1.0 }
@@ -368,7 +368,8 @@ impl Zones {
         let joined = |own_kg: f32, x: f32, behind_kg: f32| (own_kg + x * behind_kg) / (1.0 + x);
         let [first, ..] = *net;
         if first > 0.0 {
-            // The last zone's volumes are g, the port's those of four zones where the first face has three.
+            // g is the volume across the last face, x3: growth of one zone. Growth of three passes the first face, of
+            // four the port.
             let growth = 1.0 + x3 * (1.0 / 2.0 + x3 * (1.0 / 6.0 + x3 * (1.0 / 24.0)));
             let m0 = (m0 + port_kg / growth) / (1.0 + x1 * (4.0 / 3.0));
             let m1 = joined(m1, x1, m0);
