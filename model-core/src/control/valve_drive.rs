@@ -207,7 +207,7 @@ impl Stage {
                     CarryOver::None
                 };
             }
-            // The next period assumes that it has arrived; the mass that it moves after that is unknown.
+            // The next period assumes that the opening has been reached; the mass that moves after it is unknown.
             Self::Metered { spool, inlet, outlet, .. } => {
                 let taken = |duty: Duty| Follower {
                     opening: spool.opening(duty.share()),
