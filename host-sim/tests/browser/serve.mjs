@@ -45,6 +45,13 @@ for (const value of ["abc", "-3"]) {
   refused.push(await page.$eval("#first", (field) => field.validationMessage));
 }
 await page.click("#record-button");
+// A limit that was deleted stays so until another one is typed, whatever the board reports meanwhile.
+await page.click("#most", { count: 3 });
+await page.keyboard.press("Delete");
+const recorded = await text(page, "record-text");
+await until(page, (before) => document.getElementById("record-text").textContent !== before, recorded);
+await page.type("#most", "400");
+most.push(await page.$eval("#most", (field) => field.value));
 await type(page, "first", "150");
 await page.click("#steer .main");
 const reached_kpa = await reaches(page, 150);

@@ -154,8 +154,9 @@ function showState() {
   for (const field of $("steer").elements) field.disabled ||= armed_pa === null && field.type !== "radio";
   $("clear").disabled = !steers;
   const [, reach_pa] = reached();
-  for (const most of [$("tune-most"), $("stops-most")]) if (most.value === "" && configured && document.activeElement !== most) most.value = format("Pa", Math.min(4e5, Math.floor(reach_pa / 1e3) * 1e3));
-  if ($("most").value === "" && configured) $("most").value = format("Pa", armed_pa ?? Math.min(subject.first_pa, configuration.working_limit_pa));
+  const usual_pa = Math.min(4e5, Math.floor(reach_pa / 1e3) * 1e3), first_pa = armed_pa ?? Math.min(subject.first_pa, configuration.working_limit_pa);
+  // A field that was emptied to be typed in stays empty.
+  for (const [id, pa] of [["tune-most", usual_pa], ["stops-most", usual_pa], ["most", first_pa]]) if ($(id).value === "" && configured && document.activeElement !== $(id)) $(id).value = format("Pa", pa);
   $("back").hidden = !state.former;
   $("back").textContent = `Back to the configuration before, ${state.former || "without a name"}`;
   showRange();
