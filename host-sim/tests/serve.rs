@@ -698,6 +698,8 @@ fn the_page_in_a_browser() {
     let vented_ms: Vec<f64> = vented.collect();
     println!("vented by the space key, in the browser: {vented_ms:.0?} ms");
     assert_eq!(vented_ms.len(), 5, "{seen}");
+    let armed = json!(["armed up to 390.0 kPa", "armed up to 380.0 kPa"]);
+    assert_eq!(seen["let_go"], armed, "a slide that was held drives: {seen}");
     assert_eq!(seen["watching"], true, "{seen}");
     assert!(seen["report"].as_str().unwrap().contains("record-1"), "{seen}");
     assert_eq!(seen["narrow_px"], 390, "{seen}");

@@ -98,6 +98,8 @@ function showReadings() {
 // Messages of the server
 
 function showMode({ mode, limited, valid }) {
+  // It may be another page's vent, or the board's own.
+  if (mode === "vent" && $("mode").textContent !== mode) letGo = true;
   $("mode").textContent = limited ? `${mode}, limited` : mode;
   for (const [id, relied] of subject.gases(valid)) {
     $(id).className = relied ? "" : "invalid";
@@ -459,7 +461,11 @@ function set() {
   if (values.every((value) => value !== null)) order(setPoint(values));
 }
 
+/** A slide that was held as a vent began moves nothing when it is let go. */
+let letGo = false;
+
 function vent() {
+  letGo = true;
   say("vent");
 }
 
@@ -489,7 +495,8 @@ on("clear", "click", () => order("clear"));
 on("steer", "submit", set);
 for (const radio of document.querySelectorAll("[name=mode]")) radio.addEventListener("change", () => chooseMode(radio.value));
 on("slide", "input", () => ($("first").value = (+$("slide").value).toFixed(digits(modes[mode].first[1]))));
-on("slide", "change", set);
+for (const event of ["pointerdown", "keydown"]) on("slide", event, ({ repeat }) => { if (!repeat) letGo = false; });
+on("slide", "change", () => { if (!letGo) set(); });
 on("first", "input", slideToField);
 on("lock", "click", () => order({ set_joint: "Lock" }));
 on("record-button", "click", () => order(state.recording ? "finish" : "record"));
