@@ -146,6 +146,23 @@ for (let i = 0; i < 5; i++) {
   vented_ms.push(await page.evaluate(() => window.vented_ms));
 }
 const vents = () => until(page, () => document.getElementById("mode").textContent === "vent");
+// With a list open, and with the space of an input method.
+const keys = await page.createCDPSession();
+for (const vent of [
+  async () => {
+    await page.click("#unit-Pa");
+    await page.keyboard.press(" ");
+  },
+  async () => {
+    await page.focus("#first");
+    await keys.send("Input.dispatchKeyEvent", { type: "rawKeyDown", key: "Process", code: "Space", windowsVirtualKeyCode: 229 });
+  },
+]) {
+  await drives();
+  await vent();
+  await vents();
+  await page.click("h1");
+}
 // A slide that is held meanwhile moves nothing when it is let go: the arming is the next event.
 const colleague = await open(wide);
 await page.bringToFront();

@@ -477,9 +477,10 @@ function on(id, event, action) {
 }
 
 on("vent", "click", vent);
-// Before the focused element gets the key: space vents, and buttons are pressed by Enter.
+// Before the focused element gets the key: space vents, and buttons are pressed by Enter. While a text is composed
+// by an input method, a key has its code alone.
 addEventListener("keydown", (event) => {
-  if (event.key !== "Escape" && event.key !== " ") return;
+  if (![event.key, event.code].some((key) => [" ", "Space", "Escape"].includes(key))) return;
   event.preventDefault();
   event.stopPropagation();
   if (!event.repeat) vent();
