@@ -19,8 +19,8 @@ type WebSocket = WebSocketStream<TokioIo<Upgraded>>;
 /// Messages that a page may lag behind. Beyond, it loses frames; its view is never older than a
 /// second.
 const WINDOW: u64 = 32;
-/// A steering page that has confirmed nothing for this long counts as gone.
-const LONGEST_BEHIND: Duration = Duration::from_secs(2);
+/// A steering page that leaves messages unconfirmed for this long, and confirms none, counts as gone.
+const LONGEST_SILENT: Duration = Duration::from_secs(2);
 /// Interval at which the clock is checked.
 const LOOK: Duration = Duration::from_millis(100);
 
@@ -40,8 +40,8 @@ struct Own {
 struct Sent {
     messages: u64,
     seen: u64,
-    /// When the page last was up to date.
-    up_to_date: Instant,
+    /// When the page last confirmed messages, or had none to confirm.
+    answered: Instant,
 }
 
 /// Refusals that a page has already caused: each kind is logged once per page.
@@ -60,8 +60,31 @@ impl Refused {
 }
 
 impl Sent {
+    fn new(now: Instant) -> Self {
+        Self { messages: 0, seen: 0, answered: now }
+    }
+
     fn behind(&self) -> bool {
         self.messages.saturating_sub(self.seen) >= WINDOW
+    }
+
+    fn send(&mut self, now: Instant) {
+        if self.messages == self.seen {
+            self.answered = now;
+        }
+        self.messages += 1;
+    }
+
+    /// A page cannot confirm more than was sent.
+    fn confirm(&mut self, seen: u64, now: Instant) {
+        let seen = seen.min(self.messages);
+        if seen > self.seen {
+            (self.seen, self.answered) = (seen, now);
+        }
+    }
+
+    fn is_silent(&self, now: Instant) -> bool {
+        self.messages > self.seen && now.duration_since(self.answered) > LONGEST_SILENT
     }
 }
 
@@ -83,14 +106,11 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
     seats.mark_changed();
     let mut ticks = time::interval(LOOK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let mut sent = Sent { messages: 0, seen: 0, up_to_date: Instant::now() };
+    let mut sent = Sent::new(Instant::now());
     let mut refused = Refused::default();
     let mut lost_frames = 0;
     loop {
         let free = !sent.behind();
-        if free {
-            sent.up_to_date = Instant::now();
-        }
         let message: Utf8Bytes = tokio::select! {
             biased;
             word = socket.next() => {
@@ -108,7 +128,7 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
                 continue;
             }
             _ = ticks.tick() => {
-                if shared.seats.steers(seat) && sent.up_to_date.elapsed() > LONGEST_BEHIND {
+                if shared.seats.steers(seat) && sent.is_silent(Instant::now()) {
                     return "the page that steered does not answer";
                 }
                 continue;
@@ -131,7 +151,7 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
         if socket.send(Message::Text(message)).await.is_err() {
             return CLOSED;
         }
-        sent.messages += 1;
+        sent.send(Instant::now());
     }
 }
 
@@ -143,8 +163,7 @@ fn own(shared: &Shared, seat: u64, lost_frames: u64) -> Utf8Bytes {
 
 fn read(json: &[u8], shared: &Shared, seat: u64, refused: &mut Refused, sent: &mut Sent) {
     match serde_json::from_slice(json) {
-        // A page cannot confirm more than was sent.
-        Ok(Word::Seen(seen)) => sent.seen = seen.min(sent.messages).max(sent.seen),
+        Ok(Word::Seen(seen)) => sent.confirm(seen, Instant::now()),
         Ok(word) => hear(word, shared, seat, refused),
         Err(error) => {
             let text = format!("not understood: {error}; further ones of this page are not listed");
@@ -172,4 +191,26 @@ fn hear(word: Word, shared: &Shared, seat: u64, refused: &mut Refused) {
         return Refused::once(&mut refused.watches, shared, text);
     }
     shared.orders.put(order);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_counts_as_gone_two_seconds_after_its_last_answer() {
+        let start = Instant::now();
+        let at = |seconds: f64| start + Duration::from_secs_f64(seconds);
+        let mut sent = Sent::new(start);
+        assert!(!sent.is_silent(at(60.0)), "it has nothing to answer");
+        // Frames go on, far fewer than the page may lag behind.
+        (0..10).for_each(|i| sent.send(at(60.0 + f64::from(i))));
+        assert!(!sent.behind() && !sent.is_silent(at(61.9)) && sent.is_silent(at(62.1)));
+        sent.confirm(3, at(63.0));
+        assert!(!sent.is_silent(at(64.9)), "a slow page answers");
+        sent.confirm(3, at(64.9));
+        assert!(sent.is_silent(at(65.1)), "the same once more is no answer");
+        sent.confirm(99, at(66.0));
+        assert!(!sent.is_silent(at(99.0)) && !sent.behind());
+    }
 }
