@@ -83,6 +83,14 @@ fn a_joint_is_steered_and_recorded_from_the_page() {
     assert_the_record_is_a_joints(&served, &page);
 
     page.drive_joint();
+    let stiff = json!({ "Torque": { "torque_n_m": 0.5, "stiffness_n_m_rad": 1000.0 } });
+    page.order(json!({ "set_joint": stiff }));
+    page.until("limited", |page| page.frame["limited"] == true);
+    page.say(json!("vent"));
+    page.vents();
+    assert_eq!(page.frame["limited"], false, "{}", page.frame);
+
+    page.drive_joint();
     second.until("driven", |page| page.frame["mode"] != "vent");
     drop(page);
     second.vents();

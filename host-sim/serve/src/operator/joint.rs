@@ -7,7 +7,9 @@ use crate::page::Kind;
 use crate::state::{JointPart, Part};
 use crate::target::Target;
 use crate::word::{Order, ScenarioText};
-use model_core::joint::{JointConfig, JointError, JointSetPoint, JointTelemetry, Mechanism};
+use model_core::joint::{
+    JointConfig, JointError, JointMode, JointSetPoint, JointTelemetry, Mechanism,
+};
 use model_core::{Config, Faults};
 use serde::Serialize;
 use std::path::Path;
@@ -42,7 +44,8 @@ impl Shown for LiveJoint {
     }
 
     fn is_limited(telemetry: &JointTelemetry) -> bool {
-        telemetry.limited
+        // The core keeps it when it is no longer driven.
+        telemetry.limited && !matches!(telemetry.mode, JointMode::Vent | JointMode::Locked)
     }
 
     fn valid(telemetry: &JointTelemetry) -> [bool; 2] {

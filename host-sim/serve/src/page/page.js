@@ -99,7 +99,8 @@ function showReadings() {
 
 function showMode({ mode, limited, valid }) {
   // It may be another page's vent, or the board's own.
-  if (mode === "vent" && $("mode").textContent !== mode) letGo = true;
+  if (mode === "vent" && !vented) letGo = true;
+  vented = mode === "vent";
   $("mode").textContent = limited ? `${mode}, limited` : mode;
   for (const [id, relied] of subject.gases(valid)) {
     $(id).className = relied ? "" : "invalid";
@@ -462,7 +463,7 @@ function set() {
 }
 
 /** A slide that was held as a vent began moves nothing when it is let go. */
-let letGo = false;
+let letGo = false, vented = false;
 
 function vent() {
   letGo = true;
