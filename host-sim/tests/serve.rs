@@ -569,6 +569,7 @@ fn stops_are_measured_from_the_page_until_somebody_vents() {
     page.order(json!({ "stops": { "most_pa": 4.0e5 } }));
     page.until("it moves", |page| progress(page) > 0.001);
     assert_eq!(page.state["guide"]["title"], "Stops");
+    assert_eq!(page.state["armed_pa"], 4e5);
     page.say(json!("vent"));
     page.until("vents", |page| page.frame["mode"] == "vent");
     page.until("ended", |page| page.state["guide"]["over"] == true);
@@ -595,6 +596,7 @@ fn a_muscle_is_tuned_from_the_page() {
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
     page.until("it moves", |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);
     assert_eq!(page.state["guide"]["title"], "Tuning");
+    assert_eq!(page.state["armed_pa"], 4e5);
     page.order(json!("record"));
     page.until("nothing beside it", |page| page.happened("to vent ends that"));
     page.say(json!("vent"));

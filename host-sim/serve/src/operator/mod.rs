@@ -376,13 +376,18 @@ impl<S: Served> Operator<S> {
     }
 
     fn see_status(&mut self) {
-        let Some(status) = self.board.as_ref().and_then(S::last_status) else { return };
-        if status.armed_pa != self.known.status.armed_pa {
-            self.known.status.armed_pa = status.armed_pa;
+        if let Some(status) = self.board.as_ref().and_then(S::last_status) {
+            self.see_armed(status.armed_pa);
+        }
+    }
+
+    fn see_armed(&mut self, armed_pa: Option<f32>) {
+        if armed_pa != self.known.status.armed_pa {
+            self.known.status.armed_pa = armed_pa;
             self.shown = None;
             self.shared.log(
                 Weight::Plain,
-                status.armed_pa.map_or("no longer armed".to_owned(), |pa| {
+                armed_pa.map_or("no longer armed".to_owned(), |pa| {
                     format!("armed up to {:.1} kPa", pa / 1e3)
                 }),
             );

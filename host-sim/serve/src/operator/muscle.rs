@@ -365,6 +365,8 @@ impl Operator<LiveBoard> {
                     "Run {}: {:.0} of {:.0} s. To vent ends it.",
                     part.number, part.time_s, part.duration_s
                 );
+                // The lent board's own status is not seen here.
+                operator.see_armed(Some(most_pa as f32));
                 operator.show_progress("Tuning", text, part.time_s / part.duration_s);
                 operator.see(telemetry);
                 operator.show();
@@ -418,6 +420,7 @@ impl Operator<LiveBoard> {
             bench.measure(&plan, &mut record, &mut |telemetry| {
                 let time_s = f64::from(telemetry.step) * plan.driven.plant.run.step_s;
                 let text = format!("{time_s:.0} of {whole_s:.0} s. To vent ends it.");
+                operator.see_armed(Some(plan.pressures_pa[1] as f32));
                 operator.show_progress("Stops", text, time_s / whole_s);
                 operator.see(telemetry);
                 operator.show();
