@@ -97,11 +97,12 @@ function showReadings() {
 
 // Messages of the server
 
+let shownMode = "";
 function showMode({ mode, limited, valid }) {
   // It may be another page's vent, or the board's own.
   if (mode === "vent" && !vented) letGo = true;
   vented = mode === "vent";
-  $("mode").textContent = limited ? `${mode}, limited` : mode;
+  shownMode = limited ? `${mode}, limited` : mode;
   for (const [id, relied] of subject.gases(valid)) {
     $(id).className = relied ? "" : "invalid";
     $(id).title = relied ? "" : "Not to be relied on: its deviation is large";
@@ -121,6 +122,8 @@ function showLink() {
   link.className = `chip ${why ? "bad" : "good"}`;
   $("lost").textContent = why;
   $("lost").hidden = !why;
+  // The present mode is not known then.
+  showText("mode", shownMode && why ? `was ${shownMode}` : shownMode);
   document.body.classList.toggle("stale", Boolean(why));
 }
 
