@@ -191,6 +191,9 @@ fn assert_the_joint_moves(seen: &serde_json::Value) {
     // Held, the plant's stiffness is 0.2 to 0.4 N m/rad below the set point.
     assert!((number("stiffness") - 20.0).abs() < 1.0, "{seen:#}");
     assert!((number("held_deg") - 10.0).abs() < 1.0, "{seen:#}");
+    let refused = joint["refused"][0].as_str().unwrap();
+    assert!(refused.contains("stays between the stops"), "{seen:#}");
+    assert_eq!(joint["refused"][1], 0, "{seen:#}");
     assert_eq!(joint["narrow_px"], 390, "{seen:#}");
     assert_eq!(joint["nameless"], 0, "{seen:#}");
     assert_eq!(joint["views"], serde_json::json!(["joint"]), "{seen:#}");

@@ -31,7 +31,10 @@ function makeKnobs() {
       label.classList.toggle("turned", turned.has(key));
     };
     slide.value = number(key) * factor;
-    slide.addEventListener("input", () => turn(key, +(+slide.value).toFixed(digits) / factor, show));
+    slide.addEventListener("input", () => {
+      // A refused value is not shown as if it were taken.
+      if (!turn(key, +(+slide.value).toFixed(digits) / factor, show)) slide.value = number(key) * factor;
+    });
     label.append(name, value, slide);
     show();
     return label;
@@ -39,8 +42,9 @@ function makeKnobs() {
   $("knobs").replaceChildren(...made);
 }
 
+/** Returns whether the value is taken. */
 function turn(key, value, show) {
-  attempt(() => {
+  const taken = attempt(() => {
     // 250 kPa are 250000 Pa, and not 250000.00000000003.
     const rounded = Number(value.toPrecision(12));
     simulation.turn(key, rounded);
@@ -51,6 +55,7 @@ function turn(key, value, show) {
   show();
   showExport();
   showAddress();
+  return taken;
 }
 
 function showExport() {

@@ -125,6 +125,9 @@ for (const [scheme, width] of [["light", 1280], ["dark", 1280], ["light", 390]])
 const seriously = await findings(page);
 await page.setViewport({ width: 1280, height: 900 });
 await slide("drive.stiffness_n_m_rad", 20);
+// An angle beyond the stops is refused, and its knob stays where the arm is: it swings by 20 deg about 0.
+await slide("drive.angle_rad", 40);
+joint.refused = [await text("wrong"), await page.$eval("[id='drive.angle_rad']", (input) => +input.value)];
 await slide("drive.amplitude_rad", 0);
 await slide("drive.angle_rad", 10);
 await slide("joint.gravity_n_m", 3);
