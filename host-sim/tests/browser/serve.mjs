@@ -184,6 +184,15 @@ for (const [most, vent] of [["390", () => page.keyboard.press(" ")], ["380", () 
   let_go.push(...events.slice(0, events.indexOf("the muscle vents")));
 }
 await colleague.close();
+// A browser that is set to keep nothing.
+const forgetful = await browser.newPage();
+await forgetful.evaluateOnNewDocument(() => {
+  for (const name of ["localStorage", "sessionStorage"]) Object.defineProperty(window, name, { get() { throw new DOMException("denied", "SecurityError"); } });
+});
+await forgetful.goto(address);
+await until(forgetful, () => document.getElementById("link").textContent === "connected");
+await forgetful.close();
+await page.bringToFront();
 await type(page, "most", "400");
 ends.push(await page.$$eval("#muscle svg > text", (all) => all.map((text) => text.textContent)));
 await page.click("#record-button");

@@ -11,6 +11,15 @@ const $ = (id) => document.getElementById(id);
 /** Seconds of data kept; time after which a quiet link is reported [ms]. */
 const KEPT_S = 125, QUIET_MS = 700;
 
+/** The browser's stores for units and for plots; none where it is set to keep nothing. */
+const [unitStore, plotStore] = ["localStorage", "sessionStorage"].map((name) => {
+  try {
+    return window[name];
+  } catch {
+    return null;
+  }
+});
+
 let socket = null, received = 0, heard = 0, open = false;
 let state = null, own = { steers: false, pages: 1, lost_frames: 0 };
 let due = false;
@@ -23,7 +32,7 @@ function choose(si, name) {
   const texts = [...fields, ...(mode === own ? ofMode : [])].map((id) => $(id));
   const values = texts.map((field) => parse(field.value, si)), ofKept = ofMode.map((_, i) => parse(kept[own][i], si));
   chosen[si] = name;
-  localStorage.setItem(`unit ${si}`, name);
+  unitStore?.setItem(`unit ${si}`, name);
   live.rescale(chart, { unit: symbol(si), digits: digits(si), least: least / unit(si)[1] }, columns, (value) => shownIn(si, value * one + zero));
   texts.forEach((field, i) => { if (values[i] !== null) field.value = format(si, values[i]); });
   ofKept.forEach((value, i) => { if (value !== null) kept[own][i] = format(si, value); });
@@ -375,14 +384,14 @@ addEventListener("pagehide", () => {
     return [name, values.map((value) => (Number.isFinite(value) ? +(value * one + zero).toPrecision(7) : null))];
   });
   try {
-    sessionStorage.setItem(location.pathname, JSON.stringify(Object.fromEntries(columns)));
+    plotStore?.setItem(location.pathname, JSON.stringify(Object.fromEntries(columns)));
   } catch {
     // No room: the charts begin again.
   }
 });
 
 function restore() {
-  const columns = JSON.parse(sessionStorage.getItem(location.pathname) ?? "{}");
+  const columns = JSON.parse(plotStore?.getItem(location.pathname) ?? "{}");
   for (const [name, values] of Object.entries(columns)) {
     const si = Object.keys(scaled).find((si) => scaled[si].columns.includes(name));
     live.columns[name]?.push(...values.map((value) => (value === null ? NaN : si ? shownIn(si, value) : value)));
@@ -558,7 +567,7 @@ document.querySelector(`[name=mode][value=${mode}]`).checked = true;
 [$("first").value, $("second").value] = kept[mode];
 $("slide").value = kept[mode][0];
 for (const si of Object.keys(scaled)) {
-  const select = $(`unit-${si}`), before = localStorage.getItem(`unit ${si}`);
+  const select = $(`unit-${si}`), before = unitStore?.getItem(`unit ${si}`);
   on(`unit-${si}`, "change", () => choose(si, select.value));
   if ([...select.options].some(({ value }) => value === before)) select.value = before;
   choose(si, select.value);
