@@ -3,12 +3,12 @@
 use thermyo_compute::math;
 use thermyo_scenario::Friction;
 
-/// Damping ratio of the bristles with the moving mass: presliding motion rings out.
+/// Damping ratio of the bristles with the moving mass, at which presliding motion rings out.
 const BRISTLE_DAMPING_RATIO: f64 = 0.5;
 
-/// Largest rate at which sliding bristles yield: still stable at 2.5e-4 s, the longest step of the
-/// plant. It only slows the transition to steady sliding, and only for friction far below its
-/// stiffness: 15 N at 40 kN/m and 0.5 m/s yield at 1333 /s.
+/// Upper limit on the rate at which sliding bristles yield: still stable at 2.5e-4 s, the longest step of the plant. It
+/// only slows the transition to steady sliding, and only for friction far below its stiffness: 15 N at 40 kN/m and 0.5
+/// m/s yield at 1333 /s.
 const FASTEST_SLIP_PER_S: f64 = 8e3;
 
 /// LuGre friction (Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Trans. Automat. Contr. 40, 1995)
@@ -29,12 +29,12 @@ pub struct Drag {
     pub force: f64,
     /// Rate of the bristles' deflection \[m/s\].
     pub deflection_rate: f64,
-    /// Heat: power of the force less what the bristles store \[W\].
+    /// Heat: power of the force less the power that the bristles store \[W\].
     pub heat: f64,
 }
 
 impl Bristle {
-    /// From `[friction]`, for the moving mass \[kg\].
+    /// Friction of `[friction]`, for the moving mass \[kg\].
     pub fn new(friction: &Friction, mass_kg: f64) -> Self {
         let stiffness = friction.presliding_stiffness_n_m;
         Self {
@@ -54,8 +54,8 @@ impl Bristle {
             + (self.stiffness_n_m / mass_kg).sqrt()
     }
 
-    /// Friction at a speed \[m/s\] and deflection \[m\]: all its parts are scaled by `softening`, Coulomb and
-    /// Stribeck by `pressed` too.
+    /// Returns the friction at a speed \[m/s\] and deflection \[m\]. `softening` scales all parts; `pressed` scales
+    /// Coulomb and Stribeck friction too.
     pub fn drag(&self, speed: f64, deflection: f64, softening: f64, pressed: f64) -> Drag {
         let ratio = speed / self.stribeck_m_s;
         // Beyond 6 Stribeck speeds the term is negligible.
@@ -70,7 +70,7 @@ impl Bristle {
             let steady = sliding.copysign(speed) / self.stiffness_n_m.max(f64::MIN_POSITIVE);
             FASTEST_SLIP_PER_S * (steady - deflection)
         };
-        // The bristles' damping fades with sliding (the same authors' remark): it keeps the model passive.
+        // The bristles' damping fades as they slide (a remark of the same authors), which keeps the model passive.
         let damping = self.damping_n_s_m * still * rate;
         let viscous = softening * self.viscous_n_s_m * speed;
         let force = spring + damping + viscous;

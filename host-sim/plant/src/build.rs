@@ -9,7 +9,7 @@ use thermyo_scenario::{PlantModel, Scenario};
 /// `vessel.volume_csv`, volume \[m3\] over time \[s\].
 ///
 /// # Errors
-/// [`BuildError`] for faults that the validation of the scenario cannot find.
+/// [`BuildError`] for faults that the scenario's validation cannot find.
 pub fn build(
     scenario: &Scenario,
     volume_profile: Option<Profile>,
@@ -29,7 +29,7 @@ pub fn build_driven_by_flows(
 /// The plant of a scenario with a held end (`load.kind = "isometric"`), which a mechanism moves.
 ///
 /// # Errors
-/// As [`build`], and for a vessel.
+/// As [`build`]; also for a vessel.
 pub fn build_driven_end(scenario: &Scenario) -> Result<Box<dyn DrivenEnd>, BuildError> {
     with_chamber!(scenario, chamber => driven_end(scenario, chamber), vessel => Err(BuildError::NoEnd))
 }

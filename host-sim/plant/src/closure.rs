@@ -93,8 +93,8 @@ impl Closure {
         }
     }
 
-    /// Heat to the wall \[W\], less the part that is proportional to the work: see
-    /// [`Self::heat_per_work`]. Eq. (3) solved for the heat, with the closure's own dU/dt.
+    /// Heat to the wall \[W\] without the part that is proportional to the work, see [`Self::heat_per_work`]. Eq. (3)
+    /// solved for the heat, with the closure's own dU/dt.
     pub fn heat_of_streams(&self, streams: &Streams, temperature: f64, heat: f64) -> f64 {
         let gas = &self.gas;
         let enthalpy = gas.cp * streams.net_enthalpy_over_cp(temperature);
@@ -108,7 +108,8 @@ impl Closure {
         }
     }
 
-    /// Work of the gas \[J\] from one pressure \[Pa\] and volume \[m3\] to another while w = P V^e stays: the integral of P dV.
+    /// Work of the gas \[J\] from one pressure \[Pa\] and volume \[m3\] to another at constant w = P V^e: the integral
+    /// of P dV.
     pub fn work(&self, before_pa: f64, before_m3: f64, after_pa: f64, after_m3: f64) -> f64 {
         let exponent = self.exponent();
         if exponent == 1.0 {

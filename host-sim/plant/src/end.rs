@@ -6,9 +6,9 @@ use thermyo_scenario::{Load, LoadKind, Scenario};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EndMotion {
     Free,
-    /// Not at all: no force of it counts.
+    /// Held: no force on it counts.
     Fixed,
-    /// As a mechanism moves it, at a rate of change of the length \[m/s\].
+    /// Moved by a mechanism, at a rate of change of the length \[m/s\].
     Driven(f64),
 }
 
@@ -18,18 +18,17 @@ impl EndMotion {
     }
 }
 
-/// Mass of fitting and half of the muscle, what moves where no load does \[kg\].
+/// Mass of the fitting and half of the muscle: it moves even where the load does not \[kg\].
 const OWN_MASS_KG: f64 = 0.05;
 
 /// A mass, the force that pulls it out, and its friction.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct End {
-    /// Force that pulls it out \[N\].
+    /// Force that pulls the end out \[N\].
     pub load_n: f64,
-    /// Friction.
     pub bristle: Bristle,
     mass_kg: f64,
-    /// 1 over its mass \[1/kg\].
+    /// 1 over the mass \[1/kg\].
     pub per_mass_kg: f64,
 }
 
@@ -48,15 +47,15 @@ impl End {
     }
 }
 
-/// The end with its load and, of a chamber that cannot push, without it.
+/// The end with its load and, for a chamber that cannot push, without it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ends {
     taut: End,
     slack: Option<End>,
 }
 
-/// A load that its muscle does not hold: where the muscle would be taut \[m\], and its speed, positive in contraction
-/// \[m/s\].
+/// A load that its muscle does not hold: the length at which the muscle would be taut \[m\], and the load's speed,
+/// positive in contraction \[m/s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Falling {
     length: f64,
@@ -64,7 +63,7 @@ pub struct Falling {
 }
 
 impl Ends {
-    /// Of a scenario's load \[N\], on a chamber that can push it or not.
+    /// Ends for a scenario's load \[N\], on a chamber that can push it or cannot.
     pub fn new(scenario: &Scenario, load_n: f64, pushes: bool) -> Self {
         let Load { mass_kg, .. } = scenario.load;
         Self {
@@ -80,7 +79,7 @@ impl Ends {
         self.taut.fastest_rate(softening).max(slack)
     }
 
-    /// Largest angular frequency of what moves, on a spring \[N/m\] \[1/s\].
+    /// Largest angular frequency of the moving bodies, on a spring \[N/m\] \[1/s\].
     pub fn fastest_swing(&self, spring_n_m: f64) -> f64 {
         let Self { taut, slack } = self;
         slack.unwrap_or(*taut).swing(spring_n_m).max(taut.swing(spring_n_m))
@@ -91,9 +90,9 @@ impl Ends {
         self.slack.as_ref().filter(|_| falling.is_some()).unwrap_or(&self.taut)
     }
 
-    /// The load after a step \[s\] that took the end to that length and speed, with that acceleration in the end: it leaves
-    /// the end where only a push would keep it there, and falls until it is caught. Caught, both go on with the
-    /// momentum of both: nothing springs back. Gives where it then is, and the speed of the end.
+    /// Moves the load after a step \[s\] that took the end to this length and speed, with this acceleration in the end.
+    /// The load leaves the end where only a push would keep it there, and falls until it is caught. Once caught, both
+    /// go on with the momentum of both: nothing springs back. Returns where the load then is, and the speed of the end.
     pub fn hang(
         &self,
         falling: Option<Falling>,

@@ -12,7 +12,7 @@ const ANR_TEMPERATURE_K: f64 = 293.15;
 /// Above this pressure ratio the flow is taken as linear in the pressure difference, as ISO 6358-3
 /// recommends: the ideal laws have an infinite slope at zero flow.
 const LINEAR_RATIO: f64 = 0.999;
-/// The same for a tube, where viscous friction keeps the flow linear over a wider range.
+/// [`LINEAR_RATIO`] of a tube, where viscous friction keeps the flow linear over a wider range.
 const TUBE_LINEAR_RATIO: f64 = 0.98;
 
 /// A flow path by ISO 6358: sonic conductance C, critical pressure ratio b.
@@ -34,7 +34,7 @@ impl Iso6358 {
         Self::new(sonic_conductance, critical_ratio, LINEAR_RATIO, gas)
     }
 
-    /// The leak; none without one.
+    /// The leak's path, if there is a leak.
     pub fn leak(sonic_conductance: f64, critical_ratio: f64, gas: &IdealGas) -> Option<Self> {
         (sonic_conductance > 0.0).then(|| Self::valve(sonic_conductance, critical_ratio, gas))
     }
@@ -50,7 +50,7 @@ impl Iso6358 {
         let bore = tube.line().map_or(f64::INFINITY, |[_, diameter_m]| {
             0.25 * PI * diameter_m * diameter_m * choked_flow_function(gas.k) / gas.r.sqrt()
         });
-        // In C, from the choked flow by p1/sqrt(T1).
+        // As a conductance C, from the choked flow by p1/sqrt(T1).
         let bore = bore * gas.r * ANR_TEMPERATURE_K.sqrt() / ANR_PRESSURE_PA;
         Self::tube(tube.conductance_m3_s_pa.min(bore), critical_ratio, gas)
     }
@@ -84,7 +84,7 @@ impl Iso6358 {
         }
     }
 
-    /// Largest change of mass flow per pressure difference \[kg/(s Pa)\]: sets the fastest time
+    /// Largest change of mass flow per pressure difference \[kg/(s Pa)\]. It sets the fastest time
     /// constant of a volume behind this path.
     pub fn steepest(&self, upstream_k: f64) -> f64 {
         self.choked / upstream_k.sqrt() * self.linear_slope
@@ -180,7 +180,7 @@ impl Streams {
         self.inflow - self.outflow
     }
 
-    /// Net enthalpy flow in, over cp, for a volume at that temperature \[kg K/s\].
+    /// Net enthalpy flow in, over cp, for a volume at this temperature \[kg K/s\].
     pub fn net_enthalpy_over_cp(&self, temperature: f64) -> f64 {
         self.inflow_temperature - self.outflow * temperature
     }

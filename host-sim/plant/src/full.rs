@@ -1,9 +1,9 @@
 //! The chamber in full detail: axial zones, two wall layers, moving mass and bristle friction, switching valves,
 //! tube, regulator, sensor housing.
 //!
-//! Integration is of fourth order. It stops at every kink of the valves' openings, so that each of its steps sees
-//! them move straight. While both are shut its steps are longer: the tube is slower, and no flow law's kink matters.
-//! Books are kept at the chamber's port: the tube is outside. A hole in it is beside the port.
+//! Integration is of fourth order. It stops at every kink of the valves' openings, so that they move linearly within
+//! each of its steps. While both are shut its steps are longer: the tube is slower, and the kinks of the flow laws do
+//! not matter. The ledger is kept at the chamber's port: the tube is outside. A hole in the tube is beside the port.
 
 use super::bristle::Drag;
 use super::chamber::Chamber;
@@ -32,19 +32,20 @@ use thermyo_scenario::{LoadKind, Scenario, Valve};
 /// Longest integration step while a valve is open, and while both are shut \[s\].
 const LONGEST_OPEN_S: f64 = 1.0e-4;
 const LONGEST_SHUT_S: f64 = 2.5e-4;
-/// Integration step times the fastest rate, at most; RK4 is stable to 2.8.
+/// Upper limit on integration step times fastest rate; RK4 is stable to 2.8.
 const STEP_TIMES_RATE: f64 = 2.0;
-/// Integration step times the angular frequency of what swings without damping, at most: the books close only where a
+/// Upper limit on integration step times the angular frequency of an undamped swing: the balance closes only where a
 /// swing is resolved.
 const STEP_TIMES_SWING: f64 = 0.5;
-/// Largest share of the volume that moves past in an integration step: work is resolved near the end of a small volume.
+/// Largest share of the volume that may move past in an integration step: resolves the work near the end of a small
+/// volume.
 const MOST_SWEPT: f64 = 0.02;
-/// An end hardly moves faster \[m/s\].
+/// Speed that an end hardly exceeds \[m/s\].
 const FASTEST_M_S: f64 = 10.0;
 /// Response of the pressure regulator to a change of flow \[s\].
 const REGULATOR_TIME_CONSTANT_S: f64 = 0.02;
 
-// Places in the state vector; masses, inner and outer wall temperatures of the zones follow, then a line.
+// Indices into the state vector; masses, inner and outer wall temperatures of the zones follow, then a line.
 const W: usize = 0;
 const LENGTH: usize = 1;
 const SPEED: usize = 2;
@@ -105,7 +106,7 @@ struct Constants<C> {
     /// Conductance between the layers of one zone \[W/K\].
     layers_w_k: f64,
     initial_k: f64,
-    /// Weight of each zone in the foil's average.
+    /// Weight of each zone in the element's average.
     foil: Vec<f64>,
     foil_place: Place,
     wall_sensor_position: f64,
@@ -122,7 +123,7 @@ struct Drive {
 }
 
 impl Drive {
-    /// That share of the way to another one.
+    /// Interpolates linearly towards `end` by this share of the way.
     fn towards(&self, end: &Self, share: f64) -> Self {
         let between = |from: f64, to: f64| from + share * (to - from);
         Self {
@@ -156,7 +157,7 @@ fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) ->
     }
     let pressed = Pressed::new(friction.pressure_factor).factor(start.pressure - pull.ambient_pa);
     let coulomb = friction.force_n * pressed * Softening::new(friction).factor(start.wall_k);
-    // Friction carries only the rest of the force that a stop does not.
+    // Friction carries only the part of the force that a stop does not.
     let [shortest, longest] = pull.stops;
     let excess = pull.force(start.pressure, start.length) - pull.load_n;
     let held = excess.clamp(
@@ -166,7 +167,7 @@ fn deflection<C: Chamber>(scenario: &Scenario, pull: &Pull<C>, start: &Start) ->
     held / stiffness
 }
 
-/// Hottest that gas gets upstream \[K\].
+/// Highest temperature of the gas upstream \[K\].
 fn hottest_k(scenario: &Scenario) -> f64 {
     let plant = &scenario.plant;
     scenario.supply.temperature_k.max(plant.initial_temperature_k).max(plant.gas_k())
@@ -242,7 +243,7 @@ impl<C: Chamber> Constants<C> {
 
     /// Substeps of a step, while a valve is open, and while both are shut: [`STEP_TIMES_RATE`] over the fastest rate.
     ///
-    /// The pressures of tube and muscle, of the smallest volume, are joined by the port. The sum of the rates at which each
+    /// The port joins the pressures of tube and muscle at the smallest volume. The sum of the rates at which each
     /// follows the other alone is the trace of that system, whose eigenvalues are real and negative: none is faster.
     fn substeps(&self, scenario: &Scenario, start: &Start) -> Result<[Substeps; 2], BuildError> {
         let Self { piping, tube, .. } = self;
@@ -290,7 +291,7 @@ impl<C: Chamber> Constants<C> {
         Ok([of(LONGEST_OPEN_S, 2.0)?, of(LONGEST_SHUT_S, 0.0)?])
     }
 
-    /// Fastest rates of what the pressures do not set: the end, the gas of a zone, heat.
+    /// Fastest rates that the pressures do not set: the end, the gas of a zone, heat.
     fn rates_beside_pressures(&self, scenario: &Scenario, start: &Start) -> [Rate; 5] {
         let chamber = &self.pull.chamber;
         let rest_length = chamber.rest_length();
@@ -321,8 +322,8 @@ impl<C: Chamber> Constants<C> {
         ]
     }
 
-    /// Angular frequency of the end on what pushes back, the gas in the smallest volume and what is elastic, and the keys
-    /// that make it so fast.
+    /// Angular frequency of the end on everything that pushes back, the gas in the smallest volume and the elastic
+    /// parts; and the keys that make it so fast.
     fn fastest_swing(&self, start: &Start) -> (f64, &'static str) {
         let chamber = &self.pull.chamber;
         let rest_length = chamber.rest_length();
@@ -340,8 +341,8 @@ impl<C: Chamber> Constants<C> {
         (self.ends.fastest_swing(spring_n_m + held_n_m), too_stiff)
     }
 
-    /// Rate at which a zone's gas is replaced: volume flows through the port at the muscle's pressure, in, where the jet
-    /// stirs too, and out.
+    /// Rate at which a zone's gas is replaced by the volume flow through the port at the muscle's pressure: inward,
+    /// where the jet stirs too, or outward.
     fn turnover(&self, scenario: &Scenario, start: &Start, least_pa: f64) -> f64 {
         let (supply, r) = (self.piping.supply(), self.closure.gas.r);
         let hottest = hottest_k(scenario);
@@ -397,7 +398,7 @@ impl<C: Chamber> Constants<C> {
         &y[ZONES + 2 * self.zones..self.line_at()]
     }
 
-    /// Place of a line's first state.
+    /// Index of a line's first state.
     fn line_at(&self) -> usize {
         ZONES + 3 * self.zones
     }
@@ -416,7 +417,7 @@ impl<C: Chamber> Constants<C> {
         streams
     }
 
-    /// Rates of tube and regulator; `leaving` the tube, a mass flow and its enthalpy over cp.
+    /// Rates of tube and regulator. `leaving` is the mass flow out of the tube and its enthalpy over cp.
     fn tube_rates(
         &self,
         y: &[f64],
@@ -458,7 +459,7 @@ impl<C: Chamber> Constants<C> {
         let held = self.slip_n(y, pressure, softening) + self.hysteresis.creep_n(stretches);
         let net = self.pull.force(pressure, y[LENGTH]) - end.load_n - drag.force - held;
         drag.heat += self.hysteresis.loss(stretches);
-        // On a stop the load rests until it is lifted off.
+        // The load rests on a stop until it is lifted off.
         let [shortest, longest] = self.pull.stops;
         let outside = y[LENGTH] >= longest && speed <= 0.0 && net <= 0.0;
         let inside = y[LENGTH] <= shortest && speed >= 0.0 && net >= 0.0;
@@ -485,7 +486,7 @@ impl<C: Chamber> Constants<C> {
         slip.force(y[SLIDER], y[LENGTH], limit)
     }
 
-    /// Drags the slider after a step, and gives its heat to friction and wall.
+    /// Drags the slider after a step, and adds the heat of slip to friction and wall.
     fn slide(&self, y: &mut [f64], power: &mut LocalPower, softening: f64) {
         if self.motion == EndMotion::Fixed {
             return;
@@ -513,7 +514,7 @@ impl<C: Chamber> Constants<C> {
         (y[W] * power.at(volume), volume)
     }
 
-    /// Sets what has gone beyond a stop back onto it.
+    /// Sets an end that has passed a stop back onto it.
     fn stop(&self, y: &mut [f64], power: &mut LocalPower) {
         let [shortest, longest] = self.pull.stops;
         let beyond = y[LENGTH] > longest || y[LENGTH] < shortest;
@@ -538,14 +539,15 @@ impl<C: Chamber> Constants<C> {
         }
     }
 
-    /// Into how many parts a step \[s\] is divided, so that each sweeps no more than [`MOST_SWEPT`] of the volume.
+    /// Number of parts into which a step \[s\] is divided, so that each sweeps no more than [`MOST_SWEPT`] of the
+    /// volume.
     fn parts(&self, y: &[f64], step: f64) -> u32 {
         let chamber = &self.pull.chamber;
         let swept_m3 = step * (chamber.force_area(y[LENGTH]) * y[SPEED]).abs();
         (swept_m3 / (MOST_SWEPT * chamber.volume(y[LENGTH]))).ceil().max(1.0) as u32
     }
 
-    /// Where the load is after a step; see [`Ends::hang`].
+    /// Moves the load after a step; see [`Ends::hang`].
     fn hang(
         &self,
         y: &mut [f64],
@@ -557,7 +559,7 @@ impl<C: Chamber> Constants<C> {
             return None;
         }
         let (falling, speed) = self.ends.hang(falling, step, (y[LENGTH], y[SPEED]), acceleration);
-        // Caught on the stop, it rests.
+        // Once caught on the stop, the load rests.
         y[SPEED] = if y[LENGTH] < self.pull.stops[1] { speed } else { speed.max(0.0) };
         falling
     }
@@ -647,7 +649,7 @@ impl<C: Chamber> Constants<C> {
         heat: &mut [f64],
         scratch: &mut [f64],
     ) -> f64 {
-        // The zones' temperatures in a loop of their own: its divisions are done side by side.
+        // A separate loop for the zones' temperatures, so that its divisions run side by side.
         for (zone_k, mass) in scratch.iter_mut().zip(self.masses(y)) {
             *zone_k = self.closure.temperature(now.pressure, now.zone_m3, *mass);
         }
@@ -658,7 +660,8 @@ impl<C: Chamber> Constants<C> {
         heat.iter().fold(0.0, |sum, heat| sum + heat)
     }
 
-    /// Rates of the zones' masses, from the heat that each gives off: enthalpy over the faces, from the closed end to the port.
+    /// Rates of the zones' masses, from the heat that each loses: enthalpy over the faces, from the closed end to the
+    /// port.
     fn zone_rates(
         &self,
         y: &[f64],
@@ -680,7 +683,7 @@ impl<C: Chamber> Constants<C> {
         for i in (1..zones).rev() {
             enthalpy += gain + heat[i];
             let flow = if self.closure.is_isothermal() {
-                // Equal temperatures: equal masses, so that each zone takes its share.
+                // Equal temperatures mean equal masses, so that each zone takes its share.
                 share * (zones - i) as f64 * streams.net()
             } else {
                 let upwind = masses[if enthalpy > 0.0 { i - 1 } else { i }];
@@ -694,7 +697,7 @@ impl<C: Chamber> Constants<C> {
         rates[0] = streams.net() - beyond;
     }
 
-    /// Turns the heat of the zones into the rates of both layers, with what the inner and the outer one gain besides \[W\]:
+    /// Turns the heat of the zones into the rates of both layers; the inner and the outer one gain further heat \[W\]:
     /// friction heats the braid, the outer layer. Returns the heat to ambient \[W\].
     fn wall_rates(
         &self,
@@ -726,7 +729,7 @@ impl<C: Chamber> Constants<C> {
             / (self.inner_j_k + self.outer_j_k)
     }
 
-    /// Outer layer at the wall sensor \[K\], linear between the middles of the zones.
+    /// Temperature of the outer layer at the wall sensor \[K\], linear between the middles of the zones.
     fn wall_at_sensor(&self, y: &[f64]) -> f64 {
         let outer = self.outer(y);
         let place = (self.wall_sensor_position * self.zones as f64 - 0.5)
@@ -737,10 +740,10 @@ impl<C: Chamber> Constants<C> {
     }
 }
 
-/// Share of the foil, in the middle `position` over `span` of the length, that each zone holds.
+/// Share of the element that each zone holds; it lies in the middle `position` over `span` of the length.
 fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
     let edge = |i: usize| i as f64 / zones as f64;
-    // A foil of no length still sits in one zone.
+    // An element of no length still sits in one zone.
     let half = 0.5 * span.max(1e-9);
     let (start, end) = ((position - half).max(0.0), (position + half).min(1.0));
     (0..zones)
@@ -748,12 +751,12 @@ fn foil_weights(zones: usize, position: f64, span: f64) -> Vec<f64> {
         .collect()
 }
 
-/// How the gas stirs, and its profile in the zones, until they are refreshed.
+/// Stirring of the gas, and its profile in the zones, until the next refresh.
 #[derive(Debug, Clone)]
 struct AirNow {
     stirred: Stirred,
     sections: Vec<Section>,
-    /// When they were refreshed \[s\], and what had flowed in and out by then \[kg\].
+    /// Time of the last refresh \[s\], and the masses that had flowed in and out by then \[kg\].
     since_s: f64,
     flowed_kg: [f64; 2],
 }
@@ -830,7 +833,8 @@ impl<C: Chamber + Copy + Send> Full<C> {
         let state = constants.state(&start, deflection);
         let closure = &constants.closure;
         let housing_s = scenario.sensor.gas.housing_time_constant_s;
-        // The board's timer counts steps: a valve with another period would latch its duties late, by up to a whole one.
+        // The board's timer counts steps: a valve with another period would latch its duties late, by up to a whole
+        // period.
         let valve = Valve { pwm_hz: 1.0 / scenario.pwm_period_s(), ..scenario.valve.clone() };
         let mut full = Self {
             integrator: Rk4::new(state.len()),
@@ -851,7 +855,7 @@ impl<C: Chamber + Copy + Send> Full<C> {
         Ok(full)
     }
 
-    /// From one instant to another, between which the valves move straight.
+    /// Integrates from one instant to another, between which the valves move linearly.
     fn stretch(&mut self, duration: f64, start: &Drive, end: &Drive) {
         let Self { constants, integrator, state, power, air, falling, .. } = self;
         let opening = |drive: &Drive| constants.piping.openings(drive.inlet, drive.outlet);
@@ -962,7 +966,7 @@ impl<C: Chamber + Copy + Send> Plant for Full<C> {
         let softening = self.constants.softening.factor(self.truth.wall_temperature_k);
         while time < end {
             let refresh = self.air.since_s + REFRESH_S;
-            // Within rounding of the end it makes no separate stretch.
+            // A refresh within rounding of the end makes no separate stretch.
             let stop = if refresh < end - 1e-9 { refresh } else { end };
             let until = self.inlet.kink(time, stop).min(self.outlet.kink(time, stop));
             let [inlet, outlet] =

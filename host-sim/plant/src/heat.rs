@@ -19,10 +19,10 @@
 //!   bore. An outlet draws gas from all sides and sends no jet: what moves is the column in the bore, with Re_c. That it
 //!   stirs by the same law is an assumption.
 //! - a_j and a_c are the zone's shares: [`super::zones::Stirring`].
-//! - tau, `heat.stirring_decay_s`, is how long stirring outlasts the flow. It is chosen such that pulses into and out
-//!   of muscles relax as measured (`tests/plant_air.rs`).
+//! - tau, `heat.stirring_decay_s`, is how long stirring outlasts the flow. It is chosen so that pulses into and out of
+//!   muscles relax as measured (`tests/plant_air.rs`).
 //!
-//! Flows and laws change slowly beside an integration step: they are taken once per [`REFRESH_S`].
+//! Flows and laws change slowly compared with an integration step: they are evaluated once per [`REFRESH_S`].
 
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
@@ -32,7 +32,7 @@ use std::f64::consts::PI;
 use thermyo_compute::math;
 use thermyo_scenario::{DriveKind, Heat, HeatModel, PlantKind, Scenario, Valve};
 
-/// Longest time for which films and flows of the stirring are kept \[s\]; sound takes as long through the muscle.
+/// Longest time for which films and stirring flows are kept \[s\]; sound takes as long through the muscle.
 pub const REFRESH_S: f64 = 1.0e-3;
 
 /// Acceleration of gravity, which drives natural convection \[m/s2\].
@@ -47,13 +47,13 @@ const TURBULENT_RAYLEIGH: f64 = 3.2e6;
 /// Forced convection: its factor and its power of Re.
 const FORCED: [f64; 2] = [0.56, 0.67];
 
-/// So far from each other gas and wall hardly come; natural convection grows with it \[K\].
+/// Temperature difference between gas and wall that is hardly reached \[K\]; natural convection grows with it.
 pub const WALL_BELOW_GAS_K: f64 = 100.0;
 
-/// Why steps would have to be too short, where it is heat that is fast.
+/// Reason for a step that would be too short, where heat is what is fast.
 pub const HEAT_TOO_LARGE: &str = "heat.scale, heat.inner_w_m2_k or heat.inner_per_flow is too large for the heat capacity of gas and wall";
 
-/// Diameter of the jet where `heat.inlet_diameter_m` is left out \[m\]: of what the gas comes through.
+/// Diameter of the jet where `heat.inlet_diameter_m` is left out \[m\]: the opening through which the gas enters.
 pub fn inlet_diameter_m(scenario: &Scenario) -> f64 {
     let gas = IdealGas::new(&scenario.gas);
     let Valve { conductance_m3_s_pa, critical_ratio, .. } = scenario.valve;
@@ -74,7 +74,7 @@ pub struct InnerHeat {
     law: Law,
     scale: f64,
     stirring_decay_s: f64,
-    /// Where the gas is one zone.
+    /// Shares where the gas is one zone.
     whole: Shares,
 }
 
@@ -86,7 +86,7 @@ enum Law {
     Constant {
         /// Still gas \[W/(m2 K)\].
         still: f64,
-        /// Gained per inflow \[W/(m2 K) per kg/s\].
+        /// Added per inflow \[W/(m2 K) per kg/s\].
         per_flow: f64,
     },
     /// The laws at the head of this module.
@@ -107,20 +107,20 @@ struct Air {
 pub struct Film {
     /// Without inflow \[W/(m2 K)\].
     pub still_w_m2_k: f64,
-    /// Gained per inflow \[W/(m2 K) per kg/s\].
+    /// Added per inflow \[W/(m2 K) per kg/s\].
     pub per_inflow: f64,
-    /// Heat flux at no difference to the wall \[W/m2\]: what the gas's radial profile brings.
+    /// Heat flux at no difference to the wall \[W/m2\], which the gas's radial profile causes.
     pub profile_w_m2: f64,
 }
 
 impl Film {
-    /// Coefficient \[W/(m2 K)\] at that inflow \[kg/s\].
+    /// Coefficient \[W/(m2 K)\] at this inflow \[kg/s\].
     #[inline]
     pub fn coefficient(&self, inflow: f64) -> f64 {
         self.still_w_m2_k + self.per_inflow * inflow
     }
 
-    /// Heat flux \[W/m2\] from gas that is that much warmer than its wall \[K\].
+    /// Heat flux \[W/m2\] from gas that is `above_wall_k` warmer than its wall \[K\].
     #[inline]
     pub fn flux(&self, inflow: f64, above_wall_k: f64) -> f64 {
         self.coefficient(inflow) * above_wall_k + self.profile_w_m2
@@ -139,12 +139,12 @@ pub struct Section {
 }
 
 impl Section {
-    /// Of that film, with an even profile.
+    /// Section of this film, with an even profile.
     pub fn flat(film: Film) -> Self {
         Self { film, profile: Profile::default(), conduction: None, still_share: 0.0 }
     }
 
-    /// How much warmer than the mean \[K\] the gas is at a place, where the mean is that much above the wall \[K\].
+    /// How much warmer than the mean \[K\] the gas is at a place; the mean is `above_wall_k` above the wall \[K\].
     pub fn above_mean(&self, place: &Place, above_wall_k: f64) -> f64 {
         self.still_share * place.above_mean(&self.profile, above_wall_k)
     }
@@ -157,32 +157,33 @@ pub struct Stirred {
     pub outflow: f64,
 }
 
-/// Nusselt numbers of forced convection, where a zone's share is 1.
+/// Nusselt numbers of forced convection in a zone whose share is 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Forced {
     jet: f64,
     column: f64,
 }
 
-/// About a working point: what the core is configured with.
+/// Heat transfer linearised about a working point, for the core's configuration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Linearised {
     /// Coefficient of still gas \[W/(m2 K)\].
     pub still_w_m2_k: f64,
-    /// Gained per inflow and per outflow that lasts \[W/(m2 K) per kg/s\].
+    /// Added per lasting inflow and per lasting outflow \[W/(m2 K) per kg/s\].
     pub per_inflow: f64,
     pub per_outflow: f64,
 }
 
 impl Forced {
-    /// Nusselt number in a zone of those shares.
+    /// Nusselt number in a zone of these shares.
     fn in_zone(&self, shares: &Shares) -> f64 {
         shares.jet * self.jet + shares.column * self.column
     }
 }
 
 impl InnerHeat {
-    /// From `[heat]`; the diameters of vessel and of what the gas comes through \[m\] matter for the correlation only.
+    /// Heat transfer of `[heat]`; the diameters \[m\] of the vessel and of the opening for the gas matter only for the
+    /// correlation.
     fn new(
         heat: &Heat,
         gas: &IdealGas,
@@ -203,7 +204,7 @@ impl InnerHeat {
         Self { law, scale: heat.scale, stirring_decay_s: heat.stirring_decay_s, whole }
     }
 
-    /// Heat transfer of a scenario's moving chamber, whose gas has that diameter and length \[m\].
+    /// Heat transfer of a scenario's moving chamber, whose gas has this diameter and length \[m\].
     pub fn of_chamber(scenario: &Scenario, diameter_m: f64, length_m: f64) -> Self {
         let gas = IdealGas::new(&scenario.gas);
         let whole = Stirring::new(1, length_m, diameter_m).zones()[0];
@@ -218,12 +219,13 @@ impl InnerHeat {
         Self::new(&scenario.heat, &gas, diameter_m, path_m, Shares::VESSEL)
     }
 
-    /// Shares of gas that is one zone.
+    /// Shares of gas that forms one zone.
     pub fn whole(&self) -> &Shares {
         &self.whole
     }
 
-    /// About a working point: pressure \[Pa\], gas and wall temperature \[K\], flow \[kg/s\], of gas that is one zone.
+    /// Linearises about a working point: pressure \[Pa\], gas and wall temperature \[K\], flow \[kg/s\], for gas of one
+    /// zone.
     pub fn linearised(&self, pressure: f64, gas_k: f64, wall_k: f64, flow: f64) -> Linearised {
         let at = |inflow, outflow| {
             let forced = self.forced(&Stirred { inflow, outflow }, gas_k);
@@ -237,8 +239,8 @@ impl InnerHeat {
         }
     }
 
-    /// Fastest rate \[1/s\] at which gas in that volume \[m3\], at that pressure \[Pa\] and temperature \[K\], follows its
-    /// wall of that surface \[m2\], for the largest inflow \[kg/s\].
+    /// Fastest rate \[1/s\] at which the gas follows its wall, for a volume \[m3\], a surface \[m2\], pressure \[Pa\],
+    /// temperature \[K\] and the largest inflow \[kg/s\].
     pub fn fastest_rate(
         &self,
         gas: &IdealGas,
@@ -250,13 +252,14 @@ impl InnerHeat {
         conductance * gas.r * gas_k / (gas.cv * pressure * volume)
     }
 
-    /// Largest coefficient \[W/(m2 K)\] at that pressure \[Pa\] and gas temperature \[K\], for a flow either way \[kg/s\].
+    /// Largest coefficient \[W/(m2 K)\] at this pressure \[Pa\] and gas temperature \[K\], for a flow either way
+    /// \[kg/s\].
     pub fn largest(&self, pressure: f64, gas_k: f64, flow: f64, shares: &Shares) -> f64 {
         let forced = self.forced(&Stirred { inflow: flow, outflow: flow }, gas_k);
         self.film(pressure, gas_k, gas_k - WALL_BELOW_GAS_K, &forced, shares).coefficient(flow)
     }
 
-    /// Stirring after that time \[s\] with these mean flows \[kg/s\]; of a constant coefficient there is none.
+    /// Stirring after `step_s` \[s\] with these mean flows \[kg/s\]; a constant coefficient has none.
     pub fn stirred(&self, stirred: &Stirred, flows: (f64, f64), step_s: f64) -> Stirred {
         if !matches!(self.law, Law::Correlation(_)) {
             return Stirred::default();
@@ -275,7 +278,7 @@ impl InnerHeat {
         [flows.0 - stirred.inflow, flows.1 - stirred.outflow].map(|lag| lag / self.stirring_decay_s)
     }
 
-    /// Forced convection by what has been stirred, in gas of that temperature \[K\].
+    /// Forced convection by the stirring, in gas of this temperature \[K\].
     pub fn forced(&self, stirred: &Stirred, gas_k: f64) -> Forced {
         let Law::Correlation(Air { diameter_m, jet_diameter_m, .. }) = self.law else {
             return Forced { jet: 0.0, column: 0.0 };
@@ -292,7 +295,7 @@ impl InnerHeat {
         }
     }
 
-    /// Film of a zone at that pressure \[Pa\], gas and wall temperature \[K\].
+    /// Film of a zone at this pressure \[Pa\], gas and wall temperature \[K\].
     pub fn film(
         &self,
         pressure: f64,
@@ -321,7 +324,8 @@ impl InnerHeat {
         }
     }
 
-    /// The zone's gas for the next [`REFRESH_S`] after `before`, at that pressure \[Pa\], gas and wall temperature \[K\].
+    /// The zone's gas for the next [`REFRESH_S`] after `before`, at this pressure \[Pa\], gas and wall temperature
+    /// \[K\].
     pub fn section(
         &self,
         before: &Section,
@@ -364,7 +368,7 @@ impl InnerHeat {
 }
 
 impl Air {
-    /// Nusselt number of still gas at that pressure \[Pa\], film temperature and difference to the wall \[K\].
+    /// Nusselt number of still gas at this pressure \[Pa\], film temperature and difference to the wall \[K\].
     fn still(&self, pressure: f64, film_k: f64, difference_k: f64, conductivity: f64) -> f64 {
         let viscosity = air_viscosity(film_k);
         let cubed = self.diameter_m * self.diameter_m * self.diameter_m;
@@ -404,8 +408,8 @@ mod tests {
         heat.film(pressure, gas_k, wall_k, &forced, heat.whole()).coefficient(0.0)
     }
 
-    /// The table of `docs/background/model.md`, printed with `cargo test -p thermyo-plant table -- --nocapture`. A stroke of
-    /// 0.36 g/s in 20 mm, as fast in the others, has just stirred the gas.
+    /// The table of `docs/background/model.md`, printed with `cargo test -p thermyo-plant table -- --nocapture`. A
+    /// stroke of 0.36 g/s in 20 mm, at the same speed in the others, has just stirred the gas.
     #[test]
     fn the_table_of_the_documentation() {
         let page = include_str!("../../../docs/background/model.md");
@@ -437,7 +441,7 @@ mod tests {
         assert_eq!(missing, 0, "docs/background/model.md lacks rows that are printed above");
     }
 
-    /// Woodfield's two terms meet the laminar law where that ends, and conduction is the floor.
+    /// Woodfield's two terms meet the laminar law where that law ends, and conduction is the floor.
     #[test]
     fn still_air_is_continuous_and_never_below_conduction() {
         let air = Air {

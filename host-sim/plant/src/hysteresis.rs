@@ -1,4 +1,4 @@
-//! Slip of the braid and creep of the rubber, which hold a muscle back beside its force at rest.
+//! Slip of the braid and creep of the rubber, which hold a muscle back in addition to its force at rest.
 //!
 //! Slip is a spring whose far end, the slider, is dragged along when its force reaches the limit.
 //! Creep is two springs, each with a dashpot in series that closes their stretch e in a time T:
@@ -29,12 +29,12 @@ pub struct Slip {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Arm {
     pub stiffness_n_m: f64,
-    /// 1 over its time \[1/s\].
+    /// 1 over the arm's time constant \[1/s\].
     pub per_s: f64,
 }
 
 impl Hysteresis {
-    /// The muscle's; other chambers have none.
+    /// Hysteresis of a scenario's muscle; other chambers have none.
     pub fn of(scenario: &Scenario) -> Self {
         let muscle = &scenario.muscle;
         let is = if scenario.plant.kind == PlantKind::Muscle { 1.0 } else { 0.0 };
@@ -60,7 +60,7 @@ impl Hysteresis {
         self.over(stretches, |arm, e| arm.stiffness_n_m * e)
     }
 
-    /// Rate at which that force falls at a held length \[N/s\].
+    /// Rate at which creep falls at a held length \[N/s\].
     pub fn fading_n_s(&self, stretches: &[f64]) -> f64 {
         self.over(stretches, |arm, e| arm.stiffness_n_m * arm.per_s * e)
     }
@@ -77,7 +77,7 @@ impl Hysteresis {
         slip + self.over(stretches, |arm, e| 0.5 * arm.stiffness_n_m * e * e)
     }
 
-    /// Stiffness of all of it, against a motion too fast for creep \[N/m\].
+    /// Stiffness of slip and arms together, for a motion too fast for creep \[N/m\].
     pub fn stiffness_n_m(&self) -> f64 {
         self.creep.iter().fold(self.slip.stiffness_n_m, |sum, arm| sum + arm.stiffness_n_m)
     }
@@ -102,7 +102,7 @@ impl Slip {
         softening * self.force_n * self.pressed.factor(gauge_pa)
     }
 
-    /// Its force at a length \[m\], with its slider at another \[N\].
+    /// Force at a length \[m\], with the slider at another length \[N\].
     pub fn force(&self, slider: f64, length: f64, limit: f64) -> f64 {
         (self.stiffness_n_m * (slider - length)).clamp(-limit, limit)
     }
@@ -113,7 +113,7 @@ impl Slip {
         if spring.abs() < limit { self.stiffness_n_m } else { 0.0 }
     }
 
-    /// Where a slider is once the muscle has moved to a length \[m\], and the heat of its way \[J\]: it
+    /// Position of the slider once the muscle has moved to a length \[m\], and the heat of the slider's way \[J\]: it
     /// slides against the limit.
     pub fn settle(&self, slider: f64, length: f64, limit: f64) -> (f64, f64) {
         let force = self.force(slider, length, limit);
@@ -126,8 +126,7 @@ impl Slip {
     }
 }
 
-/// How far an arm's stretch has closed after a time, and what a way within that time adds to it if its
-/// speed was constant.
+/// Share of an arm's stretch that remains after a time, and what a way within that time adds to it at constant speed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Elapsed {
     /// The time \[s\].
@@ -200,7 +199,7 @@ mod tests {
         assert!((work / expected - 1.0).abs() < 1e-3, "{work} {expected}");
     }
 
-    /// Against the core's form, step by step over a wandering motion.
+    /// Compares with the core's form, step by step over a wandering motion.
     #[test]
     fn the_core_holds_as_much() {
         use model_core::physics::hysteresis as core;

@@ -6,11 +6,12 @@
 //! T     = max(0, pull of the muscle less what holds it back)
 //! ```
 //!
-//! Radii may vary with the angle ([`Pulley`]): tendons move by exactly what they are wound up, so that no work is lost.
+//! Radii may vary with the angle ([`Pulley`]). Tendons move by exactly the length that is wound up, so that no work is
+//! lost.
 //!
-//! Muscles and arm exchange motion and force in steps far below the period of the arm on its springs: a velocity
-//! Verlet step of the arm, between whose half kicks both muscles move with its speed. A slack tendon passes no
-//! force; the muscle then lies along its path, and what it pushes with is lost.
+//! Muscles and arm exchange motion and force in steps far below the period of the arm on its springs. The arm makes a
+//! velocity Verlet step, and between its half kicks both muscles move with its speed. A slack tendon passes no force;
+//! the muscle then lies along its path, and its push is lost.
 
 use super::{
     Actuation, BuildError, Disturbance, Diverged, DrivenEnd, Ledger, Truth, build_driven_end,
@@ -19,11 +20,11 @@ use crate::pulley::Pulley;
 use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
-/// Exchange step times the angular frequency of the arm on everything that is elastic, at most: Verlet's error of
-/// the frequency is a 24th of its square.
+/// Upper limit on exchange step times the angular frequency of the arm on all its elastic parts: Verlet's error of the
+/// frequency is a 24th of its square.
 const STEP_TIMES_SWING: f64 = 0.05;
 const MOST_EXCHANGES: f64 = 100.0;
-/// Dry friction of the bearing builds up over this way: assumed, much less than what an arm's motion shows \[rad\].
+/// Way over which dry friction of the bearing builds up \[rad\]: assumed, much less than the motion of an arm shows.
 const PRESLIDING_RAD: f64 = 0.002;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -72,19 +73,19 @@ impl Arm {
 /// The ledger of the mechanism since the start \[J\].
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct ArmLedger {
-    /// Energy at the start: kinetic, of gravity, and what the bearing's presliding holds.
+    /// Energy at the start: kinetic, of gravity, and of the bearing's presliding.
     pub initial_j: f64,
-    /// The same now.
+    /// The same energy now.
     pub energy_j: f64,
     /// Work of the tendons of muscles a and b on the arm.
     pub tendon_work_j: [f64; 2],
-    /// Work with which muscles pushed along slack tendons, and that the arm did not get.
+    /// Work with which muscles pushed along slack tendons, and which the arm did not receive.
     pub slack_work_j: [f64; 2],
     pub external_work_j: f64,
     /// Heat of viscous and dry friction of the bearing.
     pub friction_heat_j: f64,
     pub stop_heat_j: f64,
-    /// Everything that the arm took and gave, in size.
+    /// Sum of the sizes of all energies that the arm took and gave.
     pub handled_j: f64,
 }
 
@@ -131,8 +132,8 @@ pub struct Joint {
 }
 
 impl Joint {
-    /// Two muscles at rest on an arm at that angle \[rad\]. Load, start length and step of the scenarios are the
-    /// joint's.
+    /// Two muscles at rest on an arm at this angle \[rad\]. Load, start length and step of the scenarios are replaced
+    /// by the joint's.
     pub fn new(arm: Arm, scenarios: [&Scenario; 2], angle_rad: f64) -> Result<Self, BuildError> {
         let (exchanges, exchange_s) = exchange(&arm, scenarios)?;
         let [a, b] = own(&arm, scenarios, angle_rad, exchange_s);
@@ -161,10 +162,10 @@ impl Joint {
     }
 
     /// Takes over inertia, gravity and friction of the arm, and the muscles' numbers as [`super::Plant::retune`] does,
-    /// from the next step on; states are kept. All other keys must equal those that the joint was built from.
+    /// from the next step on; states are kept. All other keys must equal those with which the joint was built.
     ///
     /// # Errors
-    /// As [`Self::new`], and nothing has changed.
+    /// As [`Self::new`]; on an error nothing has changed.
     pub fn retune(&mut self, arm: Arm, scenarios: [&Scenario; 2]) -> Result<(), BuildError> {
         let (exchanges, exchange_s) = exchange(&arm, scenarios)?;
         let own = own(&arm, scenarios, self.start_rad, exchange_s);
@@ -176,7 +177,7 @@ impl Joint {
             muscle.retune(scenario)?;
         }
         (self.arm, self.exchanges, self.exchange_s) = (arm, exchanges, exchange_s);
-        // The ledger is that of the arm as it is now.
+        // The ledger refers to the arm as it is now.
         let energy_j = self.energy_j();
         self.ledger.initial_j += energy_j - self.ledger.energy_j;
         self.ledger.energy_j = energy_j;
@@ -274,7 +275,7 @@ impl Joint {
         let torque = self.torque_n_m();
         self.speed_rad_s = speed * (1.0 - half * viscous_n_m_s) + half * torque;
         if hits {
-            // It stays where it is pressed against the stop, and keeps nothing of its speed.
+            // The arm stays where it is pressed against the stop, and loses all its speed.
             self.speed_rad_s = 0.0;
         }
         let ways = means.map(|share| share * radius_m * way);
@@ -282,7 +283,7 @@ impl Joint {
         Ok(())
     }
 
-    /// Energy of the arm \[J\]: kinetic, of gravity, and what the bearing's presliding holds.
+    /// Energy of the arm \[J\]: kinetic, of gravity, and of the bearing's presliding.
     fn energy_j(&self) -> f64 {
         let Arm { inertia_kg_m2, friction_n_m, .. } = self.arm;
         let stiffness = friction_n_m / PRESLIDING_RAD;
@@ -292,7 +293,7 @@ impl Joint {
         kinetic + self.arm.potential_j(self.angle_rad) + stored
     }
 
-    /// Enters one exchange into the ledger: the way of the arm \[rad\], and those of both tendons \[m\].
+    /// Enters one exchange into the ledger: the way of the arm \[rad\], and the ways of both tendons \[m\].
     fn enter(
         &mut self,
         (way, ways_m): (f64, [f64; 2]),
@@ -353,21 +354,21 @@ fn exchange(arm: &Arm, scenarios: [&Scenario; 2]) -> Result<(u32, f64), BuildErr
     Ok((exchanges as u32, step_s / exchanges))
 }
 
-/// The scenarios as the muscles of a joint at that angle \[rad\], which are held, and exchange with its arm.
+/// The scenarios as the muscles of a joint at this angle \[rad\]: their ends are held, and exchange with the arm.
 fn own(arm: &Arm, scenarios: [&Scenario; 2], angle_rad: f64, exchange_s: f64) -> [Scenario; 2] {
     let lengths_m = arm.lengths_m(angle_rad);
     [0, 1].map(|i: usize| {
         let mut own = scenarios[i].clone();
         own.load.kind = thermyo_scenario::LoadKind::Isometric;
         own.load.length_m = lengths_m[i];
-        // The board counts its own steps, and not these.
+        // The board counts its own steps, not the exchanges.
         own.valve.pwm_hz = 1.0 / own.pwm_period_s();
         own.run.step_s = exchange_s;
         own
     })
 }
 
-/// Stiffest that a muscle of a scenario can be \[N/m\]: friction before it slides, slip, creep, and the gas at the
+/// Largest stiffness of a scenario's muscle \[N/m\]: friction before it slides, slip, creep, and the gas at the
 /// supply's pressure in the volume at rest; and the force of that pressure there \[N\].
 fn stiffest(scenario: &Scenario) -> (f64, f64) {
     let Scenario { muscle, friction, supply, gas, .. } = scenario;

@@ -1,7 +1,6 @@
 //! The simulated plant in f64: true states of the gas, the muscle and the sensing elements.
 //!
-//! It shares no equations with the code of `model-core`, so that a test that compares them
-//! compares two derivations.
+//! It shares no equations with the code of `model-core`, so that a test that compares the two compares two derivations.
 
 #![warn(clippy::disallowed_methods)]
 
@@ -178,18 +177,17 @@ impl fmt::Display for Diverged {
 impl std::error::Error for Diverged {}
 
 pub trait Plant: Send {
-    /// From the start on, an [`Actuation`] is the action of a board's pins in each step. Without
-    /// this it is their duty, from which the plant makes its own pulses. For ideal valves both are
-    /// the same: their mean opening in a step.
+    /// Makes an [`Actuation`] the action of a board's pins in each step, from the start on. Otherwise it is their duty,
+    /// from which the plant makes its own pulses. For ideal valves both are the same: their mean opening in a step.
     fn follow_pins(&mut self) {}
     /// Advances by one exchange step (`[run] step_s`).
     fn advance(&mut self, actuation: Actuation) -> Result<(), Diverged>;
-    /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the
-    /// next step on; states are kept. A muscle may go on with another exchange step, of which the
-    /// time is a multiple. All other keys must equal those that the plant was built from.
+    /// Takes over the numbers of `[supply]`, `[load]`, `[heat]` and the sensors' lags from the next step on; states are
+    /// kept. A muscle may go on with another exchange step if the time is a multiple of it. All other keys must equal
+    /// those with which the plant was built.
     ///
     /// # Errors
-    /// As [`build`], and nothing has changed.
+    /// As [`build`]; on an error nothing has changed.
     fn retune(&mut self, scenario: &Scenario) -> Result<(), BuildError>;
     /// Sets the faults of the plant from the next step on.
     fn disturb(&mut self, disturbance: Disturbance);
@@ -212,8 +210,8 @@ pub trait Plant: Send {
 
 /// A muscle, cylinder or table whose end a mechanism moves.
 pub trait DrivenEnd: Plant {
-    /// The length changes at this rate from the next step on \[m/s\]. What held it until then does not
-    /// any more: friction, slip and creep act on the mechanism.
+    /// Changes the length at this rate from the next step on \[m/s\]. The previous hold of the end is released:
+    /// friction, slip and creep act on the mechanism.
     fn drive_end(&mut self, speed_m_s: f64);
     /// Force that pulls the ends together now, friction included; negative where it pushes \[N\].
     fn tension_n(&self) -> f64;
@@ -228,7 +226,7 @@ const LEAK_TOO_LARGE: &str = "leak.conductance_m3_s_pa is too large for the gas'
 const HOLE_TOO_LARGE: &str =
     "leak_conductance_m3_s_pa of [faults] is too large for the gas's volume";
 
-/// Why a valid scenario gives no plant.
+/// Reason why a valid scenario gives no plant.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum BuildError {
     /// The volume profile holds a volume that is not positive.
@@ -293,11 +291,11 @@ struct Substeps {
 }
 
 impl Substeps {
-    /// Until they are known.
+    /// One step, until the numbers are known.
     const ONE: Self = Self { whole: (1, ""), holed: (1, "") };
 
-    /// `of` gives the number for the leak and a hole, in open valves, and the key to name if they
-    /// are too large. `hottest_k`: highest upstream temperature \[K\].
+    /// `of` returns the number of steps for the leak and a hole, in open valves, and the key to name if they are too
+    /// large. `hottest_k`: highest upstream temperature \[K\].
     fn new(
         scenario: &Scenario,
         piping: &Piping,

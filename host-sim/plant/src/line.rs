@@ -9,17 +9,17 @@
 //! dm/dt            = - A dp/dx - f m |m|/(2 D A rho)
 //! ```
 //!
-//! (Wylie and Streeter, Fluid Transients in Systems, 1993) with the friction factor f = 64/Re of laminar
-//! flow and Blasius' 0.3164 Re^-0.25, Re = |m| D/(A mu); Nu = 3.66 in laminar flow and that of Colburn's
-//! analogy, f/8 Re Pr^(1/3). The cells keep energy, so that sound is adiabatic: in a bore of 4 mm, heat takes
-//! some 0.1 s to the wall, sound a hundredth of that along the line. The wall stays at ambient temperature: that of a hose
-//! has hundreds of times the heat capacity of its gas.
+//! (Wylie and Streeter, Fluid Transients in Systems, 1993) with the friction factor f = 64/Re of laminar flow and
+//! Blasius' 0.3164 Re^-0.25, Re = |m| D/(A mu); Nu = 3.66 in laminar flow and Colburn's analogy, f/8 Re Pr^(1/3), in
+//! turbulent flow. The cells conserve energy, so that sound is adiabatic: in a bore of 4 mm, heat takes some 0.1 s to
+//! the wall, sound a hundredth of that along the line. The wall stays at ambient temperature: the wall of a hose has
+//! hundreds of times the heat capacity of its gas.
 //!
-//! Left out is the momentum that the gas carries along, (d/dx)(m^2/(A rho)): of the pressures' difference of squares it
-//! is 2 ln(p1/p2) against f L/D. And friction is that of steady flow, which damps sound too little.
+//! The momentum that the gas carries along, (d/dx)(m^2/(A rho)), is left out: in the difference of the squared
+//! pressures it is 2 ln(p1/p2) against f L/D. Friction is that of steady flow, which damps sound too little.
 //!
 //! Pressures and flows are staggered, which makes the scheme of second order: N faces a cell's length apart, half a
-//! cell at either end. The half at the valves is one with the gas of the tube beside it.
+//! cell at either end. The half at the valves is merged with the gas of the tube beside it.
 
 use super::flow::Iso6358;
 use super::gas::{IdealGas, air_conductivity, air_viscosity};
@@ -27,12 +27,12 @@ use std::f64::consts::PI;
 use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
-/// A cell is a tenth of the line, within these limits \[m\]: sound takes 0.3 or 0.6 ms through it,
-/// a valve 2 ms to switch, and shorter cells would only need shorter steps.
+/// Length of a cell, a tenth of the line within these limits \[m\]: sound takes 0.3 or 0.6 ms through a cell, a valve 2
+/// ms to switch, and shorter cells would only need shorter steps.
 const CELL_M: [f64; 2] = [0.1, 0.2];
 /// Flow is laminar up to the first Reynolds number and turbulent from the second on \[-\].
 const LAMINAR_TO_TURBULENT: [f64; 2] = [2300.0, 4000.0];
-/// Nusselt number of laminar flow far from the inlet, at a wall of one temperature (Incropera).
+/// Nusselt number of laminar flow far from the inlet, at a wall of uniform temperature (Incropera).
 const LAMINAR_NUSSELT: f64 = 3.66;
 /// Cube root of air's Prandtl number, 0.71.
 const PRANDTL_ROOT: f64 = 0.892_112;
@@ -48,7 +48,7 @@ pub struct Bore {
 }
 
 impl Bore {
-    /// Of that diameter \[m\] and wall temperature \[K\].
+    /// Bore of this diameter \[m\] and wall temperature \[K\].
     pub fn new(diameter_m: f64, wall_k: f64) -> Self {
         Self {
             section_m2: 0.25 * PI * diameter_m * diameter_m,
@@ -59,7 +59,7 @@ impl Bore {
         }
     }
 
-    /// Of the tube: the line's, or one that passes as much as tube and port.
+    /// Bore of the tube: the line's, or a bore that passes as much as tube and port.
     pub fn of_tube(scenario: &Scenario, gas: &IdealGas) -> Self {
         let port = Iso6358::port(&scenario.tube, scenario.valve.critical_ratio, gas);
         let passes_m = port.equivalent_diameter(gas);
@@ -67,16 +67,17 @@ impl Bore {
         Self::new(diameter_m, scenario.ambient.temperature_k)
     }
 
-    /// Share of a supply's difference from the wall that a steady flow \[kg/s\] keeps behind that much tube, whose gas is
-    /// mixed \[m3\], and that length of line \[m\]: 1/(1 + G/(m cp)) exp(-G/(m cp)), each with its own conductance G.
+    /// Share of the supply's temperature difference to the wall that a steady flow \[kg/s\] keeps behind a tube, whose
+    /// gas is mixed \[m3\], and a length of line \[m\]: 1/(1 + G/(m cp)) exp(-G/(m cp)), each with its own conductance
+    /// G.
     pub fn kept(&self, gas: &IdealGas, tube_m3: f64, line_m: f64, flow_kg_s: f64) -> f64 {
         let nusselt = self.friction(flow_kg_s).1;
         let transfers = |m3: f64| self.conductance(m3, nusselt) / (flow_kg_s * gas.cp);
         math::exp(-transfers(self.volume_m3(line_m))) / (1.0 + transfers(tube_m3))
     }
 
-    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\].
-    /// They are interpolated between laminar and turbulent flow.
+    /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\]. Both are interpolated
+    /// between laminar and turbulent flow.
     fn friction(&self, flow: f64) -> (f64, f64) {
         let [laminar, turbulent] = LAMINAR_TO_TURBULENT;
         let reynolds = flow.abs() * self.diameter_m / (self.section_m2 * self.viscosity_pa_s);
@@ -94,7 +95,7 @@ impl Bore {
         self.section_m2 * length_m
     }
 
-    /// Steady flow \[kg/s\] through that length from the higher to the lower of two pressures \[Pa\], at the wall's
+    /// Steady flow \[kg/s\] through a length from the higher to the lower of two pressures \[Pa\], at the wall's
     /// temperature: the momentum above without its time derivative, m f Re = A D^2 (p1^2 - p2^2)/(R T mu L).
     pub fn steady_kg_s(&self, gas: &IdealGas, length_m: f64, [from_pa, to_pa]: [f64; 2]) -> f64 {
         let squares = (from_pa * from_pa - to_pa * to_pa).max(0.0);
@@ -114,15 +115,15 @@ impl Bore {
         most
     }
 
-    /// Lowest frequency at which the gas of that length \[m\] swings between two volumes \[m3\], without friction \[Hz\]:
-    /// tan(k L) (k^2 V_1 V_2/S^2 - 1) = k (V_1 + V_2)/S, with 2 pi f = k c; c/4 L between a shut end and the open.
+    /// Lowest frequency at which gas of this length \[m\] swings between two volumes \[m3\], without friction \[Hz\]:
+    /// tan(k L) (k^2 V_1 V_2/S^2 - 1) = k (V_1 + V_2)/S, with 2 pi f = k c; c/4 L between a shut and an open end.
     pub fn resonance_hz(&self, gas: &IdealGas, length_m: f64, ends_m3: [f64; 2]) -> f64 {
         let [one_m, other_m] = ends_m3.map(|volume_m3| volume_m3 / self.section_m2);
         let beyond = |k: f64| {
             let (sine, cosine) = (math::sin(k * length_m), math::cos(k * length_m));
             sine * (k * k * one_m * other_m - 1.0) - k * (one_m + other_m) * cosine
         };
-        // Half a wave fits between two open ends, and less between any others.
+        // Half a wave fits between two open ends; between other ends the frequency is lower.
         let [mut least, mut most] = [0.0, PI / length_m];
         for _ in 0..60 {
             let middle = 0.5 * (least + most);
@@ -135,15 +136,15 @@ impl Bore {
         least * (gas.k * gas.r * self.wall_k).sqrt() / (2.0 * PI)
     }
 
-    /// Quality of a swing of that frequency \[Hz\] in gas of that pressure \[Pa\]: 2 pi f over the rate 32 mu/(rho D^2) at
-    /// which laminar friction takes its flow \[-\].
+    /// Quality of a swing of this frequency \[Hz\] in gas of this pressure \[Pa\]: 2 pi f over the rate 32 mu/(rho D^2)
+    /// at which laminar friction slows its flow \[-\].
     pub fn quality(&self, gas: &IdealGas, frequency_hz: f64, pressure_pa: f64) -> f64 {
         let density = pressure_pa / (gas.r * self.wall_k);
         let square_m2 = self.diameter_m * self.diameter_m;
         2.0 * PI * frequency_hz * density * square_m2 / (32.0 * self.viscosity_pa_s)
     }
 
-    /// Conductance to the wall \[W/K\] of gas of that volume \[m3\], at a Nusselt number.
+    /// Conductance to the wall \[W/K\] of a volume of gas \[m3\], at a Nusselt number.
     fn conductance(&self, volume_m3: f64, nusselt: f64) -> f64 {
         PI * self.conductivity_w_m_k * nusselt * volume_m3 / self.section_m2
     }
@@ -193,12 +194,12 @@ impl Line {
         0.5 * self.bore.section_m2 * self.cell_m
     }
 
-    /// Volume of the gas after that face \[m3\].
+    /// Volume of the gas after this face \[m3\].
     fn volume_m3(&self, face: usize) -> f64 {
         if face + 1 == self.cells { self.half_cell_m3() } else { 2.0 * self.half_cell_m3() }
     }
 
-    /// Writes gas at rest into its state.
+    /// Writes gas at rest into the line's state.
     pub fn fill(&self, pressure: f64, temperature: f64, state: &mut [f64]) {
         let (flows, masses, energies) = self.parts_mut(state);
         flows.fill(0.0);
@@ -216,22 +217,22 @@ impl Line {
         self.gas_of(masses[last], energies[last], self.half_cell_m3())
     }
 
-    /// Fastest rate \[1/s\]: sound from face to face, and emptying of the half cell at the port or
-    /// friction. `port`: its [`super::flow::Iso6358::steepest`]; `least_pa`, `hottest_k`: lowest
-    /// pressure and highest temperature of the gas.
+    /// Fastest rate \[1/s\]: of sound from face to face, and of the half cell that empties at the port, or of friction.
+    /// `port`: its [`super::flow::Iso6358::steepest`]; `least_pa`, `hottest_k`: lowest pressure and highest temperature
+    /// of the gas.
     pub fn fastest_rate(&self, port: f64, least_pa: f64, hottest_k: f64) -> f64 {
         let gas = &self.gas;
         let sound = (gas.k * gas.r * hottest_k).sqrt();
         let density = least_pa / (gas.r * hottest_k);
         let friction = self.bore.friction(density * sound * self.bore.section_m2).0;
-        // Nothing flows faster than sound, and heat passes no faster than momentum. Where the flow turns turbulent, its
+        // No flow is faster than sound, and heat passes no faster than momentum. Where the flow turns turbulent, its
         // friction grows 3.2 times as fast as the flow.
         let braking = 3.2 * self.braking(friction, density);
         let emptying = gas.k * gas.r * hottest_k * port / self.half_cell_m3();
         2.0 * sound / self.cell_m + emptying.max(braking)
     }
 
-    /// Fraction of its momentum that a flow loses to friction \[1/s\], f |m|/(2 D A rho), for
+    /// Fraction of its momentum that a flow loses to friction per time \[1/s\], f |m|/(2 D A rho), for
     /// [`Self::friction`] and a density \[kg/m3\].
     fn braking(&self, friction: f64, density: f64) -> f64 {
         0.5 * self.bore.viscosity_pa_s * friction
@@ -243,9 +244,8 @@ impl Line {
         ((self.gas.k - 1.0) * energy / volume, energy / (self.gas.cv * mass))
     }
 
-    /// Writes the rates of its state, between gas (p, T) of the tube at the valves and the flow
-    /// into the muscle \[kg/s\] with its enthalpy over cp \[kg K/s\]. Returns the flow out of the
-    /// tube, in the same units.
+    /// Writes the rates of the line's state, between gas (p, T) of the tube at the valves and the flow into the muscle
+    /// \[kg/s\] with its enthalpy over cp \[kg K/s\]. Returns the flow out of the tube, in the same units.
     pub fn rates(
         &self,
         state: &[f64],
@@ -315,7 +315,7 @@ mod tests {
         Line::new(&scenario, &IdealGas::new(&scenario.gas)).unwrap()
     }
 
-    /// The line between gas of that pressure and an end that takes a flow, over that time.
+    /// Runs the line for `seconds`, between gas of this pressure and an end that takes a flow.
     fn run(line: &Line, state: &mut [f64], tube_pa: f64, flow: f64, seconds: f64) {
         let step = 1.0 / line.fastest_rate(0.0, 1.0e5, AIR_K);
         let steps = (seconds / step).ceil();
@@ -383,7 +383,7 @@ mod tests {
         }
     }
 
-    /// Cells of a decimetre mix what a plug of gas does not.
+    /// Cells of 0.1 m mix gas that a plug flow would not.
     #[test]
     fn a_cold_supply_keeps_the_stated_share_of_its_difference() {
         const COLD_K: f64 = 273.0;
@@ -425,7 +425,7 @@ mod tests {
         assert!((last.0 / (0.3164 * math::pow(9990.0, 1.75)) - 1.0).abs() < 1e-12);
     }
 
-    /// The front of a small step comes after L/c. Cells disperse it: its middle is late by some (L cell^2/8)^(1/3)/4.
+    /// The front of a small step arrives after L/c. Cells disperse it: its middle is late by some (L cell^2/8)^(1/3)/4.
     #[test]
     fn a_front_travels_with_sound() {
         for length_m in [1.0, 2.0, 4.0, 8.0] {
@@ -440,7 +440,7 @@ mod tests {
                 time_s += step;
                 rises.push(line.end(&state).0 - 5.0e5);
             }
-            // At a closed end it comes to twice its height, less what friction takes.
+            // At a closed end it reaches twice its height, less the loss to friction.
             let highest = rises.iter().fold(0.0_f64, |highest, rise| highest.max(*rise));
             assert!((150.0..300.0).contains(&highest), "{highest}");
             let found = step * rises.iter().position(|rise| *rise > 90.0).unwrap() as f64;

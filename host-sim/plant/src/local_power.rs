@@ -1,8 +1,8 @@
-//! x^p for an x that moves slowly, without a call of `pow` at every step.
+//! x^p for a slowly moving x, without a call of `pow` at every step.
 
 use thermyo_compute::math;
 
-/// Terms of the binomial series; at [`RADIUS`] the first one left out is below 1e-16.
+/// Terms of the binomial series; at [`RADIUS`] the first omitted one is below 1e-16.
 const TERMS: usize = 5;
 /// Relative distance from the reference beyond which a new reference is taken.
 const RADIUS: f64 = 1.0e-3;
@@ -18,7 +18,7 @@ pub struct LocalPower {
 }
 
 impl LocalPower {
-    /// For the exponent p, starting near `x` > 0.
+    /// Power with exponent p, starting near `x` > 0.
     pub fn new(exponent: f64, x: f64) -> Self {
         let mut series = [0.0; TERMS];
         let mut coefficient = 1.0;
@@ -33,9 +33,9 @@ impl LocalPower {
     #[inline]
     pub fn at(&mut self, x: f64) -> f64 {
         let distance = x * self.inverse_reference - 1.0;
-        // Written so that a NaN takes the exact branch and stays one.
+        // A NaN takes the exact branch, and stays NaN.
         if distance.abs() <= RADIUS {
-            // In pairs, which do not wait for each other as in Horner's scheme.
+            // In pairs, which do not wait for each other as they would in Horner's scheme.
             let [first, second, third, fourth, fifth] = self.series;
             let square = distance * distance;
             let beyond = third + distance * fourth + square * fifth;

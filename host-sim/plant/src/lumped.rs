@@ -1,10 +1,9 @@
 //! The lumped plant: one zone of gas, one wall, ideal valves, a quasi-static load.
 //!
-//! The length is no state of its own. Coulomb friction makes it a play operator: while the pull
-//! stays within the friction band around the load the length is held, and beyond it the length
-//! follows the balance of pull, load and friction, solved together with P = w V(L)^-e. A muscle's slip
-//! and creep hold it back meanwhile, as for a constant speed over the step. The model `paper` is the
-//! same with eq. (12) for the gas.
+//! The length is no state of its own. Coulomb friction makes it a play operator: while the pull stays within the
+//! friction band around the load the length is held, and beyond it the length follows the balance of pull, load and
+//! friction, solved together with P = w V(L)^-e. A muscle's slip and creep resist as for a constant speed over the
+//! step. The model `paper` is the same with eq. (12) for the gas.
 
 use super::chamber::Chamber;
 use super::closure::Closure;
@@ -26,13 +25,13 @@ use thermyo_compute::math;
 use thermyo_scenario::Scenario;
 
 const LONGEST_STEP_S: f64 = 0.002;
-/// Integration step times the fastest rate, at most: well inside the stability of RK4, 2.8.
+/// Upper limit on integration step times fastest rate: well inside the stability limit of RK4, 2.8.
 const STEP_TIMES_RATE: f64 = 1.0;
-/// How close to the edge of the friction band counts as on it, relative to the forces: at the start
-/// of a step a sliding braid is on the edge but for rounding.
+/// Distance from the edge of the friction band that counts as on it, relative to the forces: at the start of a step a
+/// sliding braid is on the edge but for rounding.
 const EDGE: f64 = 1e-7;
 
-// Places in the state vector.
+// Indices into the state vector.
 const MASS: usize = 0;
 const W: usize = 1;
 const WALL: usize = 2;
@@ -70,11 +69,11 @@ struct Constants<C> {
     initial_k: f64,
 }
 
-/// Length, and what follows from it for a given w.
+/// Length, and the quantities that follow from it for a given w.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Place {
-    /// The pull has reached the edge of the friction band beyond which it contracts; never on the
-    /// inner stop.
+    /// Whether the pull has reached the edge of the friction band beyond which the muscle contracts; never on the inner
+    /// stop.
     may_contract: bool,
     /// The same for extension; never on the outer stop.
     may_extend: bool,
@@ -93,7 +92,7 @@ struct Held {
     creep_n: f64,
     /// Rate at which creep fades at a held length \[N/s\].
     fading_n_s: f64,
-    /// Slope of all of it over contraction, faster than creep \[N/m\].
+    /// Slope of slip and creep over contraction, faster than creep relaxes \[N/m\].
     stiffness_n_m: f64,
 }
 
@@ -117,7 +116,7 @@ struct Play {
 }
 
 impl Play {
-    /// At rest, with slip and creep relaxed.
+    /// Play at rest, with slip and creep relaxed.
     fn begin(length: f64, volume: f64, pressure: f64, exponent: f64) -> Self {
         let held = Place {
             may_contract: false,
@@ -132,7 +131,7 @@ impl Play {
         Self { held, memory, guess: length, power: LocalPower::new(-exponent, volume) }
     }
 
-    /// The place for w where a mechanism moves the end from the length held, at a rate \[m/s\].
+    /// Place for w where a mechanism moves the end from the held length, at a rate \[m/s\].
     fn driven<C: Chamber>(
         &mut self,
         constants: &Constants<C>,
@@ -147,7 +146,7 @@ impl Play {
         Place { length, volume, power, pressure: w * power, held, ..self.held }
     }
 
-    /// Length for w and the friction force \[N\], from the length held, that time after.
+    /// Place for w and the friction force \[N\], from the held length, after the elapsed time.
     fn place<C: Chamber>(
         &mut self,
         constants: &Constants<C>,
@@ -210,7 +209,7 @@ impl Play {
 }
 
 impl Memory {
-    /// Over a step: the heat of slip and creep \[J\], creep's being its work less what it stores.
+    /// Advances over a step. Returns the heat of slip and creep \[J\]; creep's is its work less the energy it stores.
     fn advance(&mut self, hysteresis: &Hysteresis, elapsed: &Elapsed, places: [Place; 3]) -> f64 {
         let [start, _, end] = places;
         let work = work_through(places.map(|place| (place.held.creep_n, -place.length)));
@@ -222,7 +221,7 @@ impl Memory {
         slid + work - stored
     }
 
-    /// At a length \[m\], after a time in which the muscle came there from another one.
+    /// Slip and creep at a length \[m\], after the time in which the muscle came there from another one.
     fn held(&self, hysteresis: &Hysteresis, elapsed: &Elapsed, from: f64, length: f64) -> Held {
         let stretches = elapsed.stretches(&self.stretches, from - length);
         let slip = &hysteresis.slip;
@@ -266,8 +265,8 @@ impl<C: Chamber> Constants<C> {
         Ok(constants)
     }
 
-    /// By the fastest: the pressure of the smallest volume through both valves and the largest hole, near equal pressures,
-    /// or its heat.
+    /// Substeps for the fastest process: the pressure of the smallest volume through both valves and the largest hole,
+    /// near equal pressures, or its heat.
     fn substeps_of(&self, scenario: &Scenario, start: &Start) -> Result<Substeps, BuildError> {
         let Self { closure, piping, heat, .. } = self;
         let (gas, chamber) = (&closure.gas, &self.pull.chamber);
@@ -409,7 +408,7 @@ impl<C: Chamber + Copy> Lumped<C> {
         Ok(lumped)
     }
 
-    /// The same plant without valves: the actuation is the mass flows \[kg/s\].
+    /// Returns the same plant without valves: the actuation is the mass flows \[kg/s\].
     pub fn driven_by_flows(mut self) -> Self {
         self.constants.given_flows = true;
         self

@@ -35,8 +35,8 @@ impl Rk4 {
         &self.rates[3]
     }
 
-    /// One step. `rates` gets the fraction of the step that has passed and the state there, and
-    /// writes the derivatives into its last argument.
+    /// Makes one step. `rates` gets the fraction of the step that has passed and the state there,
+    /// and writes the derivatives into its last argument.
     pub fn step(
         &mut self,
         state: &mut [f64],
@@ -59,7 +59,7 @@ impl Rk4 {
     }
 }
 
-/// The state after that time at these rates.
+/// State after this time at these rates.
 fn ahead(trial: &mut [f64], state: &[f64], step: f64, rates: &[f64]) {
     for ((trial, y), rate) in trial.iter_mut().zip(state).zip(rates) {
         *trial = y + step * rate;
@@ -79,7 +79,7 @@ pub struct DormandPrince {
 pub struct StepTooSmall;
 
 impl DormandPrince {
-    /// With that relative tolerance and first step.
+    /// Solver with this relative tolerance and first step.
     pub fn new(tolerance: f64, first_step: f64) -> Self {
         Self { tolerance, step: first_step }
     }
@@ -88,8 +88,8 @@ impl DormandPrince {
     /// tolerance, relative to `scales`.
     ///
     /// # Errors
-    /// [`StepTooSmall`] when rounding is coarser than the step that the tolerance asks for, or the
-    /// state is not finite.
+    /// [`StepTooSmall`] when rounding is coarser than the required step, or the state is not
+    /// finite.
     pub fn advance<const CONTROLLED: usize, const N: usize>(
         &mut self,
         start: f64,
@@ -121,7 +121,7 @@ impl DormandPrince {
                 time = if last { end } else { time + h };
                 *state = next;
                 first = at_end;
-                // A step cut short by `end` is no reason against the longer one.
+                // A step cut short by `end` is no reason to reject the longer one.
                 self.step = if last { self.step.max(h * factor) } else { h * factor };
             } else {
                 self.step = h * factor;
@@ -137,14 +137,14 @@ impl DormandPrince {
 /// One step of the pair, not yet accepted.
 struct Trial<const N: usize> {
     next: [f64; N],
-    /// At its end.
+    /// Rates at the end of the step.
     rates: [f64; N],
-    /// Between its two orders.
+    /// Difference between the two orders.
     error: [f64; N],
 }
 
 impl<const N: usize> Trial<N> {
-    /// A step of `h` from that state and its rates.
+    /// Tries a step of `h` from this state and its rates.
     fn new(
         time: f64,
         h: f64,

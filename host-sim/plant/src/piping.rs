@@ -1,5 +1,4 @@
-//! Connections of the gas to supply and ambient, with their faults: faults of the plant act only
-//! here.
+//! Connections of the gas to supply and ambient, with their faults. Faults of the plant act only here.
 
 use super::flow::{Iso6358, Streams};
 use super::gas::IdealGas;
@@ -10,25 +9,25 @@ use thermyo_scenario::Scenario;
 pub struct Disturbance {
     pub inlet: Travel,
     pub outlet: Travel,
-    /// Sonic conductance of a hole from the gas to ambient, at ANR \[m3/(s Pa)\]; no larger than the
-    /// largest of the scenario, which sets the integration's step. Its critical ratio is the valves'.
+    /// Sonic conductance of a hole from the gas to ambient, at ANR \[m3/(s Pa)\]; no larger than the scenario's
+    /// largest, which sets the integration step. Its critical ratio is that of the valves.
     pub leak_m3_s_pa: f64,
-    /// Absolute pressure of the supply at no flow, if it differs from the scenario's \[Pa\].
+    /// Absolute pressure of the supply at no flow, if it differs from the scenario \[Pa\].
     pub supply_pa: Option<f64>,
 }
 
-/// Flow of a valve at the ends of its travel, as fractions of its full conductance, 0 to 1. A
-/// stuck valve has the same at both.
+/// Flow of a valve at the ends of its travel, as fractions of its full conductance, 0 to 1. A stuck valve has equal
+/// values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Travel {
-    /// Driven shut.
+    /// When driven shut.
     pub shut: f64,
-    /// Driven open.
+    /// When driven open.
     pub open: f64,
 }
 
 impl Travel {
-    /// Mean opening of a valve that is driven open for that fraction of the time.
+    /// Mean opening of a valve that is driven open for this fraction of the time.
     fn opening(&self, driven: f64) -> f64 {
         self.shut + (self.open - self.shut) * driven
     }
@@ -50,7 +49,7 @@ pub struct Piping {
     supply: (f64, f64),
     ambient: (f64, f64),
     broken: Disturbance,
-    /// The hole's conductance in open valves.
+    /// The hole's conductance, in open valves.
     hole: f64,
 }
 
@@ -94,7 +93,7 @@ impl Piping {
         self.leak.map_or(0.0, |leak| leak.steepest(upstream_k) / self.steepest(upstream_k))
     }
 
-    /// A hole's conductance in open valves.
+    /// A hole's conductance, in open valves.
     pub fn in_valves(&self, leak_m3_s_pa: f64) -> f64 {
         leak_m3_s_pa / self.conductance_m3_s_pa
     }
@@ -114,8 +113,7 @@ impl Piping {
         self.broken.inlet.opening(inlet) + self.broken.outlet.opening(outlet)
     }
 
-    /// Adds the flow through the inlet valve to gas (p, T), with the supply that much below its
-    /// pressure at no flow.
+    /// Adds the flow through the inlet valve to gas (p, T), with the supply `drop_pa` below its pressure at no flow.
     pub fn add_inlet(&self, streams: &mut Streams, gas: (f64, f64), drop_pa: f64, driven: f64) {
         let (pressure, temperature) = self.supply();
         let opening = self.broken.inlet.opening(driven);

@@ -1,8 +1,8 @@
 //! A proportional valve: an analogue command, a dead band, and an opening that follows with a lag.
 //!
-//! A 2/2 seat valve: the preload of its spring takes the first part of the command, and what is beyond it moves the
-//! poppet, with the time constant 1/(2 pi f) of its bandwidth f. The lag's equation has a closed solution for a
-//! command that is constant, so that no step is too long.
+//! A 2/2 seat valve: the preload of its spring takes the first part of the command, and the rest moves the poppet, with
+//! the time constant 1/(2 pi f) of its bandwidth f. The lag's equation has a closed solution for a constant command, so
+//! that no step is too long.
 
 use std::collections::VecDeque;
 use thermyo_compute::math;
@@ -10,10 +10,10 @@ use thermyo_scenario::Valve;
 
 /// Times closer than this are the same \[s\].
 const EDGE_TOLERANCE_S: f64 = 1e-9;
-/// An integrator takes the opening as straight over this share of the time constant: it bends by
-/// 1/8 of its square, 0.8 %, of what is left of its way.
+/// Share of the time constant over which an integrator takes the opening as linear: it deviates by 1/8 of the share's
+/// square, 0.8 %, of the remaining way.
 const STRAIGHT: f64 = 0.25;
-/// Nearer to its goal than this it is there \[-\].
+/// Distance from the goal that counts as arrived \[-\].
 const ARRIVED: f64 = 1e-4;
 
 #[derive(Debug, Clone)]
@@ -109,7 +109,7 @@ impl ProportionalValve {
         integral / (end_s - start_s)
     }
 
-    /// Follows the goal for some time; integral of the opening.
+    /// Follows the goal for some time; returns the integral of the opening.
     fn travel(&mut self, duration_s: f64) -> f64 {
         let off = self.opening - self.goal;
         let left = -math::expm1(-duration_s / self.lag_s);
@@ -136,7 +136,7 @@ mod tests {
         })
     }
 
-    /// After 0 for a step: 0.6 is half of what is left beyond the dead band.
+    /// After a command of 0 for one step: 0.6 is half of the range beyond the dead band.
     #[test]
     fn a_step_is_followed_as_by_a_lag() {
         let lag_s = 1.0 / (std::f64::consts::TAU * 40.0);
@@ -171,7 +171,7 @@ mod tests {
         }
     }
 
-    /// A sine at the bandwidth passes with 0.707 of its height, a command at a time.
+    /// A sine at the bandwidth passes with 0.707 of its amplitude; each value is one command.
     #[test]
     fn at_its_bandwidth_it_has_lost_3_db() {
         let mut valve = valve();

@@ -41,9 +41,9 @@ impl<C: Chamber> Pull<C> {
             + chamber.elastic_slope(length)
     }
 
-    /// Length \[m\] where the pull equals `force` \[N\] and what holds the chamber back: Newton from
-    /// `guess`. `pressure` gives the pressure and its slope over length, `held` the force that holds it back
-    /// and its slope over contraction. NaN when there is no such length.
+    /// Length \[m\] where the pull equals `force` \[N\] plus the force that holds the chamber back: Newton from
+    /// `guess`. `pressure` returns the pressure and its slope over length, `held` the holding force and its slope over
+    /// contraction. NaN when there is no such length.
     pub fn balance(
         &self,
         force: f64,
@@ -103,10 +103,10 @@ pub fn load_n(scenario: &Scenario, chamber: &(impl Chamber + ?Sized)) -> f64 {
     }
 }
 
-/// Gauge pressure at which friction and slip are the configured ones \[Pa\].
+/// Gauge pressure at which friction and slip have their configured values \[Pa\].
 const CONFIGURED_AT_PA: f64 = 4.0e5;
 
-/// A force of which a share follows gauge pressure.
+/// A force, part of which follows gauge pressure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Pressed {
     /// Factor without pressure \[-\], and its slope \[1/Pa\].
@@ -124,7 +124,7 @@ impl Pressed {
     }
 }
 
-/// How friction falls as the wall warms: exp(-beta (T_w - T_ref)).
+/// Fall of friction as the wall warms: exp(-beta (T_w - T_ref)).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Softening {
     per_k: f64,
@@ -132,17 +132,17 @@ pub struct Softening {
 }
 
 impl Softening {
-    /// From `[friction]`.
+    /// Softening of `[friction]`.
     pub fn new(friction: &Friction) -> Self {
         Self { per_k: friction.softening_per_k, reference_k: friction.reference_temperature_k }
     }
 
-    /// Factor on every friction force \[-\] at that wall temperature \[K\].
+    /// Factor on every friction force \[-\] at this wall temperature \[K\].
     pub fn factor(&self, wall_k: f64) -> f64 {
         math::exp(-self.per_k * (wall_k - self.reference_k))
     }
 
-    /// The factor around that wall temperature \[K\].
+    /// The factor around this wall temperature \[K\].
     pub fn around(&self, wall_k: f64) -> LocalSoftening {
         let factor = self.factor(wall_k);
         LocalSoftening { factor, slope: -self.per_k * factor, wall_k }
@@ -159,7 +159,7 @@ pub struct LocalSoftening {
 }
 
 impl LocalSoftening {
-    /// Factor on every friction force \[-\] at that wall temperature \[K\].
+    /// Factor on every friction force \[-\] at this wall temperature \[K\].
     pub fn factor(&self, wall_k: f64) -> f64 {
         self.factor + self.slope * (wall_k - self.wall_k)
     }

@@ -7,7 +7,7 @@ const SOUGHT: u32 = 64;
 
 #[derive(Debug, Clone, PartialEq)]
 enum Course {
-    /// Coefficients of the angle's powers, over the radius of the pulley, of muscles a and b.
+    /// Radii of muscles a and b over the pulley's radius: coefficients of the angle's powers.
     Powers([[f64; 4]; 2]),
     /// Angle \[rad\], and the radii of muscles a and b \[m\], by rising angle; linear between the rows.
     Rows(Arc<[[f64; 3]]>),
@@ -15,7 +15,7 @@ enum Course {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pulley {
-    /// Radius that those of the muscles are shares of \[m\].
+    /// Radius that the muscles' shares refer to \[m\].
     pub radius_m: f64,
     course: Course,
 }
@@ -31,7 +31,7 @@ impl Pulley {
         Self { radius_m, course: Course::Powers(shares) }
     }
 
-    /// Rows of angle \[rad\], and of the radii of muscles a and b \[m\], by rising angle; two at least.
+    /// Pulley from rows of angle \[rad\] and radii of muscles a and b \[m\], by rising angle; at least two.
     pub fn rows(radius_m: f64, rows: Arc<[[f64; 3]]>) -> Self {
         Self { radius_m, course: Course::Rows(rows) }
     }
@@ -41,7 +41,7 @@ impl Pulley {
         self.mean_shares(angle_rad, angle_rad)
     }
 
-    /// Their means over the way between two angles \[rad\].
+    /// Mean shares over the way between two angles \[rad\].
     pub fn mean_shares(&self, from_rad: f64, to_rad: f64) -> [f64; 2] {
         match &self.course {
             Course::Powers(shares) => shares.map(|[share, one, two, three]| {
@@ -92,7 +92,7 @@ impl Pulley {
     }
 }
 
-/// A radius of the rows at an angle \[m\]; beyond them that of the last row.
+/// Radius of the rows at an angle \[m\]; beyond them the last row's.
 fn at_m(rows: &[[f64; 3]], column: usize, angle_rad: f64) -> f64 {
     let after = rows.partition_point(|row| row[0] <= angle_rad);
     if after == 0 || after == rows.len() {
@@ -131,7 +131,7 @@ mod tests {
         Pulley::rows(0.02, Arc::from(rows))
     }
 
-    /// Against sums over small ways, of rows and of powers.
+    /// Compares with sums over small ways, of rows and of powers.
     #[test]
     fn ways_are_integrals_of_the_radii() {
         let powers = Pulley::powers(0.02, [[1.0, 0.2, -0.1, 0.05], [1.1, -0.2, 0.0, 0.1]]);

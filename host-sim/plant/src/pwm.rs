@@ -10,8 +10,8 @@ use thermyo_scenario::Valve;
 /// Times closer than this are the same: steps and periods are multiples of each other only up to
 /// rounding \[s\].
 const EDGE_TOLERANCE_S: f64 = 1e-9;
-/// A pin that was high for more than this fraction of the end of a step is high at its end: a
-/// counted time may be off by some cycles.
+/// A pin that goes low only beyond this fraction of a step is high at its end: a counted time may be off by some
+/// cycles.
 const HIGH: f64 = 0.999;
 /// Pulses of shorter periods are averaged, because their kinks would cost too many steps \[s\].
 const SHORTEST_PERIOD_S: f64 = 5.0e-4;
@@ -61,7 +61,7 @@ impl PwmValve {
         self.follows_pin = true;
     }
 
-    /// Latches `duty` for every period that starts before `end`, unless one is latched already.
+    /// Latches `duty` for every period that starts before `end`, unless the period has a duty already.
     pub fn latch(&mut self, end_s: f64, duty: f64) {
         while self.oldest_start_s(self.latched.len()) < end_s - EDGE_TOLERANCE_S {
             let duty = duty.clamp(0.0, 1.0);
@@ -123,7 +123,7 @@ impl PwmValve {
         if self.period_s < SHORTEST_PERIOD_S {
             return [mean; 2];
         }
-        // For an ideal valve the start is after its jump.
+        // For an ideal valve the start lies after its jump.
         [2.0 * mean - self.opening, self.opening]
     }
 
@@ -133,9 +133,8 @@ impl PwmValve {
         let mut integral = 0.0;
         while time < end_s {
             let (on, edge) = self.pin(time);
-            // An edge within rounding of `time` must not stall the loop, and one within rounding
-            // of the end belongs to the next interval: an ideal valve would be shut at the end of
-            // a pulse.
+            // An edge within rounding of `time` must not stall the loop. An edge within rounding of the end belongs to
+            // the next interval: otherwise an ideal valve would be shut at the end of a pulse.
             let early = edge < end_s - EDGE_TOLERANCE_S;
             let stop = if early { edge.max(time + EDGE_TOLERANCE_S) } else { end_s };
             integral += self.travel(on, stop - time);
@@ -144,7 +143,7 @@ impl PwmValve {
         integral / (end_s - start_s)
     }
 
-    /// Moves the poppet towards the pin's level; integral of the opening over `duration`.
+    /// Moves the poppet towards the pin's level; returns the integral of the opening over `duration`.
     fn travel(&mut self, on: bool, duration: f64) -> f64 {
         let (target, distance) = if on { (1.0, 1.0 - self.opening) } else { (0.0, self.opening) };
         let needed = distance / self.slew;
@@ -269,7 +268,7 @@ mod tests {
         assert!(from == to && (from - 0.3).abs() < 1e-5, "{from}, {to}");
     }
 
-    /// A pulse from 3.25 to 7.5 ms: as long, and at the same time, as the pin was high.
+    /// A pulse from 3.25 to 7.5 ms: same duration and time as the pin was high.
     #[test]
     fn a_pin_is_followed_within_its_steps() {
         let ideal = Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..valve() };

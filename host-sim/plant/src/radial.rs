@@ -1,8 +1,9 @@
 //! The radial profile of still gas in a cylinder.
 //!
-//! Where conduction carries the heat, the gas near the wall follows the wall and the gas on the axis the adiabat: on the
-//! axis the temperature swings up to twice as much as in the mean, and later. With x = T - T_w, the diffusivity a, the
-//! radius R, and s what compression or expansion adds, uniform over the section because pressure is:
+//! Where conduction carries the heat, the gas near the wall follows the wall and the gas on the axis follows the
+//! adiabat: on the axis the temperature swings up to twice as much as in the mean, and later. With x = T - T_w, the
+//! diffusivity a, the radius R, and the rate s that compression or expansion adds, uniform over the section because
+//! pressure is:
 //!
 //! ```text
 //! dx/dt = a (1/r) d/dr (r dx/dr) + s,  x = 0 at r = R
@@ -16,20 +17,22 @@
 //! x/x_adiabatic = 1 - I0(z r/R)/I0(z),  mean: 1 - 2 I1(z)/(z I0(z)),  z^2 = i w R^2/a
 //! ```
 //!
-//! (Carslaw and Jaeger, Conduction of Heat in Solids, 1959, chapter 7), over w R^2/a from 0.5 to 1000, which strokes of 1
-//! to 20 s in bores of 10 to 40 mm at 1.2 to 7 bar have: within 5 % in the mean and up to 0.7 R from the axis.
+//! (Carslaw and Jaeger, Conduction of Heat in Solids, 1959, chapter 7), over w R^2/a from 0.5 to 1000, the range of
+//! strokes of 1 to 20 s in bores of 10 to 40 mm at 1.2 to 7 bar: within 5 % in the mean and up to 0.7 R from the axis.
 //!
-//! The plant knows the mean of x by pressure and mass. What the profile adds are the differences y_n = x_n - mean, in
-//! which s cancels: their weighted sum stays 0, so that they move heat within the gas and no balance sees them.
+//! The plant computes the mean of x from pressure and mass. The profile adds the differences y_n = x_n - mean, in which
+//! s cancels: their weighted sum stays 0, so that they move heat within the gas and affect no balance.
 //!
-//! Buoyancy is taken for a conductivity that is larger in the ratio of the Nusselt numbers. Stirring passes heat beside
-//! conduction; the profile is then flat in the share that it passes. Neither changes the modes: that is an assumption.
+//! Buoyancy is treated as a conductivity that is larger by the ratio of the Nusselt numbers. Stirring passes heat in
+//! parallel with conduction; the profile is then flat in the share that it passes. That neither changes the modes is an
+//! assumption.
 
 /// p_n: the first is exact, j01^2.
 const RATES: [f64; 3] = [5.783_186, 24.531_276, 195.976_772];
 /// Weights of the modes in the mean; their sum is 1.
 const MEAN: [f64; 3] = [0.683_479, 0.141_885, 0.174_636];
-/// Weights of the modes at a radius over R; in between they are linear in its square. Their sum is 1, but on the wall.
+/// Weights of the modes at a radius over R; in between they are linear in its square. Their sum is 1, except on the
+/// wall.
 const AT_RADIUS: [(f64, [f64; 3]); 9] = [
     (0.0, [1.5469, -0.6132, 0.0663]),
     (0.25, [1.4775, -0.5125, 0.0350]),
@@ -49,7 +52,7 @@ pub struct Profile([f64; 3]);
 /// Conduction over a time step, by mode.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conduction {
-    /// Share of x_n that is left.
+    /// Remaining share of x_n.
     left: [f64; 3],
 }
 
@@ -58,9 +61,9 @@ fn sum(weights: &[f64; 3], values: &[f64; 3]) -> f64 {
 }
 
 impl Conduction {
-    /// Over a step of that Fourier number a dt/R^2.
+    /// Conduction over a step of this Fourier number a dt/R^2.
     pub fn new(fourier: f64) -> Self {
-        // e^-x to its second order, and still below 1 for steps that are long.
+        // e^-x to its second order, and still below 1 for long steps.
         let [a, b, c] = RATES.map(|rate| {
             let steps = rate * fourier;
             1.0 + steps * (1.0 + 0.5 * steps)
@@ -70,14 +73,15 @@ impl Conduction {
         Self { left: [b * c * inverse, a * c * inverse, a * b * inverse] }
     }
 
-    /// Heat that the gas loses in the step, per its heat capacity \[K\]: a share of its mean, and a rest of its profile.
+    /// Heat that the gas loses in the step, per its heat capacity \[K\]: a share of its mean, and a remainder of its
+    /// profile.
     pub fn lost(&self, profile: &Profile) -> (f64, f64) {
         let lost = self.left.map(|left| 1.0 - left);
         let Profile(y) = profile;
         (sum(&MEAN, &lost), sum(&MEAN, &[lost[0] * y[0], lost[1] * y[1], lost[2] * y[2]]))
     }
 
-    /// The profile after the step, in gas whose mean is that much above the wall \[K\].
+    /// Advances the profile by the step, in gas whose mean is `mean_k` above the wall \[K\].
     pub fn advance(&self, profile: &mut Profile, mean_k: f64) {
         let Profile(y) = profile;
         for (y, left) in y.iter_mut().zip(self.left) {
@@ -95,7 +99,7 @@ impl Conduction {
 pub struct Place([f64; 3]);
 
 impl Place {
-    /// At a radius over R, 0 on the axis to 1 on the wall.
+    /// Place at a radius over R, from 0 on the axis to 1 on the wall.
     pub fn at(radius: f64) -> Self {
         let square = radius * radius;
         let after = AT_RADIUS.iter().position(|(radius, _)| radius * radius >= square);
@@ -105,7 +109,7 @@ impl Place {
         Self([0, 1, 2].map(|n| before[n] + share * (beyond[n] - before[n])))
     }
 
-    /// How much warmer than the mean the gas is there \[K\], where the mean is that much above the wall \[K\].
+    /// How much warmer than the mean the gas is there \[K\], where the mean is `mean_k` above the wall \[K\].
     pub fn above_mean(&self, profile: &Profile, mean_k: f64) -> f64 {
         let Profile(y) = profile;
         sum(&self.0, &y.map(|y| mean_k + y)) - mean_k
@@ -148,27 +152,27 @@ mod tests {
         [1.0 - a[0], -a[1]]
     }
 
-    /// Swing over the adiabatic one, at q = w R^2/a: in the mean, and at a radius.
+    /// Swing over the adiabatic swing, at q = w R^2/a: of the mean, and at a radius.
     fn exact(q: f64, radius: f64) -> [Complex; 2] {
         let [axis, mean] = bessel(q);
         [over(mean, axis), over(bessel(q * radius * radius)[0], axis)].map(one_less)
     }
 
-    /// The same of the modes, run in steps of 1 ms as the plant does.
+    /// The same of the modes, in steps of 1 ms as in the plant.
     fn simulated(diffusivity: f64, bore_m: f64, period_s: f64, radius: f64) -> [Complex; 2] {
         const STEP_S: f64 = 1e-3;
         let fourier = 4.0 * diffusivity * STEP_S / (bore_m * bore_m);
         let (conduction, place) = (Conduction::new(fourier), Place::at(radius));
         let (mut profile, mut mean_k) = (Profile::default(), 0.0);
         let steps = (period_s / STEP_S).round() as usize;
-        // From rest, until the slowest mode has forgotten it.
+        // From rest, until the slowest mode has decayed.
         let cycles = 3 + (8.0 / (5.78 * fourier * steps as f64)) as usize;
         let mut swings = [[0.0; 2]; 2];
         for i in 0..cycles * steps {
             let phase = 2.0 * PI * (i % steps) as f64 / steps as f64;
             let source = (math::sin(phase + 2.0 * PI / steps as f64) - math::sin(phase)) / 1.0;
             let (share, rest) = conduction.lost(&profile);
-            // The plant's steps within 1 ms, where the film stays.
+            // The plant's steps within 1 ms, over which the film is constant.
             for _ in 0..4 {
                 mean_k += 0.25 * (source - share * mean_k - rest);
             }
@@ -177,7 +181,7 @@ mod tests {
                 let here = phase + 2.0 * PI / steps as f64;
                 let at = mean_k + place.above_mean(&profile, mean_k);
                 for (swing, value) in swings.iter_mut().zip([mean_k, at]) {
-                    // Against sin: the part in phase, and the one ahead.
+                    // Projected on the sine: the part in phase, and the part that leads.
                     swing[0] += 2.0 / steps as f64 * value * math::sin(here);
                     swing[1] += 2.0 / steps as f64 * value * math::cos(here);
                 }
@@ -218,7 +222,7 @@ mod tests {
         assert!(cases > 50 && worst.iter().all(|off| *off > 0.005));
     }
 
-    /// The reviewable figure: bore 20 mm, 3 bar, strokes of 5 s.
+    /// A case to check by hand: bore 20 mm, 3 bar, strokes of 5 s.
     #[test]
     fn the_axis_swings_more_than_the_mean_and_later() {
         let [mean, axis] = exact(2.0 * PI / 5.0 * 1e-4 / 7.3e-6, 0.0);
@@ -240,7 +244,7 @@ mod tests {
         assert!((Place::at(1.0).above_mean(&profile, 7.0) + 7.0).abs() < 1e-12);
     }
 
-    /// Long steps neither overshoot nor make heat: the gas ends at the wall's temperature.
+    /// Long steps neither overshoot nor create heat: the gas ends at the wall's temperature.
     #[test]
     fn any_step_is_stable() {
         for fourier in [1e-6, 1e-3, 0.1, 10.0, 1e6] {

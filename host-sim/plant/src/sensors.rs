@@ -1,4 +1,4 @@
-//! The lags of the four sensors, the same in every plant.
+//! Lags of the four sensors, the same in every plant.
 
 use super::Truth;
 use super::lag::Lag;
@@ -26,11 +26,12 @@ pub struct Sensors {
     film: Option<Film>,
 }
 
-/// An element whose lag is the resistance of the gas film around it: thin gas takes longer.
+/// An element whose lag is the resistance of the gas film around it: the lag is longer in thin gas.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Film {
     exponent: f64,
-    /// Density at which the time constant is the scenario's, times the gas constant \[Pa/K\].
+    /// Density at which the element has the scenario's time constant, times the gas constant
+    /// \[Pa/K\].
     reference: f64,
     time_constant_s: f64,
     step_s: f64,
@@ -64,7 +65,7 @@ impl Sensors {
         }
     }
 
-    /// Takes over the time constants of others; the elements keep their states.
+    /// Takes over the time constants of other sensors; the elements keep their states.
     pub fn retune(&mut self, other: &Self) {
         self.housing.retune(&other.housing);
         self.gas.retune(&other.gas);

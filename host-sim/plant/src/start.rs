@@ -1,4 +1,4 @@
-//! Where a run starts, the same in every plant.
+//! Start of a run, the same in every plant.
 
 use super::Ledger;
 use super::chamber::{Chamber, with_chamber};
@@ -18,7 +18,7 @@ pub struct Start {
 }
 
 impl Start {
-    /// Of gas of that length \[m\] and volume \[m3\].
+    /// Start with gas of this length \[m\] and volume \[m3\].
     pub fn new(scenario: &Scenario, length: f64, volume: f64) -> Self {
         let plant = &scenario.plant;
         Self {
@@ -30,7 +30,7 @@ impl Start {
         }
     }
 
-    /// Of a moving chamber: where it is held, or where friction lets its end rest.
+    /// Start of a moving chamber: at the held length, or where friction lets its end rest.
     pub fn of_chamber<C: Chamber>(scenario: &Scenario, pull: &Pull<C>) -> Self {
         let Scenario { friction, load, plant, .. } = scenario;
         let pressure = plant.initial_pressure_pa;
@@ -49,7 +49,7 @@ impl Start {
         self.pressure * self.volume / (gas.r * self.gas_k)
     }
 
-    /// The books, still without entries.
+    /// The ledger, still without entries.
     pub fn ledger(&self, gas: &IdealGas) -> Ledger {
         let mass_kg = self.mass(gas);
         Ledger {
@@ -59,7 +59,7 @@ impl Start {
         }
     }
 
-    /// Surroundings of the sensors so far.
+    /// Surroundings of the sensors up to the start.
     pub fn exposure(&self) -> Exposure {
         Exposure {
             gas_k: self.gas_k,

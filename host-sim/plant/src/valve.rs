@@ -1,4 +1,4 @@
-//! The valves of the plant `full`: either kind, behind what an integrator asks of it.
+//! The valves of the plant `full`: either kind, behind the interface for an integrator.
 
 use super::proportional::ProportionalValve;
 use super::pwm::PwmValve;
@@ -27,7 +27,8 @@ impl DrivenValve {
         }
     }
 
-    /// Latches a command for every period that starts before `end`, unless one is latched already.
+    /// Latches a command for every period that starts before `end`, unless the period has one
+    /// already.
     pub fn latch(&mut self, end_s: f64, command: f64) {
         match self {
             Self::Switching(valve) => valve.latch(end_s, command),

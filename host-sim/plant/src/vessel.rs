@@ -40,7 +40,8 @@ enum Ports {
     Fill(Nozzle),
     /// Inlet and outlet valve, opened by the actuation.
     Valves,
-    /// The actuation is the mass flows themselves \[kg/s\], the inflow at that temperature \[K\].
+    /// The actuation is the mass flows themselves \[kg/s\], with the inflow at this temperature
+    /// \[K\].
     Given {
         inflow_k: f64,
     },
@@ -105,7 +106,7 @@ impl Constants {
                 self.piping.add_inlet(&mut streams, gas, 0.0, actuation.inlet);
                 self.piping.add_outlet(&mut streams, gas, actuation.outlet);
             }
-            // Leaks are included.
+            // Leaks are part of the given flows.
             Ports::Given { inflow_k } => {
                 streams = Streams::given(actuation.inlet, *inflow_k, actuation.outlet);
             }
@@ -164,7 +165,7 @@ pub struct Vessel {
 }
 
 impl Vessel {
-    /// The vessel of a scenario; `volume` replaces the fixed volume where it is given.
+    /// The vessel of a scenario; `volume`, if present, replaces the fixed volume.
     ///
     /// # Errors
     /// [`BuildError::VolumeNotPositive`] for a profile that empties the vessel.
@@ -210,8 +211,8 @@ impl Vessel {
         Ok(vessel)
     }
 
-    /// The same vessel without valves: the actuation is the mass flows \[kg/s\], with the inflow
-    /// at `inflow_k` \[K\].
+    /// Returns the same vessel without valves: the actuation is the mass flows \[kg/s\], with the
+    /// inflow at `inflow_k` \[K\].
     pub fn driven_by_flows(mut self, inflow_k: f64) -> Self {
         self.constants.ports = Ports::Given { inflow_k };
         self

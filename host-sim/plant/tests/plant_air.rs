@@ -1,10 +1,10 @@
-//! Air gives off heat as it does in muscles: measured pulses.
+//! Heat loss of air against pulses measured on muscles.
 
 use crate::plant_support::muscle;
 use thermyo_plant::Actuation;
 use thermyo_scenario::{LoadKind, PlantModel, Scenario};
 
-/// A 20 mm muscle held at that length, behind the measured valve, with its dead volume.
+/// A 20 mm muscle held at this length, behind the measured valve, with its dead volume.
 fn held(model: PlantModel, length_m: f64) -> Scenario {
     let mut s = muscle(model);
     let turns = s.muscle.turns * length_m / s.muscle.rest_length_m;
@@ -17,7 +17,8 @@ fn held(model: PlantModel, length_m: f64) -> Scenario {
     s
 }
 
-/// After a pulse of that length from that pressure: share of the step that is undone, and the time constant.
+/// Fills or vents with a pulse of this length from this pressure. Returns the share of the step that is undone, and the
+/// time constant.
 fn relaxation(s: &Scenario, pressure_pa: f64, pulse_s: f64, fills: bool) -> (f64, f64) {
     let mut s = s.clone();
     s.plant.initial_pressure_pa = pressure_pa;
@@ -43,10 +44,10 @@ fn relaxation(s: &Scenario, pressure_pa: f64, pulse_s: f64, fills: bool) -> (f64
     (undone, at as f64 * step_s)
 }
 
-/// Others measured on muscles of 20 mm (docs/background/model.md): after pulses of 15 to 50 ms, 23 to 33 % of the
-/// step in and 20 to 38 % of the one out is undone, with time constants of 0.2 s at 120 mm and 0.3 to 0.5 s at 225 and
-/// 274 mm. Means over pulses of that length at 2 to 4.5 bar. With 90 W/(m2 K) that stay, 0.12 to 0.3 s came out at every
-/// length, and a tenth of it was lost before the valve had shut.
+/// Published measurements on muscles of 20 mm (docs/background/model.md): after pulses of 15 to 50 ms, 23 to 33 % of a
+/// step in and 20 to 38 % of a step out is undone, with time constants of 0.2 s at 120 mm and 0.3 to 0.5 s at 225 and
+/// 274 mm. The test takes means over pulses of that length at 2 to 4.5 bar. With a constant 90 W/(m2 K), the result was
+/// 0.12 to 0.3 s at every length, and a tenth of it was lost before the valve had shut.
 #[test]
 fn pulses_relax_as_measured() {
     let pulses = [(2.0e5, 0.015), (2.0e5, 0.05), (3.0e5, 0.03), (4.5e5, 0.015), (4.5e5, 0.05)];

@@ -13,7 +13,7 @@ const STUCK_OPEN: Travel = Travel { shut: 1.0, open: 1.0 };
 const STUCK_SHUT: Travel = Travel { shut: 0.0, open: 0.0 };
 const MUSCLES: [PlantModel; 2] = [PlantModel::Lumped, PlantModel::Full];
 
-/// A muscle that is held at its length: a vessel with valves.
+/// A muscle held at its length: a vessel with valves.
 fn held(model: PlantModel, pressure_pa: f64) -> Scenario {
     let mut scenario = muscle(model);
     scenario.load.kind = LoadKind::Isometric;
@@ -139,7 +139,7 @@ fn a_stuck_valve_does_what_it_wants() {
 
         let mut plant = broken(&low, inlet(STUCK_SHUT));
         run(&mut *plant, FILLING, 1.0);
-        // The rounding of the tube's pressure moves some molecules.
+        // Rounding of the tube's pressure moves some molecules.
         assert!(plant.ledger().mass_in_kg < 1e-15, "{model:?}");
         let mut plant = broken(&high, outlet(STUCK_SHUT));
         run(&mut *plant, VENTING, 1.0);
@@ -163,14 +163,14 @@ fn a_leaking_valve_passes_its_share_when_shut_and_all_when_open() {
         let full = Iso6358::valve(valve.conductance_m3_s_pa, valve.critical_ratio, &gas)
             .mass_flow(700_000.0, 298.0, 120_000.0);
         let mut plant = broken(&scenario, leaking);
-        // Once the tube has filled.
+        // After the tube has filled.
         run(&mut *plant, SHUT, 0.2);
         let early = plant.ledger().mass_in_kg;
         let end = run(&mut *plant, SHUT, 0.2);
         assert!(end.pressure_pa < 0.3 * 700_000.0, "{model:?}: the valve must choke");
         let flow = (plant.ledger().mass_in_kg - early) / 0.2;
         println!("{model:?}: {:.6} of the full flow", flow / full);
-        // A full muscle's tube takes its part of what flows.
+        // A full muscle's tube takes its part of the flow.
         let volumes = if model == PlantModel::Full {
             end.volume_m3 / (end.volume_m3 + scenario.tube.volume_m3)
         } else {
@@ -196,7 +196,7 @@ fn gas_flows_back_into_a_lost_supply() {
         let shut = run(&mut *broken(&scenario, lost), SHUT, 1.0).pressure_pa;
         assert!((shut / 500_000.0 - 1.0).abs() < 1e-9, "{model:?}: {shut}");
     }
-    // A vessel that is filled through a nozzle has the same supply behind it.
+    // A vessel filled through a nozzle has the same supply behind it.
     let mut vessel = Scenario::default();
     vessel.plant.kind = PlantKind::Vessel;
     vessel.drive.kind = DriveKind::Fill;

@@ -13,7 +13,7 @@ use thermyo_plant::gas::{IdealGas, air_conductivity, air_viscosity};
 use thermyo_plant::{Actuation, Plant, Truth};
 use thermyo_scenario::{HeatModel, LoadKind, PlantModel, Scenario};
 
-/// Takes slip and creep away, for what is about something else.
+/// Removes slip and creep, for tests of something else.
 pub fn elastic(mut scenario: Scenario) -> Scenario {
     let muscle = &mut scenario.muscle;
     (muscle.slip_force_n, muscle.creep_fast_n_m, muscle.creep_slow_n_m) = (0.0, 0.0, 0.0);
@@ -26,7 +26,7 @@ fn the_working_cycle() {
     let pressure = extremes(&truths, |truth| truth.pressure_pa);
     let gas = extremes(&truths, |truth| truth.gas_temperature_k);
     let (shortest, _) = extremes(&truths, |truth| truth.length_m);
-    // Of the last ten strokes.
+    // Over the last ten strokes.
     let late = &truths[50_000..];
     let foil = late.iter().map(|truth| truth.sensor_gas_k).sum::<f64>() / late.len() as f64;
     let outer = plant.axial_wall_k();
@@ -120,9 +120,9 @@ fn integration_is_of_fourth_order() {
     assert!((3.5..4.5).contains(&order));
 }
 
-/// Differences of the default muscle, a step of 1 ms at a time, from one in steps of 10 us, over 2 s of pulses on either
-/// valve: RMS and largest of the pressure \[Pa\], RMS of the gas's temperature \[K\] and the length \[m\]. What is
-/// checked goes in steps of `step_s`.
+/// Differences of the default muscle, in steps of `step_s`, from one in steps of 10 us, over 2 s of pulses on either
+/// valve, compared every 1 ms: RMS and largest of the pressure \[Pa\], RMS of the gas's temperature \[K\] and the
+/// length \[m\].
 fn differences(step_s: f64) -> [f64; 4] {
     let built = |step_s: f64| {
         let mut scenario = muscle(PlantModel::Full);
@@ -151,8 +151,9 @@ fn differences(step_s: f64) -> [f64; 4] {
     [pressure, largest, gas, length]
 }
 
-/// Steps within a step of 1 ms are 0.1 ms long, 0.2 ms while both valves are shut; of 0.1 ms there is one, of 50 us half of one. With equal steps of
-/// 0.1 ms, over which the openings were averaged, it was 0.32 and 1.9 Pa, 1.7e-4 K and 4.1e-8 m.
+/// Within a step of 1 ms the integration steps are 0.1 ms long, or 0.2 ms while both valves are shut; a step of 0.1 ms
+/// has one, a step of 50 us is half of one. With equal steps of 0.1 ms over which the openings were averaged, the
+/// differences were 0.32 and 1.9 Pa, 1.7e-4 K and 4.1e-8 m.
 #[test]
 fn its_own_steps_are_short_enough() {
     let [own, tenth, twentieth] = [1e-3, 1e-4, 5e-5].map(differences);
@@ -182,7 +183,7 @@ struct Independent {
 }
 
 impl Independent {
-    /// To the wall of a tube as wide as a nozzle that passes as much as its port.
+    /// Heat to the wall of a tube as wide as a nozzle that passes as much as its port.
     fn tube_heat_w(&self, flow: f64, gas_k: f64) -> f64 {
         let (bore_m, wall_k) =
             (self.tube.equivalent_diameter(&self.gas), self.scenario.ambient.temperature_k);
@@ -344,7 +345,7 @@ fn a_slack_muscle_does_not_hold_its_load() {
         let flown = speed[thrown] * flight_s - 0.5 * fall * flight_s * flight_s;
         let way = truths[thrown].length_m - truths[caught].length_m;
         assert!((flown / way - 1.0).abs() < 0.02, "{flown} m, {way} m");
-        // 50 g of its own meet 500 g.
+        // The end's own 50 g meet 500 g.
         let load = speed[thrown] - fall * flight_s;
         let together = (0.5 * load + 0.05 * speed[caught]) / 0.55;
         let after = speed[caught + 1];
@@ -393,19 +394,18 @@ fn friction_slip_and_creep_make_a_loop_of_pressure_over_length() {
     assert!((30.0..42.0).contains(&dry), "{dry} N");
     // Twice 6.5 N.
     assert!((12.0..14.0).contains(&(with_slip - dry)), "{with_slip} N, {dry} N");
-    // Creep holds back up to 4 N a millimetre.
+    // Creep holds back up to 4 N per millimetre.
     assert!((20.0..45.0).contains(&(all - with_slip)), "{all} N, {with_slip} N");
 }
 
-/// All that the gas does to the muscle's end is in the load, in the bladder, in motion, in what slip and
-/// creep hold, or heat.
+/// All work of the gas on the muscle's end is in the load, in the bladder, in motion, in slip and creep, or in heat.
 #[test]
 fn the_books_of_work_close() {
     let mut scenario = muscle(PlantModel::Full);
     scenario.load.kind = LoadKind::Mass;
     scenario.load.mass_kg = 8.0;
     scenario.muscle.slip_pressure_factor = 0.7;
-    // The ledger does not have what the bristles store.
+    // The ledger lacks the energy that the bristles store.
     (scenario.friction.force_n, scenario.friction.stribeck_force_n) = (0.0, 0.0);
     let mut plant = built(&scenario);
     let start = plant.truth();

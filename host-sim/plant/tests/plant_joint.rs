@@ -22,7 +22,7 @@ const ARM: Arm = Arm {
 };
 const SHUT: [Actuation; 2] = [Actuation { inlet: 0.0, outlet: 0.0 }; 2];
 
-/// A table whose radii vary by that share per angle, that of muscle b the other way.
+/// A table whose radii vary by this share per angle; muscle b's the other way.
 fn varying(per_rad: f64) -> Pulley {
     let row = |angle: f64| {
         [angle, RADIUS_M * (1.0 + per_rad * angle), RADIUS_M * (1.0 - per_rad * angle)]
@@ -47,7 +47,7 @@ fn lossless(model: PlantModel) -> Scenario {
     scenario
 }
 
-/// Gas volume \[m3\] and its slope, with what is connected to it: the paper's equations (10) and (11).
+/// Gas volume \[m3\] and its slope, with the volumes connected to it: the paper's equations (10) and (11).
 fn volume(scenario: &Scenario, dead_m3: f64, length: f64) -> (f64, f64) {
     let (b, n) = (scenario.muscle.thread_length_m, scenario.muscle.turns);
     let c = 1.0 / (2.0 * TAU * n * n);
@@ -137,8 +137,8 @@ impl System<f64, SVector<f64, 2>> for Swinging {
     }
 }
 
-/// 40 deg on gas springs, with gravity and damping, against Dormand and Prince of eighth order; on a constant radius and
-/// on one of a table.
+/// 40 deg on gas springs, with gravity and damping, against the eighth-order method of Dormand and Prince; on a
+/// constant radius and on a table of radii.
 #[test]
 fn a_large_motion_is_that_of_an_independent_solver() {
     follows_the_solver(ARM.pulley, 0.0);
@@ -174,7 +174,8 @@ fn follows_the_solver(pulley: Pulley, per_rad: f64) {
     assert!((1e-8..2e-3 * most).contains(&worst), "{worst} rad of {most}");
 }
 
-/// Work of the gas, less that against ambient, is what muscles lose, store and pull with; and the arm's balance closes.
+/// The work of the gas, less the work against ambient, equals what muscles lose, store and pull with; and the arm's
+/// balance closes.
 #[test]
 fn energy_closes_over_gas_muscles_and_arm() {
     // The slope changes within the way.
@@ -188,7 +189,7 @@ fn energy_closes_over_gas_muscles_and_arm() {
         let mut scenario = Scenario::default();
         scenario.plant.model = model;
         scenario.plant.initial_pressure_pa = 2.5e5;
-        // The energy of presliding is not in the ledger of a muscle.
+        // A muscle's ledger lacks the energy of presliding.
         scenario.friction.force_n = 0.0;
         scenario.friction.stribeck_force_n = 0.0;
         scenario.friction.presliding_stiffness_n_m = 0.0;
@@ -228,7 +229,7 @@ fn energy_closes_over_gas_muscles_and_arm() {
     }
 }
 
-/// Without pressure in b its tendon is slack: it neither pulls nor pushes; a torn one does neither.
+/// Without pressure in b its tendon is slack: it neither pulls nor pushes; nor does a torn one.
 #[test]
 fn a_tendon_does_not_push() {
     let filled = lossless(PlantModel::Full);

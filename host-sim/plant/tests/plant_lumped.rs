@@ -50,7 +50,7 @@ fn run(scenario: &Scenario, until: f64) -> Truth {
     hold(&mut *built(scenario), OPEN, (until / scenario.run.step_s).round() as usize)
 }
 
-/// The same muscle from scratch: states m, U, T_w and the ways u of the creep's dashpots; the length by
+/// The same muscle, derived separately: states m, U, T_w and the ways u of the creep's dashpots; the length by
 /// bisection of the forces. It starts relaxed and only contracts.
 struct Independent {
     scenario: Scenario,
@@ -112,7 +112,7 @@ impl System<f64, SVector<f64, 5>> for Independent {
         let source = gas.cp * (inflow * s.supply.temperature_k - outflow * t) - heat;
         let stretches = ways.map(|way| self.start_m - length - way);
         let rates = [stretches[0] / s.muscle.creep_fast_s, stretches[1] / s.muscle.creep_slow_s];
-        // Volume and length over time at a constant energy, as the dashpots give way.
+        // Change of volume and length at a constant energy, as the dashpots give way.
         let d = 1e-3;
         let moved = |by: f64| self.place(y[1], [ways[0] + by * rates[0], ways[1] + by * rates[1]]);
         let (before, after) = (moved(-d), moved(d));
@@ -188,7 +188,7 @@ fn slip_and_creep_agree_with_an_independent_solver() {
 #[test]
 fn integration_is_of_fourth_order() {
     let mut scenario = smooth();
-    // A fast wall makes errors that stand out of the rounding.
+    // A fast wall makes errors that exceed the rounding.
     scenario.heat.inner_w_m2_k = 3000.0;
     let mut pressure = |step: f64| {
         scenario.run.step_s = step;
@@ -227,7 +227,7 @@ fn friction_holds_the_length_and_heats_the_wall() {
 
 #[test]
 fn flow_reverses_through_an_open_valve() {
-    // Muscle above the supply, inlet open: gas leaves; below ambient, outlet open: air enters.
+    // Muscle above the supply with the inlet open: gas leaves. Below ambient with the outlet open: air enters.
     let mut scenario = muscle(PlantModel::Lumped);
     scenario.load.kind = LoadKind::Isometric;
     scenario.plant.initial_pressure_pa = 600_000.0;

@@ -1,4 +1,4 @@
-//! Shared by the tests of the plant: runs and their books.
+//! Shared by the tests of the plant: runs and their balances.
 
 use crate::plant_support::{MassFlow, muscle};
 use thermyo_plant::{Actuation, Ledger, Plant, Truth};
@@ -19,7 +19,7 @@ pub fn hold(plant: &mut dyn Plant, actuation: Actuation, steps: usize) -> Truth 
     plant.truth()
 }
 
-/// The muscle after so many steps of its working cycle; `see` gets what was true before each.
+/// The muscle after this number of steps of its working cycle; `see` gets the state before each.
 pub fn cycled(scenario: &Scenario, steps: usize, mut see: impl FnMut(Truth)) -> Box<dyn Plant> {
     let drive = MassFlow::new(scenario);
     let mut plant = built(scenario);
@@ -31,14 +31,14 @@ pub fn cycled(scenario: &Scenario, steps: usize, mut see: impl FnMut(Truth)) -> 
     plant
 }
 
-/// A working cycle of 100 s: the muscle at its end, and what was true before each step.
+/// A working cycle of 100 s: the muscle at its end, and the state before each step.
 pub fn working_cycle(model: PlantModel) -> (Box<dyn Plant>, Vec<Truth>) {
     let mut truths = Vec::new();
     let plant = cycled(&muscle(model), 100_000, |truth| truths.push(truth));
     (plant, truths)
 }
 
-/// Smallest and largest.
+/// Smallest and largest value.
 pub fn extremes(truths: &[Truth], of: impl Fn(&Truth) -> f64) -> (f64, f64) {
     truths.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| {
         (value.min(least), value.max(most))
@@ -51,7 +51,7 @@ pub fn bare_sensor_rms_k(truths: &[Truth]) -> f64 {
     (truths.iter().map(square).sum::<f64>() / truths.len() as f64).sqrt()
 }
 
-/// The books close, that of the energy up to a share.
+/// Asserts that the balances close, the energy's up to a share.
 #[track_caller]
 pub fn assert_books(ledger: &Ledger, energy: f64, case: &str) {
     for (name, error, bound) in [
@@ -63,7 +63,7 @@ pub fn assert_books(ledger: &Ledger, energy: f64, case: &str) {
     }
 }
 
-/// The books close over 100 s of the working cycle, whatever the heat transfer and the load.
+/// Asserts that the balances close over 100 s of the working cycle, for any heat transfer and load.
 pub fn assert_conserves(model: PlantModel, least_kg: f64) {
     let heats =
         [HeatModel::Adiabatic, HeatModel::Isothermal, HeatModel::Constant, HeatModel::Correlation];

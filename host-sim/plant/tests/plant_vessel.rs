@@ -7,7 +7,7 @@ use thermyo_plant::{Actuation, Plant, Truth};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{DriveKind, HeatModel, PlantKind, PlantModel, Scenario};
 
-/// Initial state of every closed form.
+/// Initial state for every closed form.
 #[derive(Debug, Clone)]
 struct Case {
     k: f64,
@@ -39,7 +39,7 @@ impl Case {
         self.k.sqrt() * (2.0 / (self.k + 1.0)).powf((self.k + 1.0) / (2.0 * (self.k - 1.0)))
     }
 
-    /// A vessel with a loss-free nozzle for the wanted time constant.
+    /// A vessel with a loss-free nozzle for the required time constant.
     fn scenario(&self, drive: DriveKind, heat: HeatModel) -> Scenario {
         let mut s = Scenario::default();
         s.run.step_s = self.step;
@@ -109,7 +109,7 @@ proptest! {
         let truth = run(&mut *plant, steps);
         prop_assert!(relative(truth.pressure_pa, case.pressure * (-t / case.tau).exp()) < 1e-9);
         prop_assert_eq!(truth.gas_temperature_k, case.temperature);
-        // Eq. (7): the heat taken from the wall is the flow work of the outflow.
+        // Eq. (7): the heat from the wall is the flow work of the outflow.
         let heat = -(case.pressure - truth.pressure_pa) * case.volume;
         prop_assert!(relative(plant.ledger().heat_to_wall_j, heat) < 1e-9);
     }
@@ -235,8 +235,8 @@ fn measured_vessel() -> Scenario {
     s
 }
 
-/// The measured discharge that HydDown validates against: 0.515 m by 0.20 m, wall 8.18 mm of steel,
-/// 7.9 bar, 2.71 mm nozzle. Columns time_s, sensor_gas_k, pressure_pa; empty cells are gaps.
+/// The measured discharge against which HydDown is validated: 0.515 m by 0.20 m, wall 8.18 mm of
+/// steel, 7.9 bar, 2.71 mm nozzle. Columns time_s, sensor_gas_k, pressure_pa; empty cells are gaps.
 #[test]
 fn measured_air_discharge() {
     let Ok(csv) = std::env::var("THERMYO_AIR_DISCHARGE_CSV")

@@ -21,7 +21,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// From thread length b \[m\], turns n and dead volume \[m3\].
+    /// Braid of thread length b \[m\], turns n and dead volume \[m3\].
     pub fn new(thread_length_m: f64, turns: f64, dead_volume_m3: f64) -> Self {
         Self {
             thread_length_m,
@@ -32,7 +32,7 @@ impl Geometry {
         }
     }
 
-    /// From length \[m\], diameter \[m\] and braid angle to the axis \[deg\] at rest (paper, Fig. 1).
+    /// Braid of length \[m\], diameter \[m\] and braid angle to the axis \[deg\] at rest (paper, Fig. 1).
     pub fn from_braid(length_m: f64, diameter_m: f64, angle_deg: f64, dead_volume_m3: f64) -> Self {
         let angle = angle_deg.to_radians();
         let thread = length_m / math::cos(angle);
@@ -65,7 +65,7 @@ impl Geometry {
     }
 }
 
-/// A muscle: braid, bladder, and the stop that its load rests on.
+/// A muscle: braid, bladder, and the stop on which its load rests.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Muscle {
     braid: Geometry,
@@ -93,7 +93,7 @@ impl Muscle {
         }
     }
 
-    /// Contraction of the braid over that of saturation \[-\].
+    /// Contraction of the braid over the contraction at which the bladder saturates \[-\].
     fn filled(&self, length: f64) -> f64 {
         (self.rest_length_m + self.slack_m - length) / self.filling_m
     }
@@ -130,11 +130,11 @@ impl Chamber for Muscle {
         self.braid.force_area_slope(length - self.slack_m)
     }
 
-    /// A spring, and a rubber that saturates: the slope of its force falls with the force, dF/dx =
-    /// (K1 - F)/filling.
+    /// A spring, and a rubber that saturates: the slope of the rubber's force falls with the force, dF/dx = (K1 -
+    /// F)/filling.
     fn elastic(&self, length: f64) -> f64 {
         let spring = self.bladder_n_m * (length - self.slack_m - self.rest_length_m);
-        // Skips the exponential for muscles without rubber, which are most.
+        // Skips the exponential for muscles without rubber; most have none.
         if self.saturation_n == 0.0 {
             return spring;
         }
@@ -159,7 +159,7 @@ impl Chamber for Muscle {
         self.braid.diameter(length - self.slack_m)
     }
 
-    /// Braid and bladder buckle.
+    /// Braid and bladder would buckle.
     fn pushes(&self) -> bool {
         false
     }

@@ -29,10 +29,10 @@ pub struct Tunable {
 
 /// A gas volume between two moving ends.
 pub trait Chamber: fmt::Debug {
-    /// Length that contraction counts from \[m\].
+    /// Length from which contraction counts \[m\].
     fn rest_length(&self) -> f64;
 
-    /// Shortest and longest length of a set point \[m\].
+    /// Shortest and longest length allowed as a set point \[m\].
     fn lengths(&self) -> [f64; 2];
 
     /// Lengths between which the equations hold \[m\].
@@ -56,7 +56,7 @@ pub trait Chamber: fmt::Debug {
     /// Slope of [`Self::elastic`] over length \[N/m\].
     fn elastic_slope(&self, length: f64) -> f64;
 
-    /// Surface that the gas exchanges heat with \[m2\].
+    /// Surface through which the gas exchanges heat \[m2\].
     fn surface(&self, length: f64) -> f64;
 
     /// Diameter of the gas \[m\].
@@ -67,7 +67,7 @@ pub trait Chamber: fmt::Debug {
         length
     }
 
-    /// Whether it can push its load; otherwise it can be slack.
+    /// Whether the chamber can push its load; otherwise it can be slack.
     fn pushes(&self) -> bool {
         true
     }
@@ -75,8 +75,8 @@ pub trait Chamber: fmt::Debug {
     /// Axial zones of gas and wall (`full`).
     fn zones(&self) -> usize;
 
-    /// Its configuration in the core, with the volume \[m3\] of the tube, which is filled and
-    /// emptied with it.
+    /// Configuration of the chamber in the core. `tube_m3` is the volume \[m3\] of the tube, which
+    /// fills and empties with the chamber.
     fn configured(&self, tube_m3: f64) -> ChamberConfig;
 
     /// Parameters that `thermyo tune` can find; none for a measured chamber.
@@ -84,7 +84,7 @@ pub trait Chamber: fmt::Debug {
         None
     }
 
-    /// Smallest and largest force of a load \[N\], against the force of pressure.
+    /// Smallest and largest force of a load \[N\], which acts against the force of pressure.
     fn loads(&self) -> [f64; 2] {
         if self.direction() > 0.0 { [0.0, LARGEST_LOAD_N] } else { [-LARGEST_LOAD_N, 0.0] }
     }

@@ -1,8 +1,9 @@
 //! A chamber with measured volume and elastic force over its length, such as a bellows.
 //!
-//! Interpolated between the rows by cubics whose slopes are means of their neighbours', limited so
-//! that nothing overshoots (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980). Beyond the rows
-//! it continues linearly, so that a solver finds its way back; a run that stays there ends.
+//! Interpolates between the rows by cubics. Each slope is the mean of the neighbouring slopes,
+//! limited so that nothing overshoots (Fritsch and Carlson, SIAM J. Numer. Anal. 17, 1980). Beyond
+//! the rows it continues linearly, so that a solver finds its way back; a run that stays there
+//! ends.
 
 use super::{Chamber, LARGEST_LOAD_N};
 use model_core::physics::chamber::ChamberConfig;
@@ -12,7 +13,7 @@ use thermyo_compute::math;
 use thermyo_scenario::ChamberTable as Table;
 use thermyo_scenario::WrongCell;
 
-/// The first cell that is inconsistent: lengths and forces must rise, volumes rise or fall.
+/// The first inconsistent cell: lengths and forces must rise, volumes rise or fall.
 pub fn wrong_cell(rows: &[[f64; 3]]) -> Option<WrongCell> {
     let wrong = |row, column, allowed: String| Some(WrongCell { row, column, allowed });
     let [least, most] = [3, MOST_ROWS];
@@ -54,7 +55,7 @@ pub fn wrong_cell(rows: &[[f64; 3]]) -> Option<WrongCell> {
     None
 }
 
-/// A value over the length at one row: the value and its slope.
+/// Value and slope over the length at one row.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Knot {
     value: f64,
@@ -71,7 +72,7 @@ pub struct Measured {
     zones: usize,
 }
 
-/// Knots through values at those lengths.
+/// Knots through the values at these lengths.
 fn knots(lengths: &[f64], values: impl Fn(usize) -> f64) -> [Knot; MOST_ROWS] {
     let mut knots = [Knot::default(); MOST_ROWS];
     let last = lengths.len() - 1;
@@ -108,7 +109,7 @@ fn knots(lengths: &[f64], values: impl Fn(usize) -> f64) -> [Knot; MOST_ROWS] {
 }
 
 impl Measured {
-    /// From a scenario's checked table and rows; one litre without rows.
+    /// Chamber of a scenario's checked table and rows; one litre without rows.
     pub fn of(table: &Table, rows: &[[f64; 3]]) -> Self {
         let unknown = [[0.1, 1.0e-3, 0.0], [0.2, 2.0e-3, 0.0], [0.3, 3.0e-3, 0.0]];
         let rows = if wrong_cell(rows).is_none() { rows } else { &unknown };
@@ -129,7 +130,7 @@ impl Measured {
         measured
     }
 
-    /// Where the force is 0, or the end nearest to it.
+    /// Length at which the force is 0, or the end nearest to it.
     fn free_length(&self) -> f64 {
         let [mut low, mut high] = self.range();
         for _ in 0..60 {
@@ -153,7 +154,7 @@ impl Measured {
         if length >= known[last] {
             return beyond(last);
         }
-        // A length that diverged to NaN is behind no row.
+        // A length that diverged to NaN lies behind no row.
         let i = known.partition_point(|start| *start <= length).saturating_sub(1);
         let (from, to) = (knots[i], knots[i + 1]);
         let width = known[i + 1] - known[i];
@@ -191,7 +192,7 @@ impl Chamber for Measured {
         [f64::NEG_INFINITY, f64::INFINITY]
     }
 
-    /// Its elasticity holds it in both directions.
+    /// The table's elasticity holds it in both directions.
     fn loads(&self) -> [f64; 2] {
         [-LARGEST_LOAD_N, LARGEST_LOAD_N]
     }
@@ -216,7 +217,7 @@ impl Chamber for Measured {
         self.at(&self.forces, length)[1]
     }
 
-    /// The surface of a smooth tube of its volume and length, with its ends; `heat.scale` allows
+    /// The surface of a smooth tube of this volume and length, with its ends; `heat.scale` allows
     /// for folds.
     fn surface(&self, length: f64) -> f64 {
         let diameter = self.diameter(length);

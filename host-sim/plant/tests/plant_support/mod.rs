@@ -28,7 +28,7 @@ impl MassFlow {
         }
     }
 
-    /// The openings for the wanted flow at the plant's present pressure.
+    /// The openings for the requested flow at the plant's present pressure.
     pub fn actuation(&self, truth: &Truth) -> Actuation {
         let Scenario { supply, ambient, drive, .. } = &self.scenario;
         let pressure = truth.pressure_pa;
