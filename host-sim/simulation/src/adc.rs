@@ -10,7 +10,7 @@
 //! | gas temperature | [`elements::gas_share`] |
 //!
 //! A sensor chip converts by itself every [`MAX31865_S`] or [`MPR_S`], averaging over that time.
-//! Its code is its last reading, marked as new in the step in which it came.
+//! Its code is its last reading, marked as new in the step in which it arrives.
 
 use crate::elements;
 use crate::noise::standard_normal;
@@ -25,7 +25,7 @@ pub const OVERSAMPLING: u16 = 8;
 
 /// Highest code of one conversion \[LSB\].
 const FULL_SCALE: f64 = 4095.0;
-/// LSB of the reference.
+/// Codes of the reference \[LSB\].
 const STEPS: f64 = 4096.0;
 /// Noise of the RP2040's converter itself, one conversion, standard deviation \[LSB\].
 const CONVERTER_NOISE_LSB: f64 = 0.5;
@@ -76,7 +76,7 @@ impl Noise {
     }
 }
 
-/// One channel with its own noise, so that adding a channel changes no other.
+/// One channel with a noise source of its own, so that adding a channel changes no other.
 #[derive(Debug, Clone)]
 struct Channel {
     noise: Noise,
@@ -93,7 +93,7 @@ struct Part {
     period_s: f64,
     next_s: f64,
     reading: u16,
-    /// Sum of its inputs since the conversion began, and their number.
+    /// Sum and number of its inputs since the conversion began.
     exposed: (f64, f64),
 }
 
@@ -108,10 +108,10 @@ impl Part {
         self.exposed.0 / self.exposed.1
     }
 
-    /// The code at that time for a fraction of its scale. 0 at either end, where the chip reports
-    /// a fault.
+    /// The code at this time for a fraction of the chip's scale: 0 at either end, where the chip
+    /// reports a fault.
     fn code(&mut self, time_s: f64, share: f64) -> RawCode {
-        // Times are sums of steps.
+        // Times are sums of steps, hence the tolerance.
         let fresh = time_s > self.next_s - 1.0e-6;
         if fresh {
             let code = PART_CODES * share;
@@ -190,14 +190,14 @@ impl Channel {
     /// The converter's code.
     fn sum(&mut self, share: f64, excess_lsb: f64) -> AdcCode {
         let noisy = share + self.noise.sample(self.converter);
-        // A conversion truncates: over the noise of eight its mean lies half a code below the
-        // input.
+        // A conversion truncates: averaged over the noise of eight, the mean lies half a code below
+        // the input.
         let mean = e11_transfer(STEPS * noisy - 0.5, excess_lsb).clamp(0.0, FULL_SCALE);
         AdcCode((f64::from(OVERSAMPLING) * mean).round() as u16)
     }
 }
 
-/// Sensors' electronics and ADC of the board.
+/// The board's sensor electronics and ADC.
 #[derive(Debug, Clone)]
 pub struct VirtualAdc {
     pressure: Channel,
@@ -344,7 +344,7 @@ mod tests {
         scenario.sensor.length.noise_m = 0.0;
         scenario.sensor.gas.noise_k = 0.0;
         let codes = VirtualAdc::new(&scenario).convert(&truth());
-        // Half of the pressure range and half of the travel are half of the reference.
+        // Half of the pressure range and half of the travel each give half of the reference.
         for (code, share) in [(codes.pressure.to_bits(), 0.5), (codes.length.0, 0.5)] {
             let expected = 8.0 * e11_transfer(share * 4096.0 - 0.5, RP2040_LSB);
             assert!((f64::from(code) - expected).abs() < 8.0, "{code} for {expected}");

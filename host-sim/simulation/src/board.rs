@@ -1,4 +1,4 @@
-//! Boards that run the core. The one here runs it in this process.
+//! Boards that run the core. The one in this module runs it in this process.
 
 use model_core::control::{Mode, SetPointField};
 use model_core::joint::{JointError, JointField};
@@ -10,7 +10,7 @@ use thermyo_protocol::{Chip, PROTOCOL, Refusal, Timing};
 
 /// A board: raw samples in, openings and telemetry out, once per step.
 pub trait Board {
-    /// Its kind in summaries: "core", "emulated", "serial".
+    /// Kind of board in summaries: "core", "emulated", "serial".
     fn name(&self) -> &'static str;
     /// Configures the core and sets the first set point. Steps then count from 0.
     fn start(&mut self, config: &Config, set_point: SetPoint) -> Result<(), BoardError>;
@@ -44,7 +44,7 @@ pub struct BoardStep {
     pub actuation: Actuation,
 }
 
-/// Why a board cannot be used, or no longer.
+/// Reason why a board cannot be used, or no longer can.
 #[derive(Debug, thiserror::Error)]
 pub enum BoardError {
     /// The core refuses its configuration.
@@ -62,7 +62,7 @@ pub enum BoardError {
     /// Node.js is older than the emulator needs.
     #[error("Node.js {version} is too old for the emulated board: install 18 or newer")]
     OldNode { version: String },
-    /// Emulator and images of this program cannot be written to where Node.js finds them.
+    /// The program's emulator and images cannot be written to where Node.js finds them.
     #[error(
         "{folder}: cannot be written ({reason}), and the emulated board wants its files there: set \
          XDG_CACHE_HOME to a folder that can be"
@@ -134,7 +134,7 @@ pub enum BoardError {
     Interrupted,
     #[error("the board vents: {0}")]
     Vented(Faults),
-    /// A pressure that the board, as configured and armed, cannot hold.
+    /// The board, as configured and armed, cannot hold this pressure.
     #[error("{}", pressure(*.pressure_pa, *.least_pa, *.most_pa))]
     Pressure {
         pressure_pa: f32,
@@ -155,14 +155,14 @@ pub enum BoardError {
     NoRestart,
 }
 
-/// Allowed pressures, and how to write the value if another unit was meant.
+/// Allowed pressures, and the value in Pa if another unit was probably meant.
 fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
         let meant_pa = f64::from(pressure_pa) * unit_pa;
         let can_be = (f64::from(least_pa)..=f64::from(most_pa)).contains(&meant_pa);
         can_be.then(|| format!("; use {pressure_pa}{unit}, which is {meant_pa:.0} Pa"))
     });
-    // Rounded inwards: what is printed is allowed.
+    // Rounded inwards, so that the printed values are allowed.
     let least_kpa = (f64::from(least_pa) / 10.0).ceil() / 100.0;
     let most_kpa = (f64::from(most_pa) / 10.0).floor() / 100.0;
     format!(
@@ -173,7 +173,7 @@ fn pressure(pressure_pa: f32, least_pa: f32, most_pa: f32) -> String {
     )
 }
 
-/// Name of a value, its practical unit, and that unit's number per SI.
+/// Name of a value, its practical unit, and the factor from SI to that unit.
 type Named = (&'static str, &'static str, f64);
 
 const DEG_PER_RAD: f64 = 180.0 / std::f64::consts::PI;
@@ -210,18 +210,18 @@ fn of_joint(field: JointField) -> Named {
 /// A value outside of its range, in a practical unit.
 fn outside((name, unit, factor): Named, value: f32, range: [f32; 2]) -> String {
     let [least, most] = range.map(|end| f64::from(end) * factor * 1e3);
-    // Rounded inwards: what is printed is allowed.
+    // Rounded inwards, so that the printed values are allowed.
     let (lowest, highest) = (least.ceil() / 1e3, most.floor() / 1e3);
-    // To the digits that an f32 has.
+    // Rounded to the digits that an f32 has.
     let value = f64::from(value) * factor;
     let value = format!("{value:.6e}").parse().unwrap_or(value);
     format!("{name} of {value} {unit}: must be from {lowest} to {highest} {unit}")
 }
 
-/// Follows the range of a highest pressure that is below it.
+/// Appended to the allowed range where a highest pressure is below it.
 pub const LEAST_IS_NOW: &str = "; the lower end is the pressure now, at least ambient";
 
-/// A highest pressure that the board does not arm for: with more in the muscle it would vent at once.
+/// A highest pressure for which the board does not arm: with a higher pressure in the muscle it would vent at once.
 fn not_armed_for(value: f32, [least_pa, most_pa]: [f32; 2]) -> String {
     let range_pa = [least_pa, most_pa];
     if least_pa > most_pa {
@@ -270,7 +270,7 @@ fn refused(refusal: &Refusal) -> String {
 pub struct CoreBoard {
     core: Option<Core>,
     pending: Option<SetPoint>,
-    /// It was started, and the startup check comes before its first step.
+    /// Whether the startup check is still to run before the first step.
     to_judge: bool,
 }
 
@@ -355,7 +355,8 @@ mod tests {
         BoardError::Refused(Refusal::JointSetPoint(range)).to_string()
     }
 
-    /// The lower end was printed without a reason, and below the pressure now it was "refused: armed_pa".
+    /// The lower end used to be printed without a reason; below the present pressure the message was "refused:
+    /// armed_pa".
     #[test]
     fn a_highest_pressure_below_the_one_now_is_refused_with_that_reason() {
         let now = "a highest pressure of 130 kPa: must be from 158.25 to 689.5 kPa; the lower end is the pressure now, at \
@@ -363,7 +364,7 @@ mod tests {
         assert_eq!(of_muscle(SetPointField::Armed, 1.3e5, 158_250.0, 689_500.0), now);
         assert_eq!(of_joint(JointField::Armed, 1.3e5, 158_250.0, 689_500.0), now);
         assert!(of_joint(JointField::Armed, 9.0e5, 158_250.0, 689_500.0).ends_with("to 689.5 kPa"));
-        // It was 200.00002 kPa.
+        // This was printed as 200.00002 kPa.
         assert!(
             of_joint(JointField::Armed, 2.0e5, 305_424.0, 660_090.0)
                 .starts_with("a highest pressure of 200 kPa: ")
@@ -374,7 +375,7 @@ mod tests {
         );
     }
 
-    /// The largest contraction was printed as 0.37278953.
+    /// The largest contraction used to be printed as 0.37278953.
     #[test]
     fn a_value_that_is_refused_is_in_a_practical_unit() {
         assert_eq!(

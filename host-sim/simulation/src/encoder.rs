@@ -16,7 +16,7 @@ const NOISE_TURNS: f64 = 0.043 / 360.0;
 pub struct VirtualEncoder {
     generator: Xoshiro256PlusPlus,
     odd: bool,
-    /// Read in the step before, and taken in it.
+    /// Code read in the step before, and code taken in it.
     read: Option<AdcCode>,
     taken: Option<AdcCode>,
     board: Encoder,
@@ -26,7 +26,7 @@ impl VirtualEncoder {
     /// The encoder of a scenario, seeded by `run.seed`.
     pub fn new(scenario: &Scenario) -> Self {
         Self {
-            // Another seed than those of converter and faults: 2^33 beside them.
+            // A seed other than those of converter and faults, offset by 2^33.
             generator: Xoshiro256PlusPlus::seed_from_u64(scenario.run.seed.wrapping_add(1 << 33)),
             odd: false,
             read: None,
@@ -35,15 +35,16 @@ impl VirtualEncoder {
         }
     }
 
-    /// The chip's code, where its magnet is turned by so many turns.
+    /// The chip's code for a magnet turned by this number of turns.
     pub fn convert(&mut self, turns: f64) -> AdcCode {
         let noisy = turns + NOISE_TURNS * standard_normal(&mut self.generator);
         self.odd = !self.odd;
         encoder::code((READINGS * noisy).floor().rem_euclid(READINGS) as u16, self.odd)
     }
 
-    /// The board's code of a step, from the chip's behind its faults. The chip is read in the middle of a step, and the
-    /// next step takes it. A code at a rail is a missing magnet, one that is frozen a chip that does not answer.
+    /// The board's code of a step, from the chip's code after its faults. The chip is read in the middle of a step, and
+    /// the next step takes the code. A code at a rail means a missing magnet, a frozen code a chip that does not
+    /// answer.
     pub fn take(&mut self, code: AdcCode) -> AdcCode {
         let read = self.read.replace(code).unwrap_or(code);
         let fresh = self.taken.replace(read) != Some(read);
@@ -89,7 +90,7 @@ mod tests {
         );
     }
 
-    /// A magnet that is missing, and a chip that does not answer: after 10 steps.
+    /// A missing magnet and a chip that does not answer end at a rail after 10 steps.
     #[test]
     fn a_lost_encoder_ends_at_a_rail() {
         for lost in [AdcCode(0), AdcCode(20_000)] {
@@ -99,7 +100,7 @@ mod tests {
                 assert!(encoder::reading(encoder.take(code)).is_some());
             }
             let steps = (1..100).find(|_| encoder::reading(encoder.take(lost)).is_none());
-            // Two of a frozen code are still taken: the last good one, and its own first.
+            // Two frozen codes are still taken: the last good one, and the first of the fault.
             let expected = if lost.0 == 0 { 11 } else { 12 };
             assert_eq!(steps, Some(expected));
         }

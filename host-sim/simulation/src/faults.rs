@@ -31,13 +31,13 @@ impl InjectedFaults {
             windows: windows.filter(|window| *window != unbroken).collect(),
             arrived: Codes::default(),
             step_s: scenario.run.step_s,
-            // Another seed than the ADC's: a fault changes no noise but its own.
+            // A seed other than the ADC's, so that a fault changes no noise but its own.
             generator: Xoshiro256PlusPlus::seed_from_u64(!scenario.run.seed),
             noise: Uniform::new_inclusive(-NOISE, NOISE).expect("the band is not empty"),
         }
     }
 
-    /// Input of the front end: the true values, plus the drift of drifting sensors.
+    /// Input of the front end: the true values, with the drift of drifting sensors.
     pub fn sensed(&self, truth: &Truth) -> Truth {
         let mut sensed = *truth;
         for window in self.active(truth.time_s) {
@@ -78,7 +78,7 @@ impl InjectedFaults {
         }
     }
 
-    /// Faults of the plant during the step that starts at that time \[s\].
+    /// Faults of the plant during the step that starts at this time \[s\].
     pub fn disturbance(&self, time_s: f64) -> Disturbance {
         let mut disturbance = Disturbance::default();
         for window in self.active(time_s) {
@@ -99,7 +99,7 @@ impl InjectedFaults {
         disturbance
     }
 
-    /// Whether the board restarts before the step at that time \[s\].
+    /// Whether the board restarts before the step at this time \[s\].
     pub fn board_restarts(&self, time_s: f64) -> bool {
         let mut restarting = self.windows.iter().filter(|window| window.board_restart);
         restarting.any(|window| window.starts_at(time_s, self.step_s))
@@ -109,8 +109,8 @@ impl InjectedFaults {
         self.windows.iter().filter(move |window| window.contains(time_s))
     }
 
-    /// The code behind a fault. An open or shorted sensor chip reports a fault, and a frozen one
-    /// is silent.
+    /// Applies a fault to the code. An open or shorted sensor chip reports a fault, a frozen one is
+    /// silent.
     fn line(&mut self, fault: ChannelFault, code: RawCode, arrived: RawCode) -> RawCode {
         let (PartCode(reading), fresh) = match code {
             RawCode::Adc(code) => return self.analog(fault, code, arrived.adc()).into(),

@@ -14,7 +14,7 @@ const LAYERS: usize = 256;
 const TAIL: f64 = 3.654152885361009;
 const AREA: f64 = 0.00492867323399;
 
-/// Half widths of the layers, and the density there.
+/// Half widths of the layers, and the densities there.
 struct Ziggurat {
     widths: [f64; LAYERS + 1],
     heights: [f64; LAYERS + 1],
@@ -86,7 +86,7 @@ mod tests {
             assert!((a - b).abs() < 1e-11, "{a} for {b}");
             beyond += u32::from(a.abs() > TAIL);
         }
-        // 258 expected.
+        // The expected number is 258.
         assert!((200..320).contains(&beyond), "{beyond}");
     }
 }

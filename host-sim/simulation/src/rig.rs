@@ -85,8 +85,8 @@ impl Rig {
     }
 }
 
-/// The core's readings of pressure and length without a core; the same numbers while the sensors
-/// are healthy.
+/// The core's readings of pressure and length without running a core; the same numbers while the
+/// sensors are healthy.
 #[derive(Debug)]
 pub struct Reader {
     sensing: Sensing,
@@ -98,7 +98,7 @@ impl Reader {
         Self { sensing: config.sensing(), chamber: AnyChamber::new(&config.chamber) }
     }
 
-    /// Absolute pressure \[Pa\] and length \[m\]; once per step.
+    /// Absolute pressure \[Pa\] and length \[m\]; to be called once per step.
     pub fn read(&mut self, sample: &Sample) -> (f32, f32) {
         let readings = self.sensing.read(sample, false);
         (readings.pressure.value, self.chamber.limit_length_m(readings.length.value))
@@ -114,7 +114,7 @@ pub struct MeanFlows {
 }
 
 impl MeanFlows {
-    /// The ledger now.
+    /// Starts from the present ledger.
     pub fn new(rig: &Rig) -> Self {
         let ledger = rig.ledger();
         Self { time_s: rig.truth().time_s, in_kg: ledger.mass_in_kg, out_kg: ledger.mass_out_kg }

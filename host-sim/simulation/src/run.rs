@@ -32,7 +32,7 @@ const SET_POINT_INTERVAL_S: f64 = 0.01;
 /// Steps after the end within which the last telemetry has to arrive.
 pub const MOST_LATE_STEPS: u64 = 5;
 
-/// Why a run ended early.
+/// Reason why a run ended early.
 #[derive(Debug)]
 pub enum RunError {
     /// The plant cannot be built from the scenario.
@@ -45,7 +45,7 @@ pub enum RunError {
     Board(BoardError),
     /// The observer cannot write a row.
     Output(io::Error),
-    /// The observer ended the run, by an error of the kind `Interrupted`.
+    /// The observer ended the run with an error of the kind `Interrupted`.
     Stopped,
 }
 
@@ -81,7 +81,7 @@ pub trait Observer {
     /// One row per `[run] log_every` steps, the last step included.
     ///
     /// # Errors
-    /// When the row cannot be written, or of the kind `Interrupted`; the run stops.
+    /// If the row cannot be written, or of the kind `Interrupted`; the run stops.
     fn row(&mut self, row: &Row) -> io::Result<()>;
 }
 
@@ -221,7 +221,7 @@ impl Run {
             let held = self.length_held.then_some(truth.length_m as f32);
             self.model.step(inflow as f32, outflow as f32, held);
         }
-        // It acts from the next step on.
+        // The set point acts from the next step on.
         if let Some(set_point) = self.drive.acting_from(step + 1, &self.loaded) {
             board.set(set_point)?;
         }
@@ -282,7 +282,7 @@ impl Run {
     /// [`Rig::retune`]. The core receives only the set point.
     ///
     /// # Errors
-    /// [`RunError`] for an impossible plant; nothing has changed.
+    /// [`RunError`] for an impossible plant; then nothing has changed.
     pub fn retune(&mut self, plant: &Scenario, board: &mut dyn Board) -> Result<(), RunError> {
         self.rig.retune(plant).map_err(RunError::Build)?;
         let driven = plant.drive != self.loaded.plant.drive;
@@ -295,7 +295,7 @@ impl Run {
         Ok(())
     }
 
-    /// Ends the run and returns its summary; `wall_clock_s` is the time that it took \[s\].
+    /// Ends the run and returns its summary; `wall_clock_s` is the time that the run took \[s\].
     pub fn finish(self, board: &mut dyn Board, wall_clock_s: f64) -> Result<Summary, RunError> {
         let Self { loaded, rig, drive, .. } = self;
         let scenario = &loaded.plant;
@@ -370,7 +370,7 @@ impl SetPoints {
         }
     }
 
-    /// The set point to send before this step, if a profile changes it: at intervals.
+    /// The set point to send before this step, at intervals, if a profile changes it.
     pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
         let step_s = loaded.plant.run.step_s;
         let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
@@ -378,7 +378,7 @@ impl SetPoints {
         due.then(|| self.at(step as f64 * step_s))
     }
 
-    /// Whether a profile or a shape moves it.
+    /// Whether a profile or a shape moves the set point.
     pub fn moves(&self) -> bool {
         self.profile.is_some() || self.drive.shape != Shape::Constant
     }
@@ -426,7 +426,7 @@ impl SetPoints {
         }
     }
 
-    /// The set point of a value in the drive's own unit.
+    /// The set point for a value in the drive's own unit.
     pub fn of(&self, value: f64) -> SetPoint {
         match self.drive.kind {
             DriveKind::MassFlow => SetPoint::MassFlow { flow_kg_s: value as f32 },

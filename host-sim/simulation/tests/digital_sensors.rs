@@ -18,7 +18,7 @@ struct Ran {
 }
 
 fn run_with(sensor: &str) -> Ran {
-    // The air that the core's own law describes: what is left of the error is the sensor's.
+    // The plant's air follows the core's own law: the remaining error is the sensor's.
     let text = format!(
         "[run]\nduration_s = 60\nlog_every = 1\n[plant]\nmodel = \"lumped\"\n[heat]\nmodel = \"constant\"\n{sensor}"
     );
@@ -35,13 +35,14 @@ fn run_with(sensor: &str) -> Ran {
     Ran { summary, faults, found_s, vents }
 }
 
-/// One reading every 20 ms, as old as its conversion took; the core allows for that age.
+/// One reading every 20 ms, as old as its conversion is long; the core allows for that age.
 #[test]
 fn the_estimate_is_as_good_from_a_max31865() {
-    // 0.024 K, so that hundredths of a kelvin are several times as much: 0.036 to 0.092 K here.
+    // The error is 0.024 K, so hundredths of a kelvin are several times as much: 0.036 to 0.092 K
+    // here.
     let analog = run_with("").summary.rmse_k.estimate;
     let pt1000 = "[sensor.max31865]\nzero_ohm = 1000.0\nreference_ohm = 4300.0\n";
-    // The converter's mean over 20 ms has 0.004 K of noise where a conversion has 0.05 K.
+    // The chip's mean over 20 ms has 0.004 K of noise where a conversion has 0.05 K.
     for (noise_k, chip, allowed) in [
         (0.004, "", 0.8..2.0),
         (0.004, pt1000, 0.8..2.0),
@@ -54,7 +55,7 @@ fn the_estimate_is_as_good_from_a_max31865() {
         println!("{found} K with {noise_k} K of noise, {analog} K from the converter");
         assert!(allowed.contains(&(found / analog)), "{found} K, {analog} K from the converter");
     }
-    // Configured with another resistor, it reads wrong temperatures.
+    // A core configured with another resistor reads wrong temperatures.
     let believed = "[believed.sensor.max31865]\nreference_ohm = 425.0\n";
     let wrong = run_with(&format!("{MAX31865}noise_k = 0.004\n{believed}"));
     assert!(wrong.summary.rmse_k.estimate > 10.0 * analog);
@@ -92,7 +93,7 @@ fn a_pressure_comes_from_an_mpr() {
     assert_eq!((analog.faults, digital.faults), (Faults::NONE, Faults::NONE));
     let (known, found) = (analog.summary.rmse_k.estimate, digital.summary.rmse_k.estimate);
     println!("{found} K, {known} K from the converter");
-    // A stroke proceeds during the conversion: that costs more than its noise.
+    // The stroke goes on during the conversion, which costs more than the noise.
     assert!((2.0..5.0).contains(&(found / known)), "{found} K, {known} K from the converter");
     for (fault, after_s) in [("open", 0.012), ("shorted", 0.012), ("frozen", 0.05)] {
         let text = format!("{LOW}{MPR}[faults]\npressure = \"{fault}\"\n");

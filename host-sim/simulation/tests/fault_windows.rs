@@ -222,7 +222,7 @@ fn every_window_acts_in_its_own_time() {
         (0.999, 10_000, 11_000, false, 0.0, 0.0, None, false),
         (1.0, 32_760, 11_000, false, 0.2, 0.0, None, false),
         (1.5, 32_760, 0, true, 0.2, 0.0, None, false),
-        // Frozen as it was when the fault began.
+        // Frozen at its value when the fault began.
         (2.0, 32_760, 0, true, 0.2, 3e-9, Some(2e5), true),
         (3.0, 32_760, 11_000, false, 0.2, 0.0, None, false),
         (4.0, 10_000, 11_000, false, 0.0, 0.0, None, false),
@@ -239,7 +239,7 @@ fn every_window_acts_in_its_own_time() {
     }
 }
 
-/// Times of a run, which are off by a rounding error.
+/// Times of a run, off by a rounding error.
 #[test]
 fn steps_are_left_out_and_a_link_is_flooded() {
     let loaded = valid(
@@ -297,7 +297,7 @@ fn a_drifting_sensor_runs_away_from_the_start_of_its_window() {
         };
         assert_eq!(faults.sensed(&truth), expected);
     }
-    // It passes the front end, to its end.
+    // It passes through the front end, to the end of the range.
     let late = Truth { time_s: 1000.0, ..truth };
     let codes = VirtualAdc::new(&loaded.plant).convert(&faults.sensed(&late));
     assert_eq!((codes.gas, codes.length), (AdcCode(32_760).into(), AdcCode(32_760)));
@@ -325,7 +325,8 @@ fn a_run_with_several_windows() {
     assert!((pressure(1999) / 2.5e5 - 1.0).abs() < 0.03, "{}", pressure(1999));
     // Stuck open against a controller that vents: above the set point, but no more than the supply.
     assert!((3.0e5..7.0e5).contains(&pressure(2399)), "{}", pressure(2399));
-    // Through a hole of 25 valves it falls below 1.2 bar, once the inlet is no longer stuck.
+    // Through a hole of 25 valves the pressure falls below 1.2 bar, once the inlet is no longer
+    // stuck.
     assert!(pressure(2899) < 1.2e5, "{}", pressure(2899));
     let stopped = |row: &Row| row.telemetry.sample.emergency_stop;
     let pressed: Vec<usize> = (0..bad.len()).filter(|i| stopped(&bad[*i])).collect();

@@ -53,7 +53,7 @@ fn control(text: &str) -> serde_json::Value {
     serde_json::to_value(summary.control.unwrap()).unwrap()
 }
 
-/// The warning about a loop that swings, of a run.
+/// The warning of a run about a loop that swings.
 fn unrest(text: &str) -> Option<String> {
     let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
     run::on_core(&loaded, |_| ()).unwrap().unrest()
@@ -115,7 +115,7 @@ fn steps_settle_and_their_pulses_are_counted() {
     assert!((0.5..60.0).contains(&pulses_per_s), "{steps}");
 }
 
-/// A jump of 2 bar shortly before the end was in the mean.
+/// A jump of 2 bar shortly before the end used to count in the mean.
 #[test]
 fn the_error_at_the_end_is_not_that_of_a_jump() {
     let steady_pa = |duration_s: f64| {
@@ -131,8 +131,8 @@ fn the_error_at_the_end_is_not_that_of_a_jump() {
     assert_eq!(steady_pa(10.01), None);
 }
 
-/// The way down to the first set point was taken for an overshoot of half of it, and the value's
-/// excess below it for none.
+/// The way down to the first set point used to count as an overshoot of half of it, and the value's
+/// excess below it as none.
 #[test]
 fn an_overshoot_downwards_is_one_and_the_way_there_is_none() {
     let fallen = |valve: &str| {
@@ -150,7 +150,8 @@ fn an_overshoot_downwards_is_one_and_the_way_there_is_none() {
     assert!((0.03..0.1).contains(&late), "{late}");
 }
 
-/// A course that hardly moves was overshot by many times its range: that of the way to its start.
+/// A course that hardly moves used to be overshot by many times its range, which was the way to its
+/// start.
 #[test]
 fn overshoot_is_of_the_way_to_a_course_that_hardly_moves() {
     let control = control(
@@ -161,7 +162,7 @@ fn overshoot_is_of_the_way_to_a_course_that_hardly_moves() {
     assert!((0.001..0.1).contains(&overshoot), "{control}");
 }
 
-/// Changes of their command were printed as pulses.
+/// Changes of their command used to be printed as pulses.
 #[test]
 fn valves_that_open_in_proportion_have_no_pulses() {
     let text =

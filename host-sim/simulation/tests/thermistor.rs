@@ -6,7 +6,7 @@ use model_core::Faults;
 use thermyo_simulation::run;
 
 fn run_with(sensor: &str) -> (Summary, Faults) {
-    // The air that the core's own law describes: what is left of the error is the sensor's.
+    // The plant's air follows the core's own law: the remaining error is the sensor's.
     let text = format!(
         "[run]\nduration_s = 60\n[plant]\nmodel = \"lumped\"\n[heat]\nmodel = \"constant\"\n{sensor}"
     );
@@ -23,9 +23,9 @@ fn the_estimate_is_as_good_from_a_thermistor() {
     let (thermistor, faults) = run_with(ntc);
     assert_eq!(faults, Faults::NONE);
     let (known, found) = (platinum.rmse_k.estimate, thermistor.rmse_k.estimate);
-    // 0.072 and 0.024 K.
+    // The errors are 0.072 and 0.024 K.
     assert!((1.0..5.0).contains(&(found / known)), "{found} K, {known} K from a Pt1000");
-    // Configured with another Beta, it reads wrong temperatures.
+    // A core configured with another Beta reads wrong temperatures.
     let (wrong, _) = run_with(&format!("{ntc}[believed.sensor.ntc]\nbeta_k = 3700.0\n"));
     assert!(wrong.rmse_k.estimate > 1.5 * found, "{} K", wrong.rmse_k.estimate);
 }

@@ -43,7 +43,7 @@ mod tests {
                 let time_s = f64::from(kelvin);
                 let codes = adc.convert(&Truth { time_s, sensor_gas_k, ..Truth::default() });
                 let error_k = f64::from(sensing.gas_k(codes.gas)) - sensor_gas_k;
-                // The converter's own noise.
+                // The noise of the converter itself.
                 assert!(error_k.abs() < 2.0 * step_k, "{kind}: {error_k} K at {kelvin} K");
             }
         }
