@@ -7,20 +7,19 @@
 //! - A tuning value of the core: one line in the `parameters!` of `EstimatorConfig` or
 //!   `ControllerConfig` in `model-core/src/config.rs`, and its row in the docs; see
 //!   `model-core/src/parameter.rs`. Here: nothing.
-//! - A parameter of the plant that the core has too: its line in the core's `parameters!`, and `core NAME;` in
-//!   the `table!`. Where the scenario differs on purpose (another default, a wider range),
-//!   `core NAME: real ...;` with a comment why. Where the core is configured with another value than the plant's,
-//!   [`thermyo_setup::core_config`] sets it.
+//! - A parameter of the plant that the core has too: its line in the core's `parameters!`, and `core NAME;` in the
+//!   `table!`. Where the scenario differs on purpose (another default, a wider range), `core NAME: real ...;` with a
+//!   comment that says why. Where the core's value is not the plant's, [`thermyo_setup::core_config`] sets it.
 //! - A parameter of the plant alone: one line in the `table!`.
 //! - A table: a `table!` in `scenario/tables/`, its field in `Scenario`, its line in `TABLES`.
 //!
-//! An incomplete addition does not compile, or fails a test with its name.
+//! An incomplete addition does not compile, or fails a test that names it.
 
 pub use super::key::Allowed;
 use super::key::{Key, Limits};
 use model_core::parameter::Parameter;
 
-/// The parameter of that name, at compile time.
+/// Finds the parameter of this name, at compile time.
 ///
 /// # Panics
 /// If the core has no such parameter, the declaration does not compile.
@@ -83,9 +82,8 @@ pub const fn keys_of<const N: usize>(parameters: &[Parameter]) -> [Key; N] {
     keys
 }
 
-/// Declares a table of the scenario. Its head is the path, the meaning, and what
-/// [`super::schema::Table`] has of it; `as` names the struct of the core that has the same fields. A
-/// field is one of
+/// Declares a table of the scenario. Its head is the path, the meaning, and the flags of [`super::schema::Table`]; `as`
+/// names the struct of the core that has the same fields. A field is one of
 ///
 /// ```text
 /// core name;                                      declared by the core's table
@@ -114,8 +112,8 @@ macro_rules! table {
         }
     };
 
-    // One field after the other: [attributes] doc, name: type = default, key. The list after them is
-    // what the core has too.
+    // Takes one field at a time: [attributes] doc, name: type = default, key. The list after them has the fields shared
+    // with the core.
     (@field [$head:tt $table:tt $struct:ident [$core:path]] $done:tt [$($shared:ident)*]
         core $name:ident; $($rest:tt)*
     ) => {
@@ -186,7 +184,7 @@ macro_rules! table {
                 $name: $type = $default,
                 whole(
                     stringify!($name),
-                    // The type holds both limits.
+                    // Fails to compile if the type cannot hold both limits.
                     [{ let min: $type = $min; min as i64 }, { let max: $type = $max; max as i64 }],
                     $meaning,
                 )
@@ -303,7 +301,7 @@ macro_rules! table {
                 $core { $($shared: self.$shared as f32),* }
             }
 
-            /// Takes them from the core.
+            /// Takes the shared fields from the core.
             pub fn take(&mut self, core: &$core) {
                 $(self.$shared = $crate::short(core.$shared);)*
             }

@@ -46,7 +46,7 @@ pub(super) fn toml_of<'a>(
     })
 }
 
-/// The value of a word, if it is allowed.
+/// Converts a word to its value, if it is allowed.
 pub(super) fn value_of(allowed: Allowed, word: &str) -> Option<Value> {
     match (allowed, word) {
         (Allowed::Choice(words), _) => {
@@ -70,10 +70,10 @@ const BELIEVED: &str = "believed";
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Document {
-    /// Name in messages.
+    /// Name of the document in messages.
     pub origin: PathBuf,
     pub plant: Entries,
-    /// Entries for the core where it differs.
+    /// Entries that the core is configured with where they differ from the plant's.
     pub believed: Entries,
 }
 
@@ -85,7 +85,7 @@ pub struct Entries {
     list: Vec<Entry>,
 }
 
-/// Line, path and value of a key that a file has.
+/// Line, path and value of a key in a file.
 pub type Given = (Option<u64>, String, String);
 
 #[derive(Debug, Clone, PartialEq)]
@@ -96,7 +96,7 @@ pub struct Entry {
     /// Value, of the type in the schema.
     pub value: Value,
     pub written: String,
-    /// Its line; none if [`Document::set`] set it.
+    /// Line of the entry; none if [`Document::set`] set it.
     pub line: Option<u64>,
 }
 
@@ -133,7 +133,7 @@ impl Document {
     /// Parses a scenario; `origin` is its name in messages.
     ///
     /// # Errors
-    /// For the first place of the file that is not TOML or not in the schema.
+    /// For the first position in the file that is not TOML or not in the schema.
     pub fn parse(text: &str, origin: &Path) -> Result<Self, InputError> {
         let lines = Lines::of(text);
         let root = toml_of(text, &lines, origin)?;
@@ -157,7 +157,7 @@ impl Document {
         }
     }
 
-    /// This document, with the entries of another above its own.
+    /// This document, overlaid with the entries of another.
     #[must_use]
     pub fn overlaid(&self, over: &Self) -> Self {
         let both = |own: &Entries, over: &Entries| {
@@ -251,7 +251,7 @@ fn split_believed(full_path: &str) -> (bool, &str) {
     }
 }
 
-/// The walk through the parsed file. Tables may be scattered over the file, so it looks at every
+/// Walks through the parsed file. Tables may be scattered over the file, so it looks at every
 /// problem and keeps the first by line.
 struct Walk<'a> {
     text: &'a str,
@@ -333,7 +333,7 @@ impl Walk<'_> {
     }
 }
 
-/// Allowed values in place of another; for a text without a unit of the key, also the units.
+/// Allowed values in place of a wrong one; for a text without a unit of the key, also the units.
 pub(crate) fn allowed_instead(allowed: Allowed, text: Option<&str>) -> String {
     match (allowed, text) {
         (Allowed::Real(limits), Some(text)) if limits.wanted().read_with_unit(text).is_err() => {
@@ -391,7 +391,7 @@ fn unknown_window(path: &str, name: &str) -> Problem {
     Problem::UnknownTable { table: quoted(path), instead: Instead::Known(known) }
 }
 
-/// The error for a table's path that is not in the schema, if it is not.
+/// The error for a table's path if it is not in the schema.
 pub(crate) fn unknown_table(full_path: &str) -> Option<Problem> {
     let (_, path) = split_believed(full_path);
     let is_known = path.is_empty() || schema::is_table(path) || schema::is_fault_window(path);

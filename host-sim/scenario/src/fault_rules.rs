@@ -40,17 +40,17 @@ pub fn check(scenario: &Scenario) -> Result<(), Violation> {
     Ok(())
 }
 
-/// Times at which each part has a fault already. Comparing every pair of windows would take hours
-/// for the number that a file of some megabytes holds.
+/// Times at which each part already has a fault. Comparing every pair of windows would take hours
+/// for the number of windows that a file of some megabytes can hold.
 #[derive(Default)]
 struct Taken {
-    /// By part: end of each window by the bits of its start, which order as the starts do, since
+    /// End of each window by part, and by the bits of its start, which sort as the starts do, since
     /// none is negative.
     ends_s: BTreeMap<&'static str, BTreeMap<u64, f64>>,
 }
 
 impl Taken {
-    /// Adds the window. Returns whether none of its parts has a fault already in that time.
+    /// Adds the window. Returns whether all of its parts are free of faults in that time.
     fn take(&mut self, window: &FaultWindow) -> bool {
         let FaultWindow { from_s, until_s, .. } = *window;
         if from_s >= until_s {
@@ -75,7 +75,7 @@ fn check_alone(path: &str, window: &FaultWindow) -> Result<(), Violation> {
     within(&until, window.until_s, (window.from_s, latest), &why)
 }
 
-/// A vessel has a nozzle, or nothing, in place of valves if its drive requires it.
+/// A vessel has a nozzle, or nothing, in place of valves if its drive requires that.
 fn check_plant_has(path: &str, window: &FaultWindow, scenario: &Scenario) -> Result<(), Violation> {
     let (kind, lacking): (&str, &[&str]) = match (scenario.plant.kind, scenario.drive.kind) {
         (PlantKind::Vessel, DriveKind::Fill) => ("fill", &["inlet", "outlet"]),

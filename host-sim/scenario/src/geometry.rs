@@ -1,5 +1,5 @@
-//! The five dimensions of the muscle from those in the file (paper, Fig. 1): L = b cos(theta), D =
-//! b sin(theta)/(n pi).
+//! Computes the five dimensions of the muscle from those in the file (paper, Fig. 1): L = b
+//! cos(theta), D = b sin(theta)/(n pi).
 
 use super::document::Entries;
 use super::schema::{DIMENSIONS, limits};
@@ -12,8 +12,7 @@ const REST_LENGTH_M: f64 = 0.30;
 const DIAMETER_M: f64 = 0.020;
 /// Default braid angle at rest \[deg\]: usual braids have 20 to 25.
 const BRAID_ANGLE_DEG: f64 = 23.0;
-/// Relative difference up to which dimensions that are given twice agree, since figures are
-/// rounded by hand.
+/// Relative difference up to which redundant dimensions agree, since figures are rounded by hand.
 const AGREEMENT: f64 = 1.0e-3;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -86,7 +85,7 @@ impl Given {
         Self { thread_length_m, turns, rest_length_m, diameter_m, braid_angle_deg }
     }
 
-    /// All five. Given values stay the same to the bit.
+    /// Resolves all five dimensions. Given values stay the same to the bit.
     ///
     /// # Errors
     /// When dimensions are missing, contradict each other, or make no braid.
@@ -153,9 +152,9 @@ impl Given {
     /// The dimensions that the core is configured with: those given here, completed from the
     /// plant's.
     ///
-    /// If only one way of giving the geometry is used here, the other follows; if both are,
-    /// missing dimensions are the plant's. `threaded`: the plant's file gives thread length and
-    /// turns.
+    /// If the entries use only one of the two forms of the geometry, the other follows; if they use
+    /// both, missing dimensions are the plant's. `threaded`: the plant's file gives thread length
+    /// and turns.
     pub fn completed_from(self, plant: Dimensions, threaded: bool) -> Self {
         let thread_told = self.thread_length_m.is_some() || self.turns.is_some();
         let rest_told = self.diameter_m.is_some() || self.braid_angle_deg.is_some();
@@ -175,7 +174,7 @@ impl Given {
     }
 }
 
-/// A dimension that follows from others; as given if it agrees.
+/// A dimension that follows from others; the given value if it agrees.
 fn agreeing(path: &str, given: Option<f64>, derived: f64) -> Result<f64, Violation> {
     let given = given.unwrap_or(derived);
     let agreeing = limits(path).between(derived * (1.0 - AGREEMENT), derived * (1.0 + AGREEMENT));

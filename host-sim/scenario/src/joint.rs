@@ -25,7 +25,7 @@ use toml::Value;
 choice! {
     /// Type of the angle's sensor.
     AngleKind {
-        /// On the converter.
+        /// Potentiometer on the converter.
         Potentiometer = "potentiometer",
         /// ams AS5600 on I2C.
         As5600 = "as5600",
@@ -159,7 +159,7 @@ const OWN: [(&str, Table); 4] = [
     ("drive", JointDrive::TABLE),
 ];
 
-/// Where the lines below a header belong.
+/// Owner of the lines below a header.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Part {
     Shared,
@@ -167,7 +167,7 @@ enum Part {
     Muscle(usize),
 }
 
-/// The name in a line that is a table's header, and what is behind it.
+/// The name in a line that is a table's header, and the text behind it.
 fn header(line: &str) -> Option<(&str, &str)> {
     let inside = line.trim_start().strip_prefix('[')?;
     if inside.starts_with('[') {
@@ -200,7 +200,7 @@ fn part_of(name: &str) -> (Part, &str) {
     (Part::Shared, name)
 }
 
-/// The text of each part: shared, own, muscle a, muscle b.
+/// Splits the text into parts: shared, own, muscle a, muscle b.
 fn split(text: &str) -> [String; 4] {
     let mut texts = [const { String::new() }; 4];
     let mut part = Part::Shared;
@@ -339,7 +339,7 @@ impl JointDocument {
         Ok(())
     }
 
-    /// A key that names a file, with its line, if there is one.
+    /// A key whose value is a file, with its line, if there is one.
     pub fn file(&self) -> Option<(String, Option<u64>)> {
         let is_file = |key: &Key| matches!(key.allowed, Allowed::Csv { .. });
         let own = self.given.iter().find(|(path, _)| key(path).is_some_and(is_file));
@@ -349,12 +349,12 @@ impl JointDocument {
             .or_else(|| shared.map(|entry| (entry.path(), entry.line)))
     }
 
-    /// Whether a key of the joint's own, by its whole path, is in the file or has been set.
+    /// Whether the file has, or a call has set, a key of the joint's own, by its whole path.
     pub fn has(&self, full_path: &str) -> bool {
         self.given.iter().any(|(given, _)| given == full_path)
     }
 
-    /// Line, path and value of a key that the file has, of the joint or of a muscle, by its whole path.
+    /// Line, path and value of a key in the file, of the joint or of a muscle, by its whole path.
     pub fn given(&self, full_path: &str) -> Option<Given> {
         let path = full_path.to_owned();
         if let Some((_, line)) = self.given.iter().find(|(given, _)| given == full_path) {
@@ -373,7 +373,8 @@ impl JointDocument {
         Some((entry.line, path, entry.written.clone()))
     }
 
-    /// Line of a key that the file has for one muscle alone, by its whole path, and which muscle; the last one first.
+    /// Index of the muscle for which alone the file has a key, by its whole path, and the key's line; the last one
+    /// first.
     pub fn own(&self, full_path: &str) -> Option<(usize, Option<u64>)> {
         let own = self.own.iter().enumerate().rev();
         own.into_iter().find_map(|(i, own)| Some((i, entry(own, full_path)?.line)))
@@ -459,7 +460,7 @@ fn refuse_senseless(document: &Document, owner: Owner) -> Result<(), InputError>
     }
 }
 
-/// Refuses the first table of the joint, or of one muscle, that there is not.
+/// Refuses the first unknown table of the joint or of one muscle.
 fn refuse_headers(text: &str, origin: &Path) -> Result<(), InputError> {
     let mut headers = text.lines().zip(1..).filter_map(|(line, number)| {
         let (name, _) = header(line)?;
@@ -565,7 +566,7 @@ fn own_key(full_path: &str) -> Option<(&str, &str, &'static Key)> {
     Some((of, name, key))
 }
 
-/// The schema of a key of a joint's scenario that one of a muscle does not have: of the joint's own tables.
+/// The schema of a key that only a joint's scenario has: one of the joint's own tables.
 pub fn key(full_path: &str) -> Option<&'static Key> {
     own_key(full_path).map(|(_, _, key)| key)
 }
@@ -616,7 +617,7 @@ fn located(origin: &Path, line: Option<u64>, problem: Problem) -> InputError {
     InputError { file: origin.to_path_buf(), line, problem: Box::new(problem) }
 }
 
-/// The struct of a table, with defaults for what the file leaves out.
+/// Fills the struct of a table, with defaults for missing keys.
 fn filled<T: DeserializeOwned>(table: toml::Table, origin: &Path) -> Result<T, InputError> {
     let read = Value::Table(table).try_into();
     read.map_err(|error: toml::de::Error| {
@@ -638,7 +639,7 @@ fn own_tables(text: &str, origin: &Path) -> Result<Own, InputError> {
         }
         entries.extend(below.into_iter().flatten().map(|(name, value)| (path, table, name, value)));
     }
-    // A table of the reader is sorted by its keys.
+    // The parser sorts a table by its keys.
     entries.sort_by_key(|(_, _, name, _)| name.span().start);
     let mut found = Own::default();
     for (path, table, name, value) in entries {

@@ -8,15 +8,15 @@ use thermyo_files::units::Wanted;
 pub struct Table {
     pub name: &'static str,
     pub meaning: &'static str,
-    /// Whether `[believed]` may overlay it.
+    /// Whether `[believed]` may overlay the table.
     pub believed: bool,
-    /// Whether it describes the measured object and not the run.
+    /// Whether the table describes the measured object and not the run.
     pub physical: bool,
     pub keys: &'static [Key],
 }
 
 impl Table {
-    /// A table that is neither believed nor physical.
+    /// Returns a table that is neither believed nor physical.
     pub const fn new(name: &'static str, meaning: &'static str, keys: &'static [Key]) -> Self {
         Self { name, meaning, believed: false, physical: false, keys }
     }
@@ -35,13 +35,13 @@ pub struct Key {
     pub name: &'static str,
     pub allowed: Allowed,
     pub meaning: &'static str,
-    /// The core's own key, in f32.
+    /// Whether the key is the core's own, in f32.
     pub core: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Allowed {
-    /// A finite number; whole ones are taken too.
+    /// A finite number; whole numbers are accepted too.
     Real(Limits),
     /// A whole number, both limits included.
     Whole { min: i64, max: i64 },
@@ -72,14 +72,15 @@ impl Limits {
         self.min <= value && value <= self.max
     }
 
-    /// The value, if it is allowed. The core refuses numbers so near to zero, which some processors flush: they are 0.
+    /// The value as stored, if it is allowed. Numbers so near to zero that some processors flush them become 0, since
+    /// the core refuses them.
     pub fn taken(&self, value: f64) -> Option<f64> {
         const SMALLEST: f64 = 1.0e-20;
         let value = if value.abs() < SMALLEST { 0.0 } else { value };
         self.contains(value).then_some(value)
     }
 
-    /// Its quantity, for values with a unit. Only a temperature that cannot be zero is absolute.
+    /// Quantity of a value that has a unit. Only a temperature that cannot be zero is absolute.
     pub fn wanted(&self) -> Wanted {
         Wanted { si: self.unit, absolute: self.min > 0.0 }
     }
@@ -134,7 +135,7 @@ impl Key {
     }
 }
 
-/// Quoted words and what stands between them.
+/// Quoted words and the text between them.
 struct Words<'a>(&'a [&'a str], &'a str);
 
 impl fmt::Display for Words<'_> {
@@ -157,7 +158,7 @@ impl Rounded {
         Self(-Self::down(-value).0)
     }
 
-    // Numbers of a message.
+    // Rounds down for a message.
     #[allow(clippy::disallowed_methods)]
     fn down(value: f64) -> Self {
         if value == 0.0 || !value.is_finite() {

@@ -12,8 +12,8 @@ impl Scenario {
         Table::try_from(self).expect("a scenario is plain TOML")
     }
 
-    /// The scenario of a tree of tables, with defaults for missing keys. Serde's code for it is large:
-    /// compiled here once, and not in every crate that reads a scenario.
+    /// The scenario of a tree of tables, with defaults for missing keys. Serde's code for this is large, so it is
+    /// compiled once here and not in every crate that reads a scenario.
     ///
     /// # Errors
     /// For an unknown key or a value of another type.
@@ -31,7 +31,7 @@ pub fn number(scenario: &Scenario, path: &str) -> Option<f64> {
 /// The scenario with these numbers at these paths.
 ///
 /// # Panics
-/// For a path that is no number of every scenario.
+/// If a path is no number of every scenario.
 pub fn with_numbers<'a>(
     scenario: &Scenario,
     numbers: impl IntoIterator<Item = (&'a str, f64)>,

@@ -1,5 +1,4 @@
-//! Parts with public figures, by name: `presets.toml` has their values. A key in the file stands above
-//! its preset's value.
+//! Parts with public figures, by name; `presets.toml` has their values. A key in the file overrides its preset's value.
 
 use super::declare::choice;
 use serde::Deserialize;
@@ -10,14 +9,14 @@ use toml::Value;
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Preset {
-    /// Table of its key `preset`.
+    /// Table that contains the key `preset`.
     pub table: String,
     pub word: String,
-    /// Paths and their values.
+    /// Paths of the preset's values, and the values.
     pub values: Vec<(String, Value)>,
-    /// Source, and what the values leave of it.
+    /// Source, and the part of it that the values leave out.
     pub source: String,
-    /// Keys that no source has for it.
+    /// Keys for which there is no source.
     pub unknown: Vec<String>,
 }
 

@@ -4,7 +4,8 @@ use std::fmt;
 use thermyo_compute::math::usual_distance;
 use thermyo_files::number::significant;
 
-/// Closer rows of a motion are those of a record in minutes: 50 rows a second are 0.33 ms apart in them \[s\].
+/// Least distance of the rows of a motion; closer rows are those of a record in minutes: 50 rows a second are then 0.33
+/// ms apart \[s\].
 pub const LEAST_DISTANCE_S: f64 = 4.0e-4;
 
 /// A piecewise-linear function of time; before its first and after its last point it is constant.
@@ -13,14 +14,14 @@ pub struct Profile {
     points: Vec<(f64, f64)>,
 }
 
-/// Why a table of (time, value) is not a profile. Rows count from zero.
+/// Reason why a table of (time, value) is not a profile. Rows count from zero.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ProfileError {
     Empty,
     NotFinite {
         row: usize,
     },
-    /// A time is not later than the one before it.
+    /// A time is not later than the time before it.
     NotIncreasing {
         row: usize,
     },
@@ -87,8 +88,8 @@ impl Profile {
         before.1 + (after.1 - before.1) * (time_s - before.0) / (after.0 - before.0)
     }
 
-    /// A question about the unit of its times, where its rows are usually minutes or less than a step
-    /// apart. A profile of few rows may be anything.
+    /// Asks about the unit of the times, if the rows are usually minutes or less than a step apart. A profile of few
+    /// rows may be anything.
     pub fn doubt(&self) -> Option<String> {
         const FEWEST_ROWS: usize = 3;
         const LONGEST_S: f64 = 100.0;

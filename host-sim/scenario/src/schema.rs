@@ -1,9 +1,9 @@
 //! The schema of a scenario: unit, allowed values and meaning of every key.
 //!
-//! Validation, suggestions and the comments of `thermyo check` read it; `declare.rs` makes it,
-//! with the structs and their defaults. No range is wider than the core's
-//! (`model_core::config::Config::check`), or `thermyo_setup::core_config` narrows the core's
-//! value: a scenario that passes here runs.
+//! Validation, suggestions and the comments of `thermyo check` use it; `declare.rs` generates it,
+//! with the structs and their defaults. Either no range is wider than the core's
+//! (`model_core::config::Config::check`), or `thermyo_setup::core_config` narrows the core's value:
+//! a scenario that passes here runs.
 
 pub use super::key::{Allowed, Key, Limits, Table};
 pub use super::tables::TABLES;
@@ -32,7 +32,7 @@ pub fn is_fault_window(path: &str) -> bool {
         .is_some_and(|name| !name.is_empty() && name.chars().all(bare) && key(path).is_none())
 }
 
-/// The key of that path, "muscle.zones", with its table.
+/// The key of this path, such as "muscle.zones", with its table.
 pub fn key(path: &str) -> Option<(&'static Table, &'static Key)> {
     let (table_path, name) = path.rsplit_once('.')?;
     let table = table(table_path)?;
@@ -40,7 +40,7 @@ pub fn key(path: &str) -> Option<(&'static Table, &'static Key)> {
 }
 
 /// # Panics
-/// For a path that is not a number: a fault of this program, not of a scenario.
+/// If the path is not a number: a fault of this program, not of a scenario.
 pub fn limits(path: &str) -> Limits {
     match key(path).map(|(_, key)| key.allowed) {
         Some(Allowed::Real(limits)) => limits,
@@ -48,9 +48,9 @@ pub fn limits(path: &str) -> Limits {
     }
 }
 
-/// Prefixes of keys for how a quantity is recorded.
+/// Prefixes of keys that describe how a quantity is recorded.
 const OF_RECORDING: [&str; 4] = ["noise_", "range_", "gain", "offset_"];
-/// The limits of a number that can be fitted, by its path.
+/// Limits of a number that can be fitted, by its path.
 pub fn fittable(path: &str) -> Option<Limits> {
     let (table, key) = key(path)?;
     // The dimensions follow from each other.

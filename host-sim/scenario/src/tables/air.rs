@@ -6,8 +6,8 @@ use model_core::parameter::Parameter;
 use model_core::physics::valve::Spool;
 use model_core::{config, physics};
 
-/// Highest pressure at which gas is taken as ideal \[Pa\]. Against reference equations of state air and nitrogen then end
-/// an adiabatic filling up to 4.4 K too warm, and weigh 1.2 % too little (`docs/background/model.md`).
+/// Highest pressure at which gas is taken as ideal \[Pa\]. There, against reference equations of state, air and
+/// nitrogen end an adiabatic filling up to 4.4 K too warm, and weigh 1.2 % too little (`docs/background/model.md`).
 pub const IDEAL_GAS_PA: f64 = 3.0e6;
 
 table! {

@@ -9,13 +9,13 @@ choice! {
     /// A fault of one analog channel.
     ChannelFault {
         None = "none",
-        /// The line is open: the code goes to the upper rail.
+        /// The wire is open: the code goes to the upper rail.
         Open = "open",
-        /// The line is shorted to ground: the code goes to the lower rail.
+        /// The wire is shorted to ground: the code goes to the lower rail.
         Shorted = "shorted",
-        /// The code stays what it was when the fault began.
+        /// The code stays at its value when the fault began.
         Frozen = "frozen",
-        /// Strong noise on the line, 5 % of the range.
+        /// Strong noise on the channel, 5 % of the range.
         Noisy = "noisy",
         /// The reading drifts at a constant rate from the start of the window.
         Drifting = "drifting",
@@ -34,7 +34,7 @@ choice! {
 }
 
 choice! {
-    /// A fault of the line between host and board.
+    /// A fault of the link between host and board.
     LinkFault {
         None = "none",
         /// The host goes silent.
@@ -45,7 +45,7 @@ choice! {
 }
 
 table! {
-    /// A fault that needs a number has it.
+    /// A fault that needs a number has one.
     "faults", "faults that the run injects in one window of time; every [faults.NAME] is another";
     FaultWindow {
         pressure: choice ChannelFault::None, "fault of the pressure channel";
@@ -70,7 +70,7 @@ table! {
     }
 }
 
-/// Required keys: the key with the word that requires it, and the required key.
+/// Required keys, each with the key and the word that require it.
 pub const NEEDED: [[&str; 3]; 5] = [
     ["pressure", "drifting", "pressure_drift_pa_s"],
     ["gas", "drifting", "gas_drift_k_s"],
@@ -80,19 +80,20 @@ pub const NEEDED: [[&str; 3]; 5] = [
 ];
 
 impl FaultWindow {
-    /// Whether that time \[s\] lies in the window, without its end.
+    /// Whether this time \[s\] lies in the window; its end does not.
     pub fn contains(&self, time_s: f64) -> bool {
         (self.from_s..self.until_s).contains(&time_s)
     }
 
-    /// Whether the step at that time \[s\], of `step_s` \[s\], is the first in the window.
+    /// Whether the step at this time \[s\], of `step_s` \[s\], is the first in the window.
     pub fn starts_at(&self, time_s: f64, step_s: f64) -> bool {
         // Times are sums: the window may start a rounding error after its step.
         let steps = (time_s - self.from_s) / step_s + 1e-9;
         (0.0..1.0).contains(&steps) && time_s < self.until_s
     }
 
-    /// Steps that are missed before the one at that time \[s\], for steps of `step_s` \[s\].
+    /// Number of steps that are missed before the step at this time \[s\], for steps of `step_s`
+    /// \[s\].
     pub fn missed_steps_at(&self, time_s: f64, step_s: f64) -> u8 {
         // A period may end a rounding error before its step.
         let periods = |time_s: f64| ((time_s - self.from_s) / self.missed_period_s + 1e-9).floor();
@@ -106,7 +107,7 @@ impl FaultWindow {
         (from_s < until_s).then_some([from_s, until_s])
     }
 
-    /// Keys of the faults in it.
+    /// Keys of the faults in the window.
     pub fn broken(&self) -> impl Iterator<Item = &'static str> {
         let broken = [
             ("pressure", self.pressure != ChannelFault::None),

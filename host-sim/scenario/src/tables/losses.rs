@@ -22,7 +22,7 @@ table! {
     Heat as physics::heat::Heat {
         model: choice HeatModel::Correlation, "from gas to wall: laws of still and stirred air; inner_w_m2_k and inner_per_flow; none; as much as keeps the temperature";
         scale: real 1.0, "", 1.0e-3 to 1.0e3, "gas to wall: factor on what model gives";
-        // Such that measured pulses into and out of muscles relax as they do: host-sim/plant/tests/plant_air.rs.
+        // Chosen so that pulses into and out of muscles relax as measured: host-sim/plant/tests/plant_air.rs.
         stirring_decay_s: real 0.3, "s", 0.001 to 100.0, "how long stirring by a flow through the port outlasts it (correlation)";
         inlet_diameter_m: optional "m", 1.0e-5 to 1.0, "of the jet that stirs the gas, where it is not that of orifice, valve or tube (correlation)";
         core inner_w_m2_k;
@@ -33,7 +33,7 @@ table! {
 }
 
 choice! {
-    /// Origin of what the core has of the gas along the muscle.
+    /// Origin of the core's values for the gas along the muscle.
     ZonesSource {
         /// Laws and dimensions of the plant.
         Plant = "plant",
@@ -78,7 +78,7 @@ table! {
         core force_n;
         core reference_temperature_k;
         core softening_per_k;
-        // The loader takes a seal's for a cylinder.
+        // The loader uses a seal's value for a cylinder.
         core pressure_factor;
         core heat_fraction;
         stribeck_force_n: real 4.0, "N", 0.0 to 1.0e5, "surplus at standstill (full)";

@@ -1,4 +1,4 @@
-//! The scenario: everything that one run needs, in SI, with a default for every key.
+//! The scenario: all inputs of one run, in SI, with a default for every key.
 //!
 //! Field names are the TOML keys; [`super::declare`] explains how to declare tables and add
 //! parameters.
@@ -26,7 +26,7 @@ use model_core::sensing::gas::{Max31865, Ntc};
 use model_core::sensing::pressure::Mpr;
 use serde::{Deserialize, Serialize};
 
-/// A complete scenario, a field for each table of [`TABLES`]. `[believed]` has been split off before: see
+/// A complete scenario, with a field for each table of [`TABLES`]. `[believed]` has already been split off: see
 /// `thermyo_setup::Loaded`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, Default)]
 #[serde(default, deny_unknown_fields)]
@@ -40,12 +40,12 @@ pub struct Scenario {
     pub vessel: Vessel,
     pub cylinder: Cylinder,
     pub table: ChamberTable,
-    /// The rows of its file: length \[m\], volume \[m3\], force \[N\].
+    /// Rows of the table's file: length \[m\], volume \[m3\], force \[N\].
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub table_rows: Vec<[f64; 3]>,
     pub paper: Paper,
     pub heat: Heat,
-    /// Gas along the muscle, as the core has it.
+    /// Gas along the muscle, as configured in the core.
     pub zones: Zones,
     pub wall: Wall,
     pub friction: Friction,
@@ -132,12 +132,12 @@ impl Scenario {
         self.plant.kind != PlantKind::Vessel && self.plant.model == PlantModel::Full
     }
 
-    /// The PWM's period in steps of the core, which counts it: of a board, and of its valves.
+    /// PWM period of a board and of its valves, in steps of the core, which counts them.
     pub fn pwm_period_steps(&self) -> u16 {
         (1.0 / (self.valve.pwm_hz * self.run.step_s)).round().max(1.0) as u16
     }
 
-    /// The same time \[s\].
+    /// PWM period \[s\].
     pub fn pwm_period_s(&self) -> f64 {
         f64::from(self.pwm_period_steps()) * self.run.step_s
     }

@@ -46,7 +46,7 @@ impl Plant {
 }
 
 table! {
-    /// A file gives the first five in one of two ways, and the loader computes the others.
+    /// A file states the first five in one of two ways, and the loader computes the others.
     "muscle", "the McKibben muscle: thread_length_m and turns, or diameter_m and braid_angle_deg, with rest_length_m; the others follow", believed, physical;
     Muscle as physics::hysteresis::Hysteresis {
         preset: choice MusclePreset::None, "a muscle with public figures; a key in the file stands above its value";
@@ -85,15 +85,15 @@ table! {
 }
 
 impl Vessel {
-    /// Section that turns its volume into the length that its sensor shows \[m2\].
+    /// Section that turns the volume into the length that the sensor shows \[m2\].
     pub fn section_m2(&self) -> f64 {
         std::f64::consts::PI / 4.0 * self.characteristic_length_m * self.characteristic_length_m
     }
 }
 
 table! {
-    /// The defaults are the choice of Richer and Hurmuzlu, the paper's \[1\], for a pneumatic cylinder:
-    /// charging close to adiabatic, discharging close to isothermal, the rest between.
+    /// The defaults are those of Richer and Hurmuzlu, the paper's \[1\], for a pneumatic cylinder: charging close to
+    /// adiabatic, discharging close to isothermal, the rest between.
     "paper", "coefficients of eq. (9) and (12), from 1 (isothermal) to k (adiabatic)", physical;
     Paper {
         alpha_in: real 1.1, "", 1.0 to 1.7, "charging";
@@ -106,7 +106,7 @@ choice! {
     LoadKind {
         Isotonic = "isotonic",
         Isometric = "isometric",
-        /// A mass that pressure lifts: its weight, and in `full` its inertia.
+        /// A mass that pressure lifts: its weight and, in `full`, its inertia.
         Mass = "mass",
     }
 }

@@ -16,7 +16,7 @@ table! {
 }
 
 impl Run {
-    /// Steps of the run: its duration, rounded to whole steps.
+    /// Number of steps of the run: its duration, rounded to whole steps.
     pub fn steps(&self) -> u64 {
         (self.duration_s / self.step_s).round() as u64
     }
@@ -24,7 +24,7 @@ impl Run {
     /// End of the last step \[s\].
     pub fn end_s(&self) -> f64 {
         let end_s = self.steps() as f64 * self.step_s;
-        // As written in the file where only the last digits differ.
+        // The duration as written in the file where only the last digits differ.
         let is_duration = (end_s - self.duration_s).abs() < 1e-6 * self.step_s;
         if is_duration { self.duration_s } else { end_s }
     }
@@ -60,7 +60,7 @@ choice! {
     }
 }
 
-/// Octaves of a chirp: assumed, from a slow motion to beyond what a muscle follows.
+/// Octaves of a chirp: assumed, from a slow motion to one too fast for a muscle.
 pub const CHIRP_OCTAVES: f64 = 4.0;
 
 table! {
@@ -79,7 +79,7 @@ table! {
 }
 
 impl Drive {
-    /// Whether one number is the set point of the whole run.
+    /// Whether the set point is one number for the whole run.
     pub fn is_constant(&self) -> bool {
         self.profile_csv.is_none() && self.shape == Shape::Constant
     }
@@ -101,7 +101,7 @@ impl Drive {
         }
     }
 
-    /// Set point of the shape in a run of that length, in its unit.
+    /// Set point of the shape in a run of this duration, in its unit.
     pub fn shaped(&self, time_s: f64, duration_s: f64) -> f64 {
         let cycles = time_s / self.period_s;
         // Multiples of the period belong to the next cycle, whatever the rounding.
@@ -166,7 +166,7 @@ mod tests {
             }
         }
         let chirp = drive(Shape::Chirp);
-        // Of the phase's rate: from 1/period_s to 16/period_s.
+        // The phase's rate rises from 1/period_s to 16/period_s.
         let crossings = |from_s: f64, to_s: f64| {
             let values = (0..10_000).map(|i| from_s + f64::from(i) * 1e-4 * (to_s - from_s));
             let above: Vec<bool> = values.map(|t| chirp.shaped(t, 40.0) > 0.1).collect();

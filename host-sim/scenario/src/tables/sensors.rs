@@ -86,8 +86,8 @@ table! {
         radius: real 0.0, "", 0.0 to 1.0, "from the axis 0 to the wall 1: where the gas is still it has a profile (full, heat.model = \"correlation\")";
         range_min_k: real 270.0, "K", 73.0 to 800.0, "lowest temperature resolved (pt1000)";
         range_max_k: real 330.0, "K", 74.0 to 1100.0, "highest temperature resolved (pt1000)";
-        // The lag of a sensor that the gas film around it slows: 0.5 for free convection and for laminar
-        // flow across it.
+        // The lag of a sensor that the surrounding gas film slows: 0.5 for free convection and for laminar flow across
+        // it.
         density_exponent: real 0.0, "", 0.0 to 1.0, "n in lag ~ density^-n, time_constant_s at the start; 0.5 in free convection";
         core housing_time_constant_s;
         core gain;
