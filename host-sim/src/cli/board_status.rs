@@ -18,7 +18,7 @@ pub(super) struct Overview {
     pub last_reset: LastReset,
 }
 
-/// Where a board is armed to, and where it vents.
+/// Prints up to which pressure a board is armed, and from which it vents.
 pub(super) fn armed(
     (armed_pa, config, of): (f32, &Config, &str),
     to: &mut Console<'_>,
@@ -67,7 +67,7 @@ impl Overview {
         })
     }
 
-    /// `drives`: a line that begins with what it drives.
+    /// `drives`: a line that begins with the driven muscle or joint.
     pub fn text(&self, faults: &str, drives: &str, units: UnitSystem) -> String {
         let Self { version, status, timing, last_reset } = self;
         let [major, minor, patch] = version.firmware;
@@ -133,7 +133,8 @@ pub(super) fn timed(timing: &Timing) -> String {
     )
 }
 
-/// Writes the scenario of a board's configuration; `exact`: whether it gives the same one again.
+/// Writes the scenario of a board's configuration; `exact`: whether the scenario gives the same
+/// configuration again.
 pub(super) fn config_file(
     (file, scenario, exact): (&Path, &str, bool),
     status: &Status,
@@ -153,7 +154,7 @@ pub(super) fn config_file(
     to.done(&json, &words)
 }
 
-/// Prints what happened to a board; `ended` is how a fault ends what it drives.
+/// Prints the history of a board; `ended` says how a fault ends the drive.
 pub(super) fn history(
     (events, ended): (&[Event], &str),
     to: &mut Console<'_>,

@@ -124,7 +124,7 @@ fn ask<B: Bench>(
 impl From<CalibrateError> for Failure {
     fn from(error: CalibrateError) -> Self {
         match error {
-            // It has no `--arm`, which the message of other commands names.
+            // `calibrate` has no `--arm`, which the message of other commands names.
             CalibrateError::Board(
                 error @ BoardError::Refused(Refusal::SetPoint(SetPointError::NotArmed)),
             ) => Self::Usage(format!("{error}: `thermyo board PORT arm`")),
@@ -134,12 +134,12 @@ impl From<CalibrateError> for Failure {
     }
 }
 
-/// A person who types, and reads what is asked.
+/// A person who types, and reads the questions.
 struct Terminal<'a, B> {
     board: &'a mut B,
     lines: Receiver<String>,
     asks: &'a mut dyn Write,
-    /// The output cannot be written.
+    /// Set once the output cannot be written.
     failed: Option<Failure>,
 }
 
@@ -183,7 +183,7 @@ impl<B: Bench> Dialogue for Terminal<'_, B> {
             Err(TryRecvError::Empty) => false,
         })?;
         if ended {
-            // The message that follows has a line of its own.
+            // Puts the message that follows on a line of its own.
             self.print("\n");
         }
         Ok(typed)

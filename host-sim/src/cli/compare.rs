@@ -36,7 +36,7 @@ pub(super) fn run(args: &CompareArgs, to: &mut Console<'_>) -> Result<(), Failur
     to.results(out, (&json, &text))
 }
 
-/// A joint has other columns than a muscle.
+/// Refuses a mix of joints and muscles, whose columns differ.
 fn refuse_unlike(runs: &[Recorded]) -> Result<(), Failure> {
     let of = |subject| runs.iter().map(|recorded| &recorded.run).find(|run| run.subject == subject);
     match (of(Subject::Joint), of(Subject::Muscle)) {
@@ -48,7 +48,7 @@ fn refuse_unlike(runs: &[Recorded]) -> Result<(), Failure> {
     }
 }
 
-/// Name of a run: its path without the file name that a trace has.
+/// Name of a run: its path without the file name of a trace.
 fn name(path: &Path) -> String {
     let folder = path
         .parent()

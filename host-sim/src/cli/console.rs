@@ -1,4 +1,4 @@
-//! Where a command prints, and in which form.
+//! Output of a command, and its form.
 
 use super::Failure;
 use clap::Args;
@@ -101,7 +101,7 @@ impl Console<'_> {
         }
     }
 
-    /// Prints a message about the command's way or end.
+    /// Prints a message about the command's progress or end.
     pub(super) fn say(&mut self, message: impl Display) {
         let _ = writeln!(self.err, "thermyo: {message}");
     }
@@ -112,7 +112,7 @@ impl Console<'_> {
         }
     }
 
-    /// Publishes results, and prints where an earlier result was moved to.
+    /// Publishes results, and prints where earlier results were moved to.
     pub(super) fn publish(&mut self, out: OutputDir) -> Result<(), Failure> {
         let folder = out.path().to_path_buf();
         if let Some(earlier) = out.publish()? {
@@ -122,7 +122,7 @@ impl Console<'_> {
         Ok(())
     }
 
-    /// Publishes results, and prints them: JSON, or text with the place of the report.
+    /// Publishes results, and prints them: JSON, or text with the location of the report.
     pub(super) fn results(
         &mut self,
         out: OutputDir,

@@ -48,7 +48,7 @@ impl DriveArgs {
     }
 }
 
-/// A drive on a board: set points over its time, and the record that they make.
+/// A drive on a board: set points over its time, and the resulting record.
 pub(super) struct Planned<'a, R: Record> {
     pub(super) record: R,
     pub(super) course: &'a dyn Course<SetPointOf<R>>,
@@ -57,7 +57,7 @@ pub(super) struct Planned<'a, R: Record> {
     pub(super) profile: Option<String>,
     /// Summary as text.
     pub(super) brief: fn(&R::Driven, UnitSystem) -> String,
-    /// A refusal of the board to be armed.
+    /// Failure for a board that refuses to be armed.
     pub(super) refused: fn(BoardError, UnitSystem) -> Failure,
 }
 
@@ -113,7 +113,7 @@ pub(super) fn drive_planned<R: Record>(
     driven
 }
 
-/// `place` names the folder of the recording until it is published.
+/// Drives a board and records it. `place` names the folder of the recording until it is published.
 fn drive_and_record<R: Record>(
     board: &mut R::Board,
     args: &DriveArgs,

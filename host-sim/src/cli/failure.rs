@@ -31,7 +31,7 @@ pub(super) enum Failure {
     Merge(MergeError),
     /// Exit 1: the data of a tuning was not good enough.
     Tune(Refusal),
-    /// As above, of a joint.
+    /// As above, for a joint.
     JointTune(joint_tune::Refusal),
     /// Exit 2: arguments that do not go together.
     Usage(String),
@@ -45,11 +45,11 @@ pub(super) enum Failure {
     Run(RunError),
     /// Exit 1, or 2 where nothing was run: a joint.
     Joint(thermyo_joint::RunError),
-    /// Exit 1: it ran, and a stated check did not hold.
+    /// Exit 1: the command ran, and a stated check did not hold.
     Check(String),
     /// Exit 130: Ctrl-C was pressed.
     Interrupted,
-    /// As above, at a time that the message has.
+    /// As above, at a time that the message states.
     StoppedAt(String),
 }
 
@@ -156,7 +156,7 @@ impl Failure {
             | Self::Run(RunError::Board(BoardError::Interrupted) | RunError::Stopped)
             | Self::Identify(IdentifyError::Stopped { .. }) => STOPPED,
             Self::Run(RunError::Board(BoardError::Vented(_))) => 1,
-            // By the scenario, before any experiment.
+            // Found from the scenario, before any experiment.
             Self::Tune(Refusal::NoPulses)
             | Self::JointTune(joint_tune::Refusal::Muscle(Refusal::NoPulses)) => 2,
             Self::Input(_)
@@ -188,7 +188,8 @@ mod tests {
     use super::*;
     use thermyo_simulation::board::BoardError::Silent;
 
-    /// A board that cannot be used ended `tune` of a muscle with 1, and that of a joint with 2.
+    /// A board that cannot be used once ended `tune` of a muscle with 1, and that of a joint with
+    /// 2.
     #[test]
     fn a_board_that_cannot_be_used_is_exit_code_2_in_every_command() {
         let silent = || Silent { asked: "status" };

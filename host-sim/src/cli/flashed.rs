@@ -46,7 +46,7 @@ pub(super) fn run(command: BoardCommand, to: &mut Console<'_>) -> Result<(), Fai
     if let BoardTask::Plug { .. } | BoardTask::Unplug = task {
         return plug(&port, task, to);
     }
-    // A file that is refused leaves a board alone.
+    // A refused file leaves the board alone.
     if let BoardTask::Config(ConfigTask::Write { file }) = &task
         && thermyo_joint::load(file)?.is_none()
     {
@@ -138,7 +138,7 @@ pub(super) fn serve(args: &ServeArgs) -> Result<(), Failure> {
     let files: [&Path; 3] = [scripts, image, file];
     let joint = scenario.as_deref().map(thermyo_joint::load).transpose()?.flatten();
     if let Some(joint) = joint {
-        // The serial line carries the telemetry of a joint in every third step only.
+        // The serial link carries the telemetry of a joint in every third step only.
         return Ok(service::serve(files, (Port::Usb, ""), joint_board::at_pins(&joint)?)?);
     }
     let loaded = match scenario {
@@ -171,7 +171,7 @@ fn arm(board: &mut LiveBoard, most_pa: Option<f64>, to: &mut Console<'_>) -> Res
     armed((armed_pa, &board.config()?, "absolute"), to)
 }
 
-/// A joint's scenario is nothing for a board that drives one muscle.
+/// Refuses a joint's scenario for a board that drives one muscle.
 fn refuse_joint(file: &Path) -> Result<(), Failure> {
     if thermyo_joint::load(file)?.is_none() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! Lines for a terminal that is narrower than they are.
+//! Folds lines that are wider than the terminal.
 
 use std::io::{self, Write};
 
@@ -67,7 +67,7 @@ fn place(text: &str, width: usize) -> Option<usize> {
     }
     let begin = text.len() - text.trim_start().len();
     let fitting = text.get(begin..beyond).unwrap_or_default();
-    // A mark before a sentence is not a column.
+    // A mark before a sentence does not count as a column.
     let columns = fitting.rfind("  ").filter(|at| 3 * (begin + at) > width);
     let gap = columns.or_else(|| fitting.rfind(' '));
     gap.map(|at| begin + at).or_else(|| text[beyond..].find(' ').map(|at| beyond + at))

@@ -1,4 +1,4 @@
-//! `thermyo init`: a scenario of one's own rig, from a few answers.
+//! `thermyo init`: a scenario of the user's own rig, from a few answers.
 
 use super::{Console, Failure, FormatArgs, quantity};
 use clap::Args;
@@ -10,7 +10,7 @@ use thermyo_scenario::preset::{MusclePreset, Preset, PressurePreset, ValvePreset
 use thermyo_scenario::{Scenario, schema};
 use thermyo_setup::{contraction_held, highest_pa};
 
-/// Contraction that is driven where the rig reaches it \[-\].
+/// Contraction of the drive where the rig reaches it \[-\].
 const USUAL_CONTRACTION: f64 = 0.1;
 const MM_PER_M: f64 = 1000.0;
 
@@ -47,7 +47,7 @@ pub(super) struct InitArgs {
     format: FormatArgs,
 }
 
-/// One question: its flag, the words to ask it by, and the key that it answers.
+/// One question: its flag, its words, and the key that it answers.
 struct Question {
     flag: &'static str,
     words: &'static str,
@@ -78,14 +78,14 @@ const SUPPLY: Question = Question {
     key: "supply.pressure_pa",
 };
 
-/// Where answers come from: flags, and what is typed at a terminal if there is one.
+/// Sources of answers: flags, and a terminal if there is one.
 struct Answers<'a> {
     typed: Option<&'a mut dyn BufRead>,
     stderr: &'a mut dyn Write,
 }
 
 impl Answers<'_> {
-    /// The answer to a question, as often as it takes; `checked` says what is allowed.
+    /// Asks a question until the answer is allowed; `checked` states what is allowed.
     fn to<T>(
         &mut self,
         question: &Question,
@@ -107,7 +107,7 @@ impl Answers<'_> {
             let mut line = String::new();
             let read = typed.read_line(&mut line);
             if !matches!(read, Ok(count) if count > 0) {
-                // The message that follows has a line of its own.
+                // Puts the message that follows on a line of its own.
                 let _ = writeln!(self.stderr);
                 return Err(Failure::Usage(format!("no answer for {flag}; nothing is written")));
             }
@@ -143,8 +143,8 @@ impl Answers<'_> {
         self.to(question, given, &hint, |text| typed(question.key, text))
     }
 
-    /// The muscle's dimensions by key, none that its preset has. Where they make no muscle those that are typed are
-    /// asked for again: one in mm may be in range in m.
+    /// The muscle's dimensions by key; none that its preset has. Where they make no muscle, the typed ones are asked
+    /// for again: a value in mm may be in range in m.
     fn dimensions(
         &mut self,
         args: &InitArgs,
@@ -201,14 +201,14 @@ fn allowed(key: &str, number: f64) -> Result<f64, String> {
     Ok(number)
 }
 
-/// How a length that was meant in mm is given.
+/// Hint how to write a length that was meant in mm.
 fn in_mm(length_mm: f64) -> String {
     // To the micrometre: 13.9/1000 is 0.013900000000000001.
     let length_m = (length_mm * 1.0e3).round() / 1.0e6;
     format!("; for {length_mm} mm use {length_m} or {length_mm}mm")
 }
 
-/// A number that was typed, which may have a unit as a flag's has.
+/// A typed number, which may have a unit as in a flag.
 fn typed(key: &str, text: &str) -> Result<f64, String> {
     quantity(schema::limits(key).unit)(text).and_then(|number| allowed(key, number))
 }
@@ -288,7 +288,7 @@ fn muscle_table(word: &str, dimensions: &[(&str, f64)]) -> String {
     text
 }
 
-/// The drive's text, a set point that the rig reaches, and a note where that is no usual one.
+/// The drive's text, with a set point that the rig reaches, and a note if it is not the usual one.
 fn drive(plant: &Scenario) -> (String, &'static str) {
     if let Some(contraction) = contraction_held(plant, USUAL_CONTRACTION) {
         let text = format!("\n[drive]\nkind = \"contraction\"\ncontraction = {contraction:?}\n");
@@ -342,7 +342,7 @@ fn unknown(presets: &[(&str, String)]) -> Vec<(Vec<&'static str>, &'static str)>
 mod tests {
     use super::*;
 
-    /// A diameter in mm was refused after the last question, and all answers were lost.
+    /// A diameter in mm used to be refused only after the last question, and all answers were lost.
     #[test]
     fn dimensions_that_make_no_muscle_are_asked_for_again() {
         let args = InitArgs {

@@ -24,7 +24,7 @@ fn request() -> bool {
     REQUESTED.swap(true, Ordering::Relaxed)
 }
 
-/// From now on Ctrl-C only requests a stop; clears an earlier request.
+/// Makes Ctrl-C only request a stop from now on; clears an earlier request.
 pub(super) fn watch() {
     INSTALLED.call_once(|| {
         // Without a handler Ctrl-C ends the program at once, and the rows written so far stay.
@@ -38,8 +38,8 @@ pub(super) fn watch() {
             std::thread::spawn(move || {
                 signals.forever().for_each(|signal| match signal {
                     SIGINT => pressed(),
-                    // They come in pairs: `timeout` signals the command and then its group, and of a
-                    // closed terminal shell and kernel each send one.
+                    // Signals come in pairs: `timeout` signals the command and then its group, and for a closed
+                    // terminal the shell and the kernel each send one.
                     _ => drop(request()),
                 });
             });
@@ -48,8 +48,7 @@ pub(super) fn watch() {
     REQUESTED.store(false, Ordering::Relaxed);
 }
 
-/// Whether SIGHUP is ignored, as `nohup` sets it. Only Linux reports that; elsewhere it is left
-/// alone.
+/// Whether SIGHUP is ignored, as `nohup` sets it. Only Linux reports this; elsewhere the signal is left alone.
 #[cfg(unix)]
 fn ignores_hangup() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

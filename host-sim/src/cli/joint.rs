@@ -11,7 +11,7 @@ use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary, angle
 use thermyo_logs::Logs;
 use thermyo_logs::topics::JOINT;
 
-/// Validates it and prints it with every default.
+/// Validates the joint's scenario and prints it with every default.
 pub(super) fn check(
     loaded: &JointLoaded,
     path: &Path,
@@ -56,7 +56,7 @@ pub(super) fn run(
     to.results(out, (&json, &brief(&summary, to.units)))
 }
 
-/// Streams the trace into `out`.
+/// Streams the trace of a run into `out`.
 fn record(
     loaded: &JointLoaded,
     (args, logs): (&RunArgs, &Logs),
@@ -88,7 +88,7 @@ fn record(
     Ok(summary)
 }
 
-/// Share of the time in which a joint may be limited before it is worth a line: more than single steps of a set point.
+/// Share of the time for which a joint may be limited before a line reports it: more than single steps of a set point.
 const LIMITED: f64 = 0.05;
 
 fn brief(summary: &Summary, units: UnitSystem) -> String {
@@ -113,7 +113,7 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
     text + &remarks(figures)
 }
 
-/// Lines about what gave way and about faults, if there was any.
+/// Lines about a limited quantity and about faults, if there are any.
 pub(super) fn remarks(figures: &Figures) -> String {
     let mut text = String::new();
     if figures.limited > LIMITED {

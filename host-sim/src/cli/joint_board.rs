@@ -23,8 +23,8 @@ use thermyo_studies::drive::{driven, joint};
 /// Interval of the printed lines \[s\].
 const LINE_S: f64 = 0.5;
 
-/// The joint of a scenario at an emulated board's pins: each call runs a millisecond of both. It begins
-/// where the drive begins.
+/// The joint of a scenario at an emulated board's pins: each call runs a millisecond of both. It starts where the drive
+/// starts.
 pub(super) fn at_pins(
     loaded: &JointLoaded,
 ) -> Result<impl FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError> + use<>, Failure> {
@@ -102,13 +102,13 @@ fn read(board: &mut LiveJoint, file: &Path, to: &mut Console<'_>) -> Result<(), 
     config_file((file, &thermyo_joint::render(&scenario), exact), &status, to)
 }
 
-/// Faults that are shown, of both muscles and of the joint.
+/// Faults of both muscles and of the joint.
 fn shown(telemetry: &JointTelemetry) -> Value {
     let [a, b] = telemetry.muscles.map(|muscle| muscle.faults.to_string());
     json!({ "a": a, "b": b, "joint": telemetry.faults.to_string() })
 }
 
-/// A refusal that names only what holds, and the command that helps.
+/// A refusal that names only the applicable reasons, and the command that helps.
 fn refused(error: BoardError, units: UnitSystem) -> Failure {
     if let BoardError::Refused(Refusal::JointSetPoint(JointError::Range {
         field: JointField::Angle,
@@ -176,12 +176,12 @@ fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
     })
 }
 
-/// Sends a set point, shows the joint until the time is over or Ctrl-C comes, and vents.
+/// Sends a set point, shows the joint until the time is over or Ctrl-C is pressed, and vents.
 fn set(board: &mut LiveJoint, args: &SetArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let set_point = set_point(args)?;
     interrupt::watch();
     if args.arm {
-        // A board that was not armed stays so with a set point that is refused.
+        // A refused set point leaves a board that is not armed as it was.
         let armed = board.check_set_point(set_point).and_then(|()| board.arm(None));
         armed.map_err(|error| refused(error, to.units))?;
     }
@@ -206,8 +206,8 @@ fn set(board: &mut LiveJoint, args: &SetArgs, to: &mut Console<'_>) -> Result<()
 /// The time since the set point \[s\], and the joint then.
 type Held = (f64, JointTelemetry);
 
-/// Prints the joint from the step `first` on, until the time, or that of a lock, is over or it is stopped. Returns
-/// whether it was stopped, and the last of it.
+/// Prints the joint from the step `first` on, until the time, or the time of a lock, is over or the user stops it.
+/// Returns whether the user stopped it, and the last telemetry.
 fn hold(
     board: &mut LiveJoint,
     (args, set_point, first): (&SetArgs, JointSetPoint, u32),
@@ -218,9 +218,9 @@ fn hold(
     while !interrupt::is_requested() {
         let Some(telemetry) = board.poll()? else { continue };
         let [a, _] = &telemetry.muscles;
-        // Telemetry from before the set point is skipped, with a lost link that arming has cleared.
+        // Skips telemetry from before the set point, which may show a lost link that arming has cleared.
         let Some(steps) = a.step.checked_sub(first) else { continue };
-        // Going away would vent a joint that its lock still holds.
+        // Leaving would vent a joint that its lock still holds.
         let locked = telemetry.mode == JointMode::Locked;
         if let Some(faults) = venting(&telemetry).filter(|_| !locked) {
             return Err(Failure::Check(format!("it vents: {faults}")));

@@ -1,4 +1,4 @@
-//! `thermyo measure`: what a muscle itself shows of its gas.
+//! `thermyo measure`: properties of the gas that the muscle itself shows.
 
 use super::progress::Bar;
 use super::{
@@ -153,7 +153,7 @@ fn measure(
     let interrupted = match outcome {
         Ok(()) => false,
         Err(RunError::Stopped | RunError::Board(BoardError::Interrupted)) => true,
-        // The line broke or a fault vented: what was measured until then is kept.
+        // The link broke or a fault vented: measurements until then are kept.
         Err(error) if !record.rows.rows.is_empty() => {
             let findings = measured(&record, plan, loaded, board);
             write(&mut files, &findings, &record, loaded, title)?;

@@ -83,7 +83,7 @@ use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 use thermyo_studies::drive::Record;
 
-/// Arguments that print text for a program or a file: it is not folded.
+/// Arguments that print text for a program or a file, which is not folded.
 const AS_IT_IS: [Option<&str>; 4] =
     [Some("--json"), Some("--plan"), Some("check"), Some("completions")];
 
@@ -357,7 +357,7 @@ pub fn run<A: Into<OsString> + Clone>(
     }
 }
 
-/// Adds the command that was probably meant where clap has no suggestion: swapped letters.
+/// Adds the command that was probably meant where clap has no suggestion, such as for swapped letters.
 fn suggest(usage: &mut clap::Error, arguments: &[OsString]) {
     use clap::error::{ContextKind, ContextValue};
     let Some(ContextValue::String(word)) = usage.get(ContextKind::InvalidSubcommand) else {
@@ -374,7 +374,7 @@ fn suggest(usage: &mut clap::Error, arguments: &[OsString]) {
     }
 }
 
-/// Adds where an unknown option belongs: `--random` of `evaluate tune` to `evaluate estimator`.
+/// Adds the command that has an unknown option: for `--random` of `evaluate tune`, `evaluate estimator`.
 fn suggest_sibling(usage: &mut clap::Error, arguments: &[OsString]) {
     use clap::error::{ContextKind, ContextValue};
     let Some(ContextValue::String(option)) = usage.get(ContextKind::InvalidArg) else { return };
@@ -421,7 +421,7 @@ fn joint_with(
     Ok(Some(loaded))
 }
 
-/// Whether a warning counts for an experiment, which lasts as long as it does: `run.duration_s` is not used.
+/// Whether a warning applies to an experiment. An experiment has its own duration: `run.duration_s` is not used.
 fn counts_in_experiment(warning: &InputError) -> bool {
     let Problem::NoSense { key, .. } = &*warning.problem else { return true };
     !(key.starts_with("faults.") && key.ends_with("from_s"))
@@ -480,7 +480,7 @@ fn run_command(args: &RunArgs, to: &mut Console<'_>) -> Result<(), Failure> {
         record(&loaded, board.as_mut(), measured.as_ref(), (quiet, &logs), &mut out, each);
     let summary = match summary {
         Err(Failure::Interrupted) => return Err(stopped(out, to)),
-        // The line broke or the board restarted: the rows so far stay where they are.
+        // The link broke or the board restarted: the rows so far stay where they are.
         Err(failure @ Failure::Run(RunError::Board(_))) if rows > 0 => {
             to.say(format_args!("the record so far is in {}", out.leave().display()));
             return Err(failure);
@@ -511,7 +511,7 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     };
     let table = table::read_either(data, Readings::are_in)
         .map_err(|error| of_unknown_column(error, &known_columns()))?;
-    // Without times it is refused for that, however far it goes.
+    // A table without times is refused for that, damaged or not.
     if table.column(measured::TIME).is_ok() || Readings::are_in(&table) {
         say_damage(&table, to);
         to.warn(measured::doubt(&table).as_slice());
@@ -540,7 +540,7 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }
 
-/// The table on stdout, and the reasons beside it.
+/// Prints the table on stdout, and the reasons on stderr.
 fn plan_command(loaded: &Loaded, args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let shown = |csv: &str| match args.output.format.json {
         true => plan_json(csv),
@@ -672,7 +672,7 @@ fn record(
     out: &mut OutputDir,
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
-    // Written first: the trace of a killed program is replayed with it.
+    // Written first, so that the trace of a killed program can be replayed.
     out.text("scenario.toml", &thermyo_setup::render(loaded))?;
     let mut writer = logs.record(out, MUSCLE, &COLUMNS)?;
     let unwritable = |error: io::Error| out.unwritable(MUSCLE.file, &error);
@@ -744,8 +744,8 @@ fn say_damage(table: &Table, to: &mut Console<'_>) {
     }
 }
 
-/// Reads measurements to compare with a run of that length; warns about rows after its end, and about columns that are
-/// not compared.
+/// Reads measurements to compare with a run of this length; warns of rows after its end, and of columns that are not
+/// compared.
 fn read_to_compare(
     path: &Path,
     scenario: &Scenario,
@@ -827,7 +827,7 @@ mod tests {
             return;
         }
         let path = format!("{path}{} ", command.get_name());
-        // A name that only stands before others prints nothing itself.
+        // A name that only groups other commands prints nothing itself.
         let prints = !command.is_subcommand_required_set();
         for name in ["json", "quiet"].into_iter().filter(|_| prints) {
             let flag = command.get_arguments().find(|argument| argument.get_id() == name);
@@ -840,7 +840,7 @@ mod tests {
         command.get_subcommands().for_each(|command| assert_takes_both(command, &path));
     }
 
-    /// Exit code and message of arguments.
+    /// Exit code and message for arguments.
     fn refused(arguments: &[&str]) -> String {
         let (mut out, mut err) = (Vec::new(), Vec::new());
         let all = ["thermyo"].iter().chain(arguments);

@@ -34,7 +34,7 @@ pub(super) fn line(telemetry: &Telemetry, units: UnitSystem) -> String {
     )
 }
 
-/// Warns where a configured board has another calibration than the scenario that takes its place.
+/// Warns if a configured board has another calibration than the scenario that replaces it.
 pub(super) fn warn_of_another_calibration(
     board: &mut LiveBoard,
     file: &Path,
@@ -56,7 +56,7 @@ pub(super) fn warn_of_another_calibration(
     Ok(())
 }
 
-/// Warns where the emulated board has another muscle at its pins than the scenario that it gets.
+/// Warns if the emulated board has another muscle at its pins than the scenario it is given.
 pub(super) fn warn_of_another_muscle(
     port: &str,
     file: &Path,

@@ -11,7 +11,7 @@ use thermyo_compute::parallel::Watch;
 const REDRAW: Duration = Duration::from_millis(100);
 const CLEAR: &str = "\r\x1b[K";
 
-/// Cleared when dropped.
+/// Clears the bar when dropped.
 pub(super) struct Bar(Option<Mutex<State>>);
 
 struct State {
@@ -22,7 +22,7 @@ struct State {
 }
 
 impl Bar {
-    /// `length` parts are to be done, as far as is known.
+    /// `length`: number of parts to do, as far as it is known.
     pub(super) fn new(length: u64, quiet: bool) -> Self {
         let shown = !quiet && io::stderr().is_terminal();
         let state = State { position: 0, length, begun: Instant::now(), drawn: None };

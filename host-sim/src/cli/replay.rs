@@ -73,11 +73,11 @@ pub(super) fn run(args: &ReplayArgs, to: &mut Console<'_>) -> Result<(), Failure
         })
         .collect();
     to.results(out, (&json, &text))?;
-    // Without the state of the core at the first row, no equal bits are claimed.
+    // Without the core's state at the first row, equal bits are not claimed.
     if part.first_step > 0 { Ok(()) } else { verdict(&outcome, rows) }
 }
 
-/// Whether both paths are of one folder that exists.
+/// Whether both paths lead to one existing folder.
 fn is_the_same(record: &Path, folder: &Path) -> bool {
     let record = if record.as_os_str().is_empty() { Path::new(".") } else { record };
     let [record, folder] = [record, folder].map(|path| path.canonicalize().ok());

@@ -49,7 +49,7 @@ pub(super) fn run(args: &ServeArgs, to: &mut Console<'_>) -> Result<(), Failure>
         load(path, to)?;
     }
     let operate = Operate { target: &target, folder: &folder, logs };
-    // A firmware that is built, and a board that starts, take their time.
+    // Building firmware and starting a board take time.
     interrupt::watch();
     let opened = target.open();
     if interrupt::is_requested() {
@@ -61,7 +61,7 @@ pub(super) fn run(args: &ServeArgs, to: &mut Console<'_>) -> Result<(), Failure>
     }
 }
 
-/// A board to serve, and where its recordings go.
+/// A board to serve, and the folder for its recordings.
 struct Operate<'a> {
     target: &'a Target,
     folder: &'a Path,

@@ -148,7 +148,7 @@ const HELD_S: f64 = 1.0;
 struct Held {
     time_s: f64,
     pressure_pa: f64,
-    /// NaN where the rest length is unknown.
+    /// NaN if the rest length is unknown.
     contraction: f64,
     limited: bool,
 }
@@ -162,7 +162,7 @@ pub(super) fn run(
     let config = board.config()?;
     interrupt::watch();
     if args.arm {
-        // A board that was not armed stays so with a set point that is refused.
+        // A refused set point leaves a board that is not armed as it was.
         board.check_set_point(set_point)?;
         board.arm(None)?;
     }
@@ -184,7 +184,7 @@ pub(super) fn run(
     Err(stopped_at(end_s, args.hold))
 }
 
-/// Ctrl-C was pressed at that time, before the time to hold was over \[s\].
+/// Ctrl-C was pressed at this time, before the time to hold was over \[s\].
 pub(super) fn stopped_at(time_s: f64, hold_s: Option<f64>) -> Failure {
     let of = hold_s.map_or_else(String::new, |hold_s| format!(" of {hold_s} s"));
     Failure::StoppedAt(format!("{time_s:.2} s{of}"))
@@ -204,7 +204,8 @@ fn averaged(held: &[Held]) -> String {
     }
 }
 
-/// Prints the means of the last second, or of all where it was shorter, and their differences from the set point.
+/// Prints the means of the last second, or of the whole time if that is shorter, and their differences from the set
+/// point.
 fn result(set_point: SetPoint, held: &[Held], to: &mut Console<'_>) -> Result<(), Failure> {
     let count = held.len().max(1) as f64;
     let mean_pa = held.iter().map(|held| held.pressure_pa).sum::<f64>() / count;
@@ -247,8 +248,8 @@ fn result(set_point: SetPoint, held: &[Held], to: &mut Console<'_>) -> Result<()
     to.answer(&json, &format!("{text}; it vents\n"))
 }
 
-/// Prints the muscle from the step `first` on, until the time is over or it is stopped. Returns
-/// whether it was stopped, and the muscle over time.
+/// Prints the muscle from the step `first` on, until the time is over or the user stops it. Returns whether the user
+/// stopped it, and the muscle over time.
 fn hold(
     board: &mut LiveBoard,
     args: &SetArgs,
@@ -269,7 +270,7 @@ fn hold(
             break true;
         }
         let Some(telemetry) = board.poll()? else { continue };
-        // Telemetry from before the set point is skipped, with a lost link that arming has cleared.
+        // Skips telemetry from before the set point, which may show a lost link that arming has cleared.
         let Some(steps) = telemetry.step.checked_sub(first) else { continue };
         let faults = telemetry.faults.of(VENTING);
         if faults != Faults::NONE {
@@ -286,7 +287,7 @@ fn hold(
             next_line_s += LINE_S[usize::from(columns.is_some())];
             let text = format!("{time_s:7.2} s  {}", line(&telemetry, to.units));
             match columns {
-                // The same line again: a longer one would not return to its start.
+                // Rewrites the same line: a longer line would not return to its start.
                 Some(columns) => {
                     let cut: String = text.chars().take(columns).collect();
                     print(&mut io::stdout(), &format!("\r{cut}\x1b[K"))?;
@@ -308,7 +309,7 @@ fn hold(
 mod tests {
     use super::*;
 
-    /// 0.2 s were "the mean of the last second".
+    /// A mean over 0.2 s used to be printed as "the mean of the last second".
     #[test]
     fn a_mean_names_the_time_that_it_is_taken_over() {
         let held =

@@ -12,7 +12,7 @@ pub(super) fn completions(shell: Shell, to: &mut Console<'_>) -> Result<(), Fail
     to.answer(&json, &script)
 }
 
-/// The command line without hidden commands, which the scripts would offer.
+/// The command line without hidden commands, which the completion scripts would otherwise offer.
 fn offered() -> Command {
     let whole = Cli::command();
     let tasks = whole.get_subcommands().filter(|task| !task.is_hide_set());

@@ -11,10 +11,10 @@ use thermyo_scenario::joint::{JointDocument, is_joint};
 const KEY: &str = "run.log_every";
 /// Mean length of a cell and its comma, on the traces of the shipped scenarios \[byte\].
 const CELL_BYTES: f64 = 12.0;
-/// Traces above this are warned of \[byte\].
+/// Size of a trace above which a warning is printed \[byte\].
 const LARGE_BYTES: f64 = 1.0e9;
 
-/// Warns before a run that writes a large trace with that many columns.
+/// Warns before a run that writes a large trace with this many columns.
 pub(super) fn warn(run: &Run, columns: usize, path: &Path, to: &mut Console<'_>) {
     let rows = run.steps() / run.log_every + 1;
     let bytes = rows as f64 * columns as f64 * CELL_BYTES;

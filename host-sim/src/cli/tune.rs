@@ -43,7 +43,7 @@ pub(super) enum TunePlan {
 }
 
 const RECORD: &str = "motion.csv";
-/// Lower values are in another unit, such as bar \[Pa\].
+/// Lowest plausible pressure: a lower value is in another unit, such as bar \[Pa\].
 const LEAST_PA: f64 = 1.0e5;
 
 pub(super) fn pressure(text: &str) -> Result<f64, String> {
@@ -62,7 +62,7 @@ struct Watched<'a> {
     bar: &'a Bar,
     /// Time driven before this experiment.
     before_ms: u64,
-    /// Time of the checks after it.
+    /// Time of the checks after the experiment.
     checks_ms: u64,
 }
 
@@ -143,7 +143,7 @@ pub(super) fn run(args: &TuneArgs, to: &mut Console<'_>) -> Result<(), Failure> 
     }
 }
 
-/// Says what an interrupted experiment leaves.
+/// Prints what an interrupted experiment leaves.
 pub(super) fn interrupted(out: &OutputDir, to: &mut Console<'_>) -> Failure {
     let record = out.place().join(RECORD);
     let left = if record.exists() {
@@ -163,7 +163,7 @@ pub(super) struct Done {
 }
 
 impl Done {
-    /// Writes what every experiment writes. `adopted` is whether a board keeps the values.
+    /// Writes the files common to every experiment. `adopted` is whether a board keeps the values.
     pub(super) fn new(
         args: &TuneArgs,
         out: &mut OutputDir,
@@ -181,7 +181,7 @@ impl Done {
         Ok(Self { json, text, failed: None })
     }
 
-    /// The same, for values that are not to be relied on.
+    /// The same result, for values that are not reliable.
     pub(super) fn failing(self, failed: Option<String>) -> Self {
         Self { failed, ..self }
     }
@@ -216,7 +216,7 @@ fn motion(
     let found = on_bench(args, (loaded, highest_pa), to, |bench| {
         let record = tune::motion_record(loaded, &args.scenario, highest_pa, bench)?;
         out.text(RECORD, &record)?;
-        // The experiment cannot be had again as soon: its record stays if the search is not finished.
+        // The experiment cannot be repeated quickly: its record stays if the search does not finish.
         out.keep();
         let record_file = out.place().join(RECORD);
         let watch = Bar::new(0, args.output.format.quiet);

@@ -1,4 +1,4 @@
-//! The message about a plant that cannot be simulated, or only slowly, at the key of its file that makes it so.
+//! The message about a plant that cannot be simulated, or only slowly, at the responsible key of its file.
 
 use super::{Console, Failure};
 use std::path::Path;
@@ -19,11 +19,11 @@ const SIZES: [&str; 7] = [
     "table.csv",
 ];
 
-/// Below this integration step, a hundredth of the usual one, a simulation takes longer than the time it simulates, or
-/// nearly so \[s\].
+/// Integration step below which a simulation takes longer than the simulated time, or nearly so; a hundredth of the
+/// usual step \[s\].
 const SLOW_STEP_S: f64 = 1.0e-6;
 
-/// Steps that would be too short are found only when the plant is built. Warns of those that are short.
+/// Refuses a plant whose steps would be too short, which shows only when the plant is built. Warns of short steps.
 pub(super) fn refuse(loaded: &Loaded, path: &Path, to: &mut Console<'_>) -> Result<(), Failure> {
     let plant = thermyo_plant::build(&loaded.plant, loaded.volume_profile.clone())
         .map_err(|error| of_one_chamber(path, error.to_string()))?;
@@ -46,7 +46,7 @@ fn of_one_chamber(path: &Path, reason: String) -> InputError {
     located(path, entry.map(Entry::given), reason)
 }
 
-/// The same for a joint.
+/// As [`refuse`], for a joint.
 pub(super) fn refuse_joint(loaded: &JointLoaded, path: &Path) -> Result<(), Failure> {
     Rig::new(loaded, Inputs::of(loaded.motion(0.0))).map(drop).map_err(|error| {
         let reason = error.to_string();
@@ -55,7 +55,7 @@ pub(super) fn refuse_joint(loaded: &JointLoaded, path: &Path) -> Result<(), Fail
             let mut entries = document.as_ref()?.muscles.iter().flat_map(|one| one.plant.iter());
             entries.find(|entry| reason.starts_with(entry.key.name)).map(Entry::given)
         });
-        // An allowed range behind its key, and a reason otherwise.
+        // Puts an allowed range behind its key, and a reason otherwise.
         let of_inertia = |(_, key, _): &Given| key == "joint.inertia_kg_m2";
         let why = match reason.strip_prefix("joint.inertia_kg_m2: ") {
             Some(allowed) if given.as_ref().is_some_and(of_inertia) => allowed.to_owned(),
@@ -65,7 +65,7 @@ pub(super) fn refuse_joint(loaded: &JointLoaded, path: &Path) -> Result<(), Fail
     })
 }
 
-/// Keys that a reason names, in its order.
+/// Keys that a reason names, in order of appearance.
 fn keys(reason: &str) -> impl Iterator<Item = &str> {
     let sizes = SIZES.into_iter().filter(|_| reason.contains("smallest volume"));
     sizes.chain(paths_in(reason))

@@ -10,7 +10,7 @@ use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
 use thermyo_serve::page;
 
-/// Compiled small and fast: see `Cargo.toml`.
+/// Compiled to be small and fast: see `Cargo.toml`.
 const TARGET: &str = "wasm32-unknown-unknown";
 const PROFILE: &str = "playground";
 const MODULE: &str = "thermyo.wasm";
@@ -51,7 +51,7 @@ pub enum PlaygroundError {
 }
 
 /// Writes the page and an up-to-date module into a folder, replacing an earlier playground: any web
-/// server can serve the folder. Returns the bytes of all files together.
+/// server can serve the folder. Returns the total size of the files in bytes.
 pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     let scenarios: Vec<_> =
         scenarios().map(|(name, text)| json!({ "name": name, "text": text })).to_vec();
@@ -72,7 +72,7 @@ pub fn write(mut out: OutputDir) -> Result<u64, PlaygroundError> {
     if let Some(file) = foreign.filter(|_| !own) {
         return Err(PlaygroundError::Foreign(file));
     }
-    // Last: in a checkout it is built for minutes.
+    // Comes last: in a checkout the build takes minutes.
     let module = module()?;
     let mut bytes = module.len();
     for (name, text) in &texts {

@@ -1,6 +1,6 @@
 //! The shared library of a unit: the C interface of `host-sim/fmu`.
 //!
-//! A release build has it inside; a checkout builds it when it is stale, like the firmware.
+//! A release build contains it; a checkout builds it when it is stale, like the firmware.
 
 use std::env;
 use thermyo_boards::checkout::{self, Build, NotBuilt, workspace};
@@ -34,7 +34,7 @@ pub fn library() -> Result<Vec<u8>, NotBuilt> {
         target_folder: &target_folder,
         target: None,
         command: "rustc",
-        // Without symbols: a fifth of the size, and the dependencies are not built again.
+        // Without symbols: a fifth of the size, and the dependencies are not rebuilt.
         arguments: &["--release", "--package", "thermyo-fmu", "--lib", "--", "-C", "strip=symbols"],
     };
     build.run()?;

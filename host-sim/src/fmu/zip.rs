@@ -1,6 +1,6 @@
 //! A zip archive of a few files, stored: compression would take ten more crates into every build.
 
-/// 2.0, the version that the fields here need.
+/// Version 2.0, which the fields here need.
 const VERSION: u16 = 20;
 /// Names are UTF-8.
 const FLAGS: u16 = 1 << 11;
@@ -21,7 +21,7 @@ pub(super) fn stored(files: &[(String, Vec<u8>)]) -> Vec<u8> {
         for part in [b"PK\x03\x04", &shared[..], name.as_bytes(), content] {
             archive.extend_from_slice(part);
         }
-        // Made on a Unix: the mode follows. No comment, first disk, no hint about the content.
+        // Made on Unix: the mode follows. No comment, first disk, no hint about the content.
         let made = shorts(&[3 << 8 | VERSION]);
         let mut rest = shorts(&[0, 0, 0]);
         rest.extend([0o100_644 << 16, offset].into_iter().flat_map(u32::to_le_bytes));
@@ -59,7 +59,7 @@ mod tests {
             let mut file = archive.by_name(name).unwrap();
             assert_eq!(file.unix_mode(), Some(0o100_644));
             let mut read = Vec::new();
-            // Compares the checksum at its end.
+            // Reading to the end compares the checksum.
             file.read_to_end(&mut read).unwrap();
             assert_eq!(&read, content);
         }

@@ -6,9 +6,9 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use thermyo_files::input::InputError;
 
-/// The file by which such a drive is recognised.
+/// File that identifies such a drive.
 const INFO: &str = "INFO_UF2.TXT";
-/// The boot loader accepts any name.
+/// Name of the written file; the boot loader accepts any.
 const FILE: &str = "thermyo.uf2";
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// The boot loader's drive that is mounted at a folder.
+    /// The boot loader's drive mounted at a folder.
     pub fn at(path: &Path) -> Result<Self, FlashError> {
         let text = fs::read_to_string(path.join(INFO))
             .map_err(|_| FlashError::NoDrive { path: path.to_path_buf() })?;
@@ -46,7 +46,7 @@ impl Drive {
         }
     }
 
-    /// Whether a drive is mounted, and not only a folder with the files of one.
+    /// Whether a drive is mounted, rather than a folder with the same files.
     pub fn is_mounted(&self) -> bool {
         #[cfg(unix)]
         {
@@ -79,8 +79,8 @@ pub fn mounts() -> Vec<PathBuf> {
     volumes.filter_map(|entry| Some(entry.ok()?.path())).collect()
 }
 
-/// Mount point of a FAT in a line of Linux's list of mounts. Other file systems are not looked
-/// into: they cannot be such a drive, and may hang.
+/// Mount point of a FAT in a line of Linux's list of mounts. Other file systems are skipped: they
+/// cannot be such a drive, and may hang.
 fn fat_mount(line: &str) -> Option<PathBuf> {
     let mut fields = line.split(' ').skip(1);
     let folder = fields.next()?;

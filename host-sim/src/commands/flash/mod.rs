@@ -61,7 +61,7 @@ impl Model {
         }
     }
 
-    /// Family of UF2 files; for the RP2350 the one of Arm cores in secure state, where the firmware
+    /// Family of UF2 files; for the RP2350 that of Arm cores in secure state, where the firmware
     /// runs.
     fn family(self) -> u32 {
         match self {
@@ -94,13 +94,13 @@ pub struct Flashed {
 
 #[derive(Debug, thiserror::Error)]
 pub enum FlashError {
-    /// There is no board, and none was named.
+    /// There is no board, and the request names none.
     #[error(
         "no board was found: plug one in, holding its BOOTSEL button where it does not run this \
          firmware yet, or name its port or its drive"
     )]
     NothingFound,
-    /// There is more than one, and none was named.
+    /// There is more than one board, and the request names none.
     #[error("several boards were found: name one of {}", .0.join(", "))]
     Several(Vec<String>),
     #[error(
@@ -166,13 +166,13 @@ pub struct Request {
     /// A port or a drive; `None` takes the only board that is found.
     pub target: Option<String>,
     pub model: Option<Model>,
-    /// The image of a joint of two muscles, in place of that of one muscle.
+    /// Flashes the image for a joint of two muscles instead of one muscle.
     pub joint: bool,
     /// Writes nothing and restarts no board.
     pub dry_run: bool,
 }
 
-#[allow(clippy::large_enum_variant)] // One at a time.
+#[allow(clippy::large_enum_variant)] // Only one exists at a time.
 enum Target {
     Drive(Drive),
     Port { name: String, line: Line, model: Model },
@@ -249,7 +249,7 @@ pub fn run(
     Ok(Flashed { port: Some(port), ..flashed })
 }
 
-/// The firmware and this program have one version.
+/// Version of this program, which is also the firmware's.
 const OURS: [u16; 3] = [
     number(env!("CARGO_PKG_VERSION_MAJOR")),
     number(env!("CARGO_PKG_VERSION_MINOR")),
@@ -289,8 +289,8 @@ fn named(name: &str) -> Result<Target, FlashError> {
     Ok(Target::Port { name: name.to_owned(), line, model })
 }
 
-/// The only board that is found: one that waits for an image takes precedence over one that runs
-/// one.
+/// The only board that is found: a board that waits for an image takes precedence over one that
+/// runs an image.
 fn only(mounts: &dyn Fn() -> Vec<PathBuf>) -> Result<Target, FlashError> {
     let drives: Vec<String> =
         find(&mounts()).iter().map(|drive| drive.path.display().to_string()).collect();
@@ -346,7 +346,7 @@ fn wait_for<T>(mut look: impl FnMut() -> Option<T>) -> Option<T> {
 mod tests {
     use super::*;
 
-    /// It was sent to its boot loader, in which it no longer answered.
+    /// The emulated board used to be sent to its boot loader, in which it no longer answered.
     #[test]
     fn the_emulated_board_is_not_flashed() {
         let request =

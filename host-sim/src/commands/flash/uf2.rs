@@ -54,7 +54,7 @@ fn pages(image: &[u8]) -> Result<BTreeMap<u32, [u8; PAGE]>, String> {
         if segment.p_type != PT_LOAD || data.is_empty() {
             continue;
         }
-        // The address at which it is stored, not at which it runs.
+        // The load address, not the address at which the segment runs.
         let start = u32::try_from(segment.p_paddr).unwrap_or(0);
         let end = start.checked_add(data.len() as u32).filter(|end| *end <= FLASH.end);
         let Some(end) = end.filter(|_| start >= FLASH.start) else {

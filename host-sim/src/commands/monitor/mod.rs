@@ -31,7 +31,7 @@ pub enum MonitorError {
     /// A file beside the recording cannot be written.
     #[error(transparent)]
     Output(#[from] InputError),
-    /// Without a terminal a lost line ends the recording.
+    /// Without a terminal a lost link ends the recording.
     #[error("the line to the board is gone; the rows until then are recorded")]
     Gone,
     /// The keys cannot be read, or nothing can be printed.
@@ -47,7 +47,7 @@ pub enum Ended {
     Stopped,
 }
 
-/// Where a monitor prints its figures.
+/// Form in which a monitor prints its figures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Shown {
     Not,
@@ -58,8 +58,8 @@ pub enum Shown {
 }
 
 /// Shows and records until Ctrl-C, `q` or Esc is pressed, which vents a driven board. `config.json`
-/// in `out` lists every configuration of the board, `scenario.toml` is the scenario of the last
-/// one. Without a terminal it records until `stopped`, or until the line is lost.
+/// in `out` lists every configuration of the board; `scenario.toml` is the scenario of the last
+/// one. Without a terminal it records until `stopped`, or until the link is lost.
 pub fn run<S: Monitored>(
     session: &mut Session<S>,
     out: &mut OutputDir,
@@ -114,7 +114,7 @@ fn watch<S: Monitored>(
             }
         }
         match view.show(&mut io::stdout(), session) {
-            // The program that read the figures has ended.
+            // The program that reads the figures has ended.
             Err(error) if shown == Shown::Lines && error.kind() == io::ErrorKind::BrokenPipe => {
                 return Ok(Ended::Left);
             }
@@ -142,7 +142,7 @@ enum Key {
     Stop,
     Vent,
     Arm,
-    /// Moves the set point by so many increments.
+    /// Moves the set point by this many increments.
     Move(f32),
 }
 

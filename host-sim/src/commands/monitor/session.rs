@@ -22,8 +22,7 @@ const SILENCE: Duration = Duration::from_secs(2);
 pub const EVERY: u16 = 1;
 /// Interval of the keep-alive messages of an idle host: a fraction of `link.timeout_s`.
 const ALIVE: Duration = Duration::from_millis(100);
-/// Requests whose answers are awaited: those of some seconds, fewer than there are sequence
-/// numbers.
+/// Number of pending requests: those of some seconds, fewer than there are sequence numbers.
 const OPEN_QUESTIONS: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,14 +31,14 @@ pub enum Status {
     Connected,
     /// The port is open, and no telemetry arrives.
     Silent,
-    /// The port is lost; opening it is tried again and again.
+    /// The port is lost; opening it is retried.
     Unplugged,
 }
 
 /// A configuration of the board, used from some row of the record on.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Configured<C> {
-    /// Rows recorded before it was known.
+    /// Rows recorded before the configuration was known.
     pub rows_before: u64,
     pub config: C,
 }
@@ -56,7 +55,7 @@ pub struct Session<S: Monitored> {
     last_reset: Option<LastReset>,
     first_failure: Option<FirstFailure>,
     timing: Option<Timing>,
-    /// Sequence numbers, and the index in [`Monitored::QUESTIONS`] of those.
+    /// Sequence numbers of requests, with the index in [`Monitored::QUESTIONS`] if they are among those.
     questions: Vec<(u8, Option<usize>)>,
     /// Answers to [`Monitored::QUESTIONS`].
     answers: Vec<Option<Answer>>,
@@ -65,14 +64,14 @@ pub struct Session<S: Monitored> {
     heard: Instant,
     connections: u32,
     latest: Option<S::Telemetry>,
-    /// The set point that the keys have asked for.
+    /// The set point that the keys have requested.
     wanted: Option<f32>,
     last_sent: Instant,
     refused: Option<Refusal>,
 }
 
 impl<S: Monitored> Session<S> {
-    /// Records a row per `every` steps, at least 1.
+    /// Opens a session that records a row per `every` steps, at least 1.
     pub fn open(name: &str, every: u16, recorder: Recorder) -> Result<Self, BoardError> {
         let now = Instant::now();
         Ok(Self {
@@ -102,7 +101,7 @@ impl<S: Monitored> Session<S> {
     /// Reads new data, requests missing data and reopens a lost port.
     ///
     /// # Errors
-    /// [`BoardError::Protocol`], and errors of the recording. A line that breaks is no error.
+    /// [`BoardError::Protocol`], and errors of the recording. A broken link is no error.
     pub fn poll(&mut self) -> Result<(), MonitorError> {
         self.recorder.hand_over_in_time().map_err(MonitorError::Recording)?;
         let Some(port) = &mut self.port else {
@@ -141,7 +140,7 @@ impl<S: Monitored> Session<S> {
         self.send_as(command, None);
     }
 
-    /// Sends a request, which is [`Monitored::QUESTIONS`] of that index.
+    /// Sends a request; `index` is its index in [`Monitored::QUESTIONS`].
     fn send_as(&mut self, command: HostCommand, index: Option<usize>) {
         self.last_sent = Instant::now();
         let (sequence, frame) = self.link.request(command);
@@ -158,7 +157,7 @@ impl<S: Monitored> Session<S> {
         self.send(HostCommand::Stop);
     }
 
-    /// Vents what is driven before it is left alone.
+    /// Vents a driven muscle before leaving it.
     pub fn let_go(&mut self) {
         if self.latest.is_some_and(|latest| S::set_point(&latest) != S::VENT) {
             self.vent();
@@ -171,7 +170,7 @@ impl<S: Monitored> Session<S> {
         self.send(HostCommand::Arm { most_pa: None });
     }
 
-    /// Moves the set point by so many increments.
+    /// Moves the set point by this many increments.
     pub fn move_set_point(&mut self, increments: f32) {
         let Some(telemetry) = self.latest else { return };
         let (wanted, command) = S::moved(&self.config(), &telemetry, (self.wanted, increments));
@@ -209,7 +208,7 @@ impl<S: Monitored> Session<S> {
 
     fn ask(&mut self) {
         self.asked = Some(Instant::now());
-        // Old requests are not answered any more.
+        // Old requests will not be answered.
         self.questions.drain(..self.questions.len().saturating_sub(OPEN_QUESTIONS));
         // The answers are long, and a board without time for them and for every step would lose telemetry.
         if self.is_configuration_known() {
@@ -220,7 +219,7 @@ impl<S: Monitored> Session<S> {
                 self.send_as(*question, Some(index));
             }
         }
-        // A board takes who asks for it to have just connected, and then does not hear what drives it.
+        // A board takes a version request for a new connection, and then does not receive driving requests.
         if self.version.is_none() {
             self.send(HostCommand::Version);
         }
@@ -289,7 +288,7 @@ impl<S: Monitored> Session<S> {
         &self.name
     }
 
-    /// How often the port has been opened.
+    /// Number of times that the port has been opened.
     pub fn connections(&self) -> u32 {
         self.connections
     }

@@ -33,17 +33,17 @@ pub trait Monitored: Subject<Config: Default + Serialize> {
     /// The configuration, once every one of [`Self::QUESTIONS`] is answered.
     fn config_of(answers: &[Option<Answer>]) -> Option<Self::Config>;
 
-    /// The set point so many increments from the wanted one, or from where it is, and its request.
+    /// The set point this many increments from the requested one, or from the present value, and its request.
     fn moved(
         config: &Self::Config,
         telemetry: &Self::Telemetry,
         by: (Option<f32>, f32),
     ) -> (f32, HostCommand);
 
-    /// The scenario that gives a configuration.
+    /// The scenario of a configuration.
     ///
     /// # Errors
-    /// For one that no scenario can give.
+    /// If no scenario can express the configuration.
     fn scenario(config: &Self::Config) -> Result<String, InputError>;
 
     /// A step in one line, the most important first.
@@ -151,8 +151,8 @@ impl Monitored for LiveJoint {
         }
     }
 
-    /// Moves the angle. The stiffness is that of the set point, or the one that the joint has: the lowest
-    /// pressures that hold the angle.
+    /// Moves the angle. The stiffness is that of the set point, or the joint's present one, with the lowest pressures
+    /// that hold the angle.
     fn moved(
         config: &JointConfig,
         telemetry: &JointTelemetry,

@@ -104,7 +104,7 @@ pub fn notes<S: Monitored>(session: &Session<S>, units: UnitSystem) -> Vec<Strin
     [connection, arming, restart, first, refused].into_iter().flatten().collect()
 }
 
-/// Remedy of a refusal, as the end of its message.
+/// Remedy for a refusal, as the end of its message.
 fn way_out(refusal: &Refusal) -> &'static str {
     match refusal {
         Refusal::NotConfigured
