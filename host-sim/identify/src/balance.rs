@@ -1,5 +1,5 @@
 //! The core's model of a muscle, driven by measured pressure and length. The mass through the port
-//! follows from the energy balance, so that no valve and no flow needs to be known.
+//! follows from the energy balance, so that neither valves nor flows need to be known.
 
 use super::data::{Given, holding};
 use crate::core_model::{HOUSING, Known, MASS, Model, SENSOR, State, WALL, hold_back};
@@ -12,12 +12,12 @@ use thermyo_scenario::Scenario;
 use thermyo_scenario::profile::Profile;
 use thermyo_setup::core_config::core_config;
 
-/// Steps over which surface and speed are constant. With one, the length's noise would become
-/// speed; with twenty, as in the core, the result would shift by a quarter of a percent.
+/// Steps over which surface and speed are constant. With one step, the length's noise would become
+/// speed; with twenty, as in the core, the result would shift by 0.25 %.
 const INTERVAL_STEPS: usize = 5;
 /// States with a fitted start value: gas, wall, sensor.
 const STARTS: usize = 3;
-/// Time after a pulse during which gas may still flow, as a pulse ends late \[s\].
+/// Time after a pulse during which gas may still flow, since a pulse ends late \[s\].
 const LATE_S: f64 = 0.06;
 
 /// Reason why a set of values has no prediction.
@@ -33,7 +33,7 @@ pub struct Balance {
     start_s: f64,
     start_k: f64,
     step_s: f64,
-    /// Inputs without volumes, which follow from the scenario.
+    /// Inputs without volumes; those follow from the scenario.
     known: Vec<Known>,
     /// How much the gas at the sensor swings, compared with the mean.
     location_factor: f64,
@@ -68,17 +68,17 @@ impl Balance {
         Self { start_s, start_k: *sensor_k, step_s, known, location_factor: 1.0 }
     }
 
-    /// The same with a sensor at which the gas swings by that factor.
+    /// The same, with this location factor of the sensor.
     pub fn with_location_factor(self, location_factor: f64) -> Self {
         Self { location_factor, ..self }
     }
 
-    /// Reading of the gas sensor at the times of `points`, by the core's model of that scenario. A
-    /// record may begin during a motion, so gas, wall and sensor start with the temperatures that
-    /// fit `points` best; their effect is taken as linear.
+    /// Reading of the gas sensor at the times of `points`, by the core's model of the scenario. A
+    /// record may begin during a motion, so gas, wall and sensor start at the temperatures that fit
+    /// `points` best; their effect is taken as linear.
     ///
     /// # Errors
-    /// When a temperature is not finite, or the work is stopped.
+    /// If a temperature is not finite, or the work is stopped.
     pub fn sensor_gas(
         &self,
         scenario: &Scenario,
@@ -114,7 +114,7 @@ impl Balance {
         let measured = points.iter().map(|(_, reading_k)| *reading_k);
         let left = DVector::from_iterator(points.len(), measured) - &even;
         let squares = effects.tr_mul(&effects);
-        // A record too short to tell them apart starts with equal temperatures.
+        // With a record too short to separate them, all start at one temperature.
         let fitted = match squares.cholesky() {
             Some(squares) => even + &effects * squares.solve(&effects.tr_mul(&left)),
             None => even,

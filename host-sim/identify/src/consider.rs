@@ -1,10 +1,10 @@
-//! Two properties that a fit to the gas sensor alone takes as known, and that are not: the lag of
-//! its housing, and how much the gas at the sensor swings compared with the mean.
+//! Two properties that a fit to the gas sensor alone takes as known although they are not: the lag of the sensor's
+//! housing, and the location factor.
 //!
-//! Neither shows in the residuals: lag and heat transfer move until they are as small as before.
-//! With the sensitivities J of the weighted residuals to the fitted logarithms, and J_c to one that
-//! is only considered, of standard deviation s, the fit is off by -(J'J)^-1 J' J_c s: its square is
-//! added to the covariance (consider covariance, Schmidt 1966).
+//! Neither shows in the residuals: lag and heat transfer shift until the residuals are as small as before. With the
+//! sensitivities J of the weighted residuals to the fitted logarithms, and J_c to one that is only considered, of
+//! standard deviation s, the fit is off by -(J'J)^-1 J' J_c s: its square is added to the covariance (consider
+//! covariance, Schmidt 1966).
 
 use super::data::Input;
 use super::fit::Problem;
@@ -15,7 +15,7 @@ use thermyo_scenario::{PlantModel, number, with_numbers};
 const HOUSING: &str = "sensor.gas.housing_time_constant_s";
 /// Standard deviation of the logarithm of the housing's lag: a factor of two. Assumption.
 const HOUSING_SD: f64 = 0.7;
-/// A housing without configured lag may have this one \[s\].
+/// Lag that a housing without configured lag may have \[s\].
 const LEAST_HOUSING_S: f64 = 0.1;
 /// Standard deviation of the logarithm of the location factor: 0.83 to 1.16 along a muscle, up to
 /// 1.7 on the axis of gas at rest. Assumption.
@@ -23,16 +23,16 @@ const LOCATION_SD: f64 = 0.15;
 /// Step of the differences in the logarithms.
 const DIFFERENCE: f64 = 0.05;
 
-/// Adds what is considered to a covariance of the parameters `inside`; `sensitivities` are theirs.
+/// Adds the considered properties to a covariance of the parameters `inside`; `sensitivities` belong to these.
 pub fn widened(
     problem: &Problem,
     place: &DVector<f64>,
     sensitivities: &DMatrix<f64>,
     mut covariance: DMatrix<f64>,
 ) -> DMatrix<f64> {
-    // In one zone the sensor has no housing, and sees the mean.
+    // In one zone the sensor has no housing, and senses the mean.
     let known = problem.scenario.plant.model != PlantModel::Full;
-    // Where every parameter is at a limit none is off.
+    // Where every parameter is at a limit, none has an error.
     let held = sensitivities.ncols() == 0;
     if known || held || !matches!(problem.data.input, Input::Given(_)) {
         return covariance;
@@ -71,7 +71,7 @@ mod tests {
     use thermyo_simulation::board::CoreBoard;
     use thermyo_simulation::run;
 
-    /// A record in minutes takes every parameter to a limit; the search of the errors of none panicked.
+    /// A record in minutes takes every parameter to a limit; the search for the errors of no parameter used to panic.
     #[test]
     fn a_fit_with_every_parameter_at_a_limit_has_an_end() {
         let text = "[run]\nduration_s = 20\n[heat]\nmodel = \"constant\"\n[identify]\nparameters = \

@@ -96,7 +96,7 @@ impl Model {
         }
     }
 
-    /// The same with a sensor at which the gas swings by that factor.
+    /// The same, with this location factor of the sensor.
     #[must_use]
     pub fn with_location_factor(self, location_factor: f64) -> Self {
         Self { location_factor, ..self }
@@ -126,7 +126,7 @@ impl Model {
     }
 
     /// Advances from the first of `steps` to the last and calls `each` with the gas temperature
-    /// after every step. `inflow_kg_s` is the inflow that stirs the gas; it is updated.
+    /// after every step. Updates `inflow_kg_s`, the inflow that stirs the gas.
     pub fn advance(
         &self,
         mut state: State,
@@ -233,7 +233,8 @@ impl Model {
     }
 }
 
-/// Enthalpy that the gas takes up beside its heat, by the change of pressure and volume \[J\].
+/// Enthalpy that the gas takes up in addition to its heat, by the change of pressure and volume
+/// \[J\].
 fn compression_j(before: &Known, now: &Known, k: f64) -> f64 {
     let mean_volume_m3 = 0.5 * (before.volume_m3 + now.volume_m3);
     let mean_pa = 0.5 * (before.pressure_pa + now.pressure_pa);
@@ -243,5 +244,5 @@ fn compression_j(before: &Known, now: &Known, k: f64) -> f64 {
 }
 
 /// Drift of housing and element per interval, as in the core: just enough to keep the covariance
-/// from being singular \[K2\].
+/// nonsingular \[K2\].
 const DRIFT_K2: f64 = 1e-6;

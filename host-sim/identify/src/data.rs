@@ -1,4 +1,4 @@
-//! Measurements that the plant is compared with, and the recorded inputs that drove it.
+//! Measurements to compare with the plant, and the recorded inputs that drove it.
 
 use std::path::Path;
 use thermyo_compute::math::{gaps, median_distance};
@@ -15,7 +15,7 @@ use thermyo_simulation::adc::OVERSAMPLING;
 /// Relative change of volume above which the column describes a piston's stroke.
 const STROKE: f64 = 1e-6;
 
-/// Distance of two rows, in typical distances, from which on there is a hole in the record.
+/// Distance of two rows, in typical distances, above which the record has a hole.
 const HOLE_ROWS: f64 = 20.0;
 
 /// Longest typical distance of rows at which they resolve a muscle's motion \[s\].
@@ -24,7 +24,7 @@ const SLOWEST_S: f64 = 1.0;
 /// LSBs of a raw code over a sensor's range.
 const CODE_STEPS: f64 = 32_760.0;
 
-/// A quantity that the plant is compared with.
+/// A quantity in which plant and measurements are compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Quantity {
     /// Absolute pressure \[Pa\].
@@ -47,8 +47,8 @@ impl Quantity {
         OBSERVABLE[self as usize]
     }
 
-    /// The plant's value. Pressure and length are compared without their sensors' lag, which is
-    /// below a millisecond.
+    /// Value of the quantity in the plant. Pressure and length are compared without their sensors' lag, which is below
+    /// a millisecond.
     pub fn of(self, truth: &Truth) -> f64 {
         match self {
             Self::Pressure => truth.pressure_pa,
@@ -92,13 +92,13 @@ pub struct Observed {
 /// Recorded inputs of the plant: (time \[s\], inlet, outlet).
 #[derive(Debug, Clone, PartialEq)]
 pub enum Input {
-    /// The drive follows from the scenario alone: closed, discharging, filling.
+    /// The scenario alone determines the drive: closed, discharging, filling.
     Scenario,
     /// Mean mass flows \[kg/s\] since the row before.
     Flows(Vec<(f64, [f64; 2])>),
     /// Duties of the valves, until the next row.
     Duties(Vec<(f64, [f64; 2])>),
-    /// Pressure and length of a muscle whose gas sensor alone is compared.
+    /// Pressure and length of a muscle of which only the gas sensor is compared.
     Given(Given),
 }
 
@@ -133,7 +133,7 @@ impl Data {
     /// messages.
     ///
     /// # Errors
-    /// When needed columns are missing or have too few values.
+    /// If required columns are missing or have too few values.
     pub fn new(measured: &Measured, path: &Path, scenario: &Scenario) -> Result<Self, InputError> {
         let columns = Columns { measured, path };
         let observed = observed(measured, path, scenario)?;
@@ -160,7 +160,7 @@ impl Data {
     }
 }
 
-/// A record with pressure and length of a muscle, which drive it where its gas sensor alone is compared.
+/// Whether a record has pressure and length of a muscle, which drive it if only its gas sensor is compared.
 fn is_gauged(scenario: &Scenario, has: impl Fn(&str) -> bool) -> bool {
     scenario.plant.kind != PlantKind::Vessel && has("pressure_pa") && has("length_m")
 }
@@ -248,7 +248,7 @@ fn times(points: &[(f64, f64)]) -> impl Iterator<Item = f64> {
     points.iter().map(|(time_s, _)| *time_s)
 }
 
-/// The columns to compare: those that the scenario names, or the usual ones.
+/// The columns to compare: those in the scenario, or the usual ones.
 fn observed(
     measured: &Measured,
     path: &Path,

@@ -10,21 +10,19 @@ use std::collections::BTreeMap;
 use thermyo_files::number::{of_column, significant};
 use thermyo_fit::Fitted;
 
-/// Correlation from which on two parameters cannot be distinguished.
+/// Correlation above which two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
-/// Relative standard error from which on a parameter is not determined.
+/// Relative standard error above which a parameter is not determined.
 const UNDETERMINED: f64 = 0.5;
-/// Relative standard error from which on the value might be zero: the data leave it open.
+/// Relative standard error above which the value might be zero: the data leave it open.
 const OPEN: f64 = 1.0;
-/// The same where the gas sensor alone is compared: what is fitted is what the core is going to be
-/// configured with.
+/// [`OPEN`] where only the gas sensor is compared: the fitted values become the core's configuration.
 const OPEN_FOR_CORE: f64 = UNDETERMINED;
-/// Correlation of the residuals, in rows, from which on there is a remark.
+/// Correlation of the residuals, in rows, above which there is a remark.
 const LASTING_ROWS: f64 = 5.0;
-/// Root mean square of residuals, in standard deviations of one reading, from which on there is a
-/// remark.
+/// Root mean square of residuals, in standard deviations of one reading, above which there is a remark.
 const LARGE: f64 = 5.0;
-/// Most holes of a record that a remark lists.
+/// Largest number of holes that a remark lists.
 const NAMED_HOLES: usize = 5;
 
 /// Root-mean-square residuals, by measured quantity.
@@ -44,16 +42,16 @@ pub struct Rmse {
 pub struct Searches {
     pub starts: usize,
     pub converged: usize,
-    /// Searches that ended where the best one did.
+    /// Number of searches that ended where the best one did.
     pub agreeing: usize,
 }
 
 /// `summary.json` of an identification.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// The best search converged and the others found the same.
+    /// Whether the best search converged and the others agree with it.
     pub converged: bool,
-    /// Fitted values by key, and `gas_mass_kg` where they set it.
+    /// Fitted values by key, and `gas_mass_kg` if they determine it.
     pub parameters: BTreeMap<String, Fitted>,
     pub rmse: Rmse,
     /// Effective number of independent rows, by measured column.
@@ -63,7 +61,7 @@ pub struct Findings {
     pub searches: Searches,
     /// Parameters that the data do not determine, in words.
     pub remarks: Vec<String>,
-    /// Columns that the model misses by more than they vary.
+    /// Columns in which the model errs by more than they vary.
     #[serde(skip)]
     missed: Vec<&'static str>,
     #[serde(skip)]
@@ -288,7 +286,7 @@ fn is_large(observed: &Observed, misfit: &Misfit) -> bool {
     misfit.rms > LARGE * observed.deviation
 }
 
-/// Pressure and length, where their mean would be nearer than the model: a sensor in the gas may have an offset.
+/// Pressure and length, if their mean is nearer than the model: a sensor in the gas may have an offset.
 fn missed(observed: &[Observed], misfits: &[Misfit]) -> Vec<&'static str> {
     let is_missed = |(observed, misfit): &(&Observed, &Misfit)| {
         let values = observed.points.iter().map(|point| point.1);
@@ -332,7 +330,7 @@ mod tests {
     use std::path::Path;
     use thermyo_files::table::Table;
 
-    /// A leak was found from gauge pressures with exit code 0: 19 times the true one.
+    /// A leak used to be found from gauge pressures with exit code 0: 19 times the true one.
     #[test]
     fn a_record_that_is_missed_by_more_than_it_varies_gives_no_values() {
         let [config, data] = ["hold.toml", "hold.csv"].map(Path::new);

@@ -48,7 +48,7 @@ impl Problem<'_> {
         with_numbers(self.scenario, values.map(|(p, u)| (p.path.as_str(), p.value(*u))))
     }
 
-    /// Prediction less measurement, column by column, in the columns' own units.
+    /// Prediction minus measurement, column by column, in the columns' own units.
     pub fn residuals(&self, place: &DVector<f64>) -> Result<Vec<f64>, Failed> {
         let mut residuals = self.experiment.predict(&self.scenario_at(place), self.watch)?;
         let measured = self.data.observed.iter().flat_map(|observed| &observed.points);
@@ -71,8 +71,8 @@ impl Problem<'_> {
         ends.into_iter().flatten().collect()
     }
 
-    /// Latin hypercube in the logarithms, the scenario's values first: each of equally many strata
-    /// of a parameter's spread is used once.
+    /// Starts by a Latin hypercube in the logarithms, the scenario's values first: each of equally
+    /// many strata of a parameter's spread is used once.
     fn starts(&self) -> Vec<DVector<f64>> {
         let others = self.scenario.identify.starts as usize - 1;
         let mut random = Xoshiro256PlusPlus::seed_from_u64(self.scenario.run.seed);

@@ -5,12 +5,12 @@
 //! scenario's [identify] --parameter--> search variables --fit--> values --uncertainty--> errors
 //! ```
 //!
-//! The plant is driven by the recorded mass flows or duties, by the recorded volume of a piston, or
-//! by the scenario's drive. A muscle is the lumped plant (or the paper's); where only its gas
-//! sensor is compared, it is the core's own model, driven by the recorded pressure and length. A
-//! scenario with the model `full` gets the effective parameters that the core works with.
+//! The plant is driven by the recorded mass flows or duties, by the recorded volume of a piston, or by the scenario's
+//! drive. A muscle is the lumped plant (or the paper's); if only its gas sensor is compared, it is the core's own
+//! model, driven by the recorded pressure and length. A scenario with the model `full` gets the core's effective
+//! parameters.
 //!
-//! A record with stops, both valves shut for seconds, has the gas temperature in itself: see
+//! A record with stops, during which both valves are shut for seconds, contains the gas temperature: see
 //! [`thermyo_fit::stops`]. A table without time that has gauge pressure, length and force at rest is a static map: see
 //! [`static_map`].
 
@@ -52,16 +52,16 @@ use thermyo_setup::Loaded;
 use thermyo_setup::core_config::Effective;
 use uncertainty::{Misfit, covariance};
 
-/// Share of a jet's stirring that acts on the mean of the gas, where a model has one zone: fresh gas, at the wall's
+/// Share of a jet's stirring that acts on the mean of the gas in a model of one zone: fresh gas, at the wall's
 /// temperature, fills the stirred part. Identified on the plant `full`.
 const STIRRING: f64 = 0.5;
-/// Relative difference of the sums of squares up to which two searches ended in the same place.
+/// Relative difference of the sums of squares up to which two searches ended at the same point.
 const SAME_COST: f64 = 1e-3;
-/// RMS weighted residual of a search that has found a record without noise \[-\].
+/// RMS weighted residual of a search that matches a record without noise \[-\].
 const EXACT: f64 = 1e-6;
 /// Difference of a parameter, in standard errors, up to which two searches agree.
 const SAME_PLACE: f64 = 0.5;
-/// Step of the differences in ln x that carry the uncertainty to the gas mass.
+/// Step of the differences in ln x that propagate the uncertainty to the gas mass.
 const MASS_DIFFERENCE: f64 = 1e-4;
 
 #[derive(Debug, thiserror::Error)]
@@ -82,8 +82,8 @@ pub enum IdentifyError {
     },
 }
 
-/// Fits the parameters that the scenario of `config` names to `measured`, which was read from
-/// `data_file`. Each start of the search is a part of the progress in `watch`.
+/// Fits the parameters in the scenario of `config` to `measured`, which was read from `data_file`. Each start of the
+/// search is a part of the progress in `watch`.
 ///
 /// # Errors
 /// [`IdentifyError`]. A search that does not converge is no error: see [`Findings::failed`].
@@ -127,7 +127,7 @@ pub fn identify(
     let misfits = misfits(&data, &residuals, parameters.len());
     let covariance = covariance_inside(&problem, &best.place, &misfits);
     if watch.stopped() {
-        // The differences used predictions that ended early.
+        // The predictions behind the differences ended early.
         return Err(stopped(&problem, &ends));
     }
     let findings = Findings::new(findings::Parts {
@@ -147,7 +147,7 @@ pub fn identify(
     Ok(Identified { findings, scenario, data, residuals })
 }
 
-/// Pressure and length as inputs stand for the flow by the core's model of one constant coefficient.
+/// With pressure and length as inputs, the core's model replaces the flow, with one constant coefficient.
 fn constant_where_given(loaded: &Loaded, config: &Path, data: &Data) -> Result<(), InputError> {
     let given = matches!(data.input, Input::Given(_));
     if !given || loaded.plant.heat.model != HeatModel::Correlation {
@@ -172,7 +172,7 @@ fn named(loaded: &Loaded, config: &Path) -> Result<Vec<Parameter>, InputError> {
     Ok(parameters)
 }
 
-/// Misfits of the columns to so many fitted parameters.
+/// Misfits of the columns for this number of fitted parameters.
 fn misfits(data: &Data, residuals: &[Vec<f64>], parameters: usize) -> Vec<Misfit> {
     let freedom = 1.0 - parameters as f64 / data.values() as f64;
     let compared = residuals.iter().zip(&data.observed);
@@ -190,16 +190,16 @@ pub struct Identified {
     pub findings: Findings,
     pub scenario: Loaded,
     data: Data,
-    /// Prediction less measurement, by measured column.
+    /// Prediction minus measurement, by measured column.
     residuals: Vec<Vec<f64>>,
 }
 
-/// The compared plant is built from a scenario with zones.
+/// Whether the compared plant is built from a scenario with zones.
 fn in_zones(scenario: &Scenario, data: &Data) -> bool {
     scenario.moves_in_full() && !matches!(data.input, Input::Given(_))
 }
 
-/// Scenario of the plant that measurements are compared with, see the module's text.
+/// Scenario of the plant to compare with measurements, see the module's text.
 fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
     let mut scenario = scenario.clone();
     if in_zones(&scenario, data) {
@@ -217,7 +217,7 @@ fn comparable(scenario: &Scenario, data: &Data) -> Scenario {
     scenario
 }
 
-/// Key of the volume that is not swept.
+/// Key of the dead volume.
 fn dead_volume(scenario: &Scenario) -> String {
     format!("{}.dead_volume_m3", scenario.plant.kind.word())
 }
@@ -335,7 +335,7 @@ fn agreeing(
     ends.iter().filter(near).count()
 }
 
-/// Gas mass at the start \[kg\] and its standard error, where a fitted parameter sets it.
+/// Gas mass at the start \[kg\] and its standard error, if a fitted parameter determines it.
 fn gas_mass(
     problem: &Problem,
     place: &DVector<f64>,

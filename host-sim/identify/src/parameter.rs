@@ -54,8 +54,7 @@ impl Parameter {
         value.clamp(self.low, self.high)
     }
 
-    /// Coordinate at which a search for that value starts; near a limit, one at some distance from
-    /// it.
+    /// Coordinate at which a search for this value starts; near a limit, one at some distance from it.
     pub fn place(&self, value: f64) -> f64 {
         let share = ((value / self.low).ln() / self.span()).clamp(START_MARGIN, 1.0 - START_MARGIN);
         (share / (1.0 - share)).ln()

@@ -1,4 +1,4 @@
-//! Identification from any kind of table: a record over time, one with stops or of motion, or a static map.
+//! Identification from any kind of table: a record over time, with stops or of motion, or a static map.
 
 use super::data::begins_anywhere;
 use super::motion;
@@ -31,7 +31,7 @@ pub enum Found {
     Motion(motion::Identified),
 }
 
-/// Columns that a record may have beside those of a trace: a reference sensor, its deviation.
+/// Columns that a record may have in addition to those of a trace: a reference sensor, its deviation.
 const REFERENCE: [&str; 2] = ["reference_gas_k", "reference_sd_k"];
 
 /// Every column that some kind of table has.
@@ -44,7 +44,7 @@ pub fn known_columns() -> Vec<&'static str> {
 /// `data` name the files in messages.
 ///
 /// # Errors
-/// As [`identify`] and [`static_map::identify`], and where a record is to be compared with a map.
+/// As [`identify`] and [`static_map::identify`], and if a record is to be compared with a map.
 pub fn identify_table(
     loaded: &Loaded,
     config: &Path,
@@ -95,7 +95,7 @@ pub fn identify_table(
     identify(loaded, config, &measured, data, watch).map(Found::Record)
 }
 
-/// The result of a search that is of one part, unless it was stopped.
+/// The result of a search in one part, unless it was stopped.
 fn whole(found: Found, watch: &dyn Watch) -> Result<Found, IdentifyError> {
     if watch.stopped() {
         return Err(IdentifyError::Stopped { finished: 0, starts: 1, csv: String::new() });

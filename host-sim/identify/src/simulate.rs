@@ -7,7 +7,7 @@ use thermyo_plant::{Actuation, Truth};
 use thermyo_scenario::{PlantKind, Scenario};
 
 /// Longest interval between two samples of a vessel \[s\]: its integrator keeps its tolerance
-/// within.
+/// within that.
 const LONGEST_VESSEL_STEP_S: f64 = 0.02;
 /// Shortest interval between two samples, where rows lie closer \[s\].
 const SHORTEST_STEP_S: f64 = 1.0e-4;
@@ -19,13 +19,13 @@ const SAME: f64 = 1e-6;
 pub struct Experiment<'a> {
     data: &'a Data,
     step_s: f64,
-    /// Set where measurements of the gas drive the model.
+    /// The balance, if measurements of the gas drive the model.
     balance: Option<Balance>,
 }
 
 impl<'a> Experiment<'a> {
     /// A moving plant is stepped as in a run of the scenario: stick and slip are resolved to a
-    /// step, and another step shifts the fit by more than its error.
+    /// step, and another step would shift the fit by more than its error.
     pub fn new(data: &'a Data, scenario: &Scenario) -> Self {
         let longest_s = match scenario.plant.kind {
             PlantKind::Vessel => LONGEST_VESSEL_STEP_S,
@@ -41,8 +41,8 @@ impl<'a> Experiment<'a> {
         Self { data, step_s, balance }
     }
 
-    /// The same with a sensor at which the gas swings by that factor, compared with the mean; where
-    /// measurements of the gas drive the model.
+    /// The same, with this location factor of the sensor, if measurements of the gas drive the
+    /// model.
     pub fn with_location_factor(mut self, factor: f64) -> Self {
         self.balance = self.balance.map(|balance| balance.with_location_factor(factor));
         self
@@ -51,7 +51,7 @@ impl<'a> Experiment<'a> {
     /// Values of the scenario's plant at the measured times, column by column.
     ///
     /// # Errors
-    /// When the plant cannot be built, diverges, or is stopped.
+    /// If the plant cannot be built, diverges, or is stopped.
     pub fn predict(&self, scenario: &Scenario, watch: &dyn Watch) -> Result<Vec<f64>, Failed> {
         let data = self.data;
         if let Some(balance) = &self.balance {

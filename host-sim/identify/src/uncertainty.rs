@@ -7,11 +7,10 @@
 //! C = H^-1 (sum of v_c J_c' J_c) H^-1,   v_c = max(1, s_c^2 t_c)
 //! ```
 //!
-//! s_c^2 is the mean square of the column's weighted residuals: 1 where they are the sensor's noise,
-//! more where the model is wrong too. A model's error persists from row to row, so that the rows
-//! hold less information than their number: t_c is the integrated autocorrelation time of the
-//! residuals in rows, and n_c/t_c the effective number of them. Residuals below the stated noise do
-//! not make the result more certain.
+//! s_c^2 is the mean square of the column's weighted residuals: 1 where they are the sensor's noise, more where the
+//! model is wrong too. A model's error persists from row to row, so that the rows hold less information than their
+//! number suggests: t_c is the integrated autocorrelation time of the residuals in rows, and n_c/t_c the effective
+//! number of them. Residuals below the stated noise do not make the result more certain.
 
 use super::data::Observed;
 use nalgebra::{DMatrix, DVector};
@@ -29,7 +28,7 @@ pub struct Misfit {
 }
 
 impl Misfit {
-    /// `residuals` are in the column's unit; `freedom` is the fraction of the rows that the
+    /// Computes the statistics. `residuals` are in the column's unit; `freedom` is the fraction of the rows that the
     /// parameters leave free, (N - p)/N.
     pub fn new(residuals: &[f64], deviation: f64, freedom: f64) -> Self {
         let count = residuals.len() as f64;
@@ -44,8 +43,7 @@ impl Misfit {
     }
 }
 
-/// Covariance of the logarithms of the parameters. `None` where the data leave some combination of
-/// them open.
+/// Covariance of the logarithms of the parameters; `None` if the data leave some combination of them open.
 pub fn covariance(
     sensitivities: &DMatrix<f64>,
     observed: &[Observed],
@@ -73,7 +71,7 @@ pub fn covariance(
         information += part;
         first += observed.points.len();
     }
-    // Below this only the error of the sensitivities' finite differences is left.
+    // Below this, only the error of the sensitivities' finite differences remains.
     let singular = information.clone().symmetric_eigenvalues().min() < 1e-10;
     let inverse = information.cholesky().filter(|_| !singular)?.inverse();
     let scaled = &inverse * spread * &inverse;

@@ -1,7 +1,7 @@
-//! Whether the gas of a record follows its valves.
+//! Checks whether the gas of a record follows its valves.
 //!
-//! Gas flows in while the inlet alone is open, so that P V rises; while the outlet alone is, it falls. It does not rise
-//! faster than the open inlet lets gas in.
+//! While only the inlet is open, gas flows in and P V rises; while only the outlet is open, P V falls. It does not rise
+//! faster than the open inlet admits gas.
 
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
@@ -14,16 +14,16 @@ use thermyo_record::measured::TIME;
 
 const INLET: &str = "duty_in";
 const OUTLET: &str = "duty_out";
-/// Sum of the changes of ln(P V) that heat and leak do not make \[-\]: gas that cools from 40 K above its wall loses an
-/// eighth. Assumption.
+/// Sum of the changes of ln(P V) that heat and leak cannot cause \[-\]: gas that cools from 40 K above its wall loses
+/// an eighth. Assumption.
 const LEAST: f64 = 0.3;
 
-/// Most that P V rises, as a multiple of what the open inlet lets in: one configured too small by less is no reason to
-/// refuse a record. Assumption.
+/// Largest rise of P V, as a multiple of the open inlet's: an inlet configured smaller by less than this is no reason
+/// to refuse a record. Assumption.
 const MOST_PACE: f64 = 4.0;
 /// Rise of P V that counts, so that noise does not \[-\]. Assumption.
 const LEAST_RISE: f64 = 0.1;
-/// Rows over which it may have come.
+/// Largest number of rows over which the rise may extend.
 const RISE_ROWS: usize = 5;
 
 /// P V of the gas at each row \[J\]; none for a record without pressure or length.
@@ -38,12 +38,12 @@ fn energies_j(table: &Table, config: &Config) -> Option<Vec<Option<f64>>> {
     Some(pressures.iter().zip(lengths).map(energy).collect())
 }
 
-/// Refuses a record in minutes: its gas comes in faster than by the open inlet.
+/// Refuses a record in minutes: its gas comes in faster than through the open inlet.
 pub fn check_pace(table: &Table, config: &Config) -> Result<(), InputError> {
     let (Ok(times), Some(energies)) = (table.filled(TIME), energies_j(table, config)) else {
         return Ok(());
     };
-    // Choked, and into gas that gives off no heat: d(P V)/dt = k R T m.
+    // Choked, and into gas that loses no heat: d(P V)/dt = k R T m.
     let most_w = f64::from(config.gas.heat_capacity_ratio)
         * f64::from(config.valve.conductance_m3_s_pa)
         * f64::from(REFERENCE_PRESSURE_PA)
@@ -119,7 +119,7 @@ pub fn check(table: &Table, config: &Config) -> Result<(), InputError> {
 mod tests {
     use super::*;
 
-    /// Strokes of 5 s at a row a second, which are too slow for the pace of the length.
+    /// Strokes of 5 s at one row per second, which are too slow for the pace of the length.
     #[test]
     fn gas_that_comes_faster_than_by_the_open_inlet_is_refused() {
         let config = Config::default();

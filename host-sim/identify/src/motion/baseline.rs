@@ -1,4 +1,4 @@
-//! The law beside simpler ones, on the same split record.
+//! Compares the law with simpler ones, on the same split record.
 
 use super::plan::check_muscle;
 use super::record::Record;
@@ -11,10 +11,10 @@ use thermyo_setup::Loaded;
 
 /// Share of a record that is fitted; the rest is held out \[-\].
 const FITTED: f64 = 0.6;
-/// Stiffness of Coulomb friction with presliding, as machines have it \[N/m\].
+/// Stiffness of Coulomb friction with presliding, as in machines \[N/m\].
 const PRESLIDING_N_M: f64 = 1.0e5;
 
-/// A law, and what it leaves of both parts of a record.
+/// A law, and its residuals in both parts of a record.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LawLeft {
     pub name: &'static str,
@@ -52,7 +52,7 @@ fn of(keys: &[&str]) -> Vec<String> {
     keys.iter().map(|key| (*key).to_owned()).collect()
 }
 
-/// Keys of the whole law: those that the scenario names, else all that a record determines.
+/// Keys of the whole law: those in the scenario, else all that a record determines.
 pub fn keys(loaded: &Loaded) -> Vec<String> {
     if is_asked_for(loaded) {
         return loaded.plant.identify.parameters.clone();

@@ -4,10 +4,10 @@
 //! sum of w_i ((predicted - measured)/s)^2 + sum of ((x - x_0)/spread)^2
 //! ```
 //!
-//! The force is predicted where it was measured, the length otherwise, and w_i is the number of rows
-//! that a row stands for. The second sum only keeps the search from running away where the record
-//! shows nothing of a parameter: it counts as much as a few rows. What slip and the slow creep held at
-//! the start is searched along, as no record has it.
+//! The force is predicted where it was measured, the length otherwise, and w_i is the number of rows that a row stands
+//! for. The second sum only keeps the search from running away where the record shows nothing of a parameter: it counts
+//! as much as a few rows. The forces of slip and slow creep at the start are searched too, since no record contains
+//! them.
 
 use super::law::{Law, Start};
 use super::record::{Record, Row};
@@ -27,8 +27,8 @@ const DIFFERENCE: f64 = 1.0e-4;
 const TOLERANCE: f64 = 1.0e-8;
 /// Evaluations per parameter before a search is given up.
 const PATIENCE: usize = 40;
-/// Starts: factors on slip force, slip stiffness, and stiffness and time of both creeps. Without those with
-/// other times, searches from a slow creep twice too slow ended beside the best values.
+/// Starts: factors on slip force, slip stiffness, and stiffness and time of both creeps. Without the starts with other
+/// times, searches from a slow creep twice too slow missed the best values.
 const STARTS: [[f64; 4]; 5] = [
     [1.0, 1.0, 1.0, 1.0],
     [3.0, 3.0, 0.4, 1.0],
@@ -41,17 +41,17 @@ const LOG_SPREAD: f64 = 1.5;
 /// Limits of the logarithm, from the scenario's value.
 const LOG_LIMIT: f64 = 4.0;
 const START_N: [f64; 2] = [5.0, 15.0];
-/// Deviation, in a spread's share, above which the record leaves a parameter open ...
+/// Deviation, as a share of the spread, above which the record leaves a parameter open ...
 const OPEN: f64 = 0.7;
 /// ... and of a logarithm.
 const OPEN_LOG: f64 = 0.4;
 
-/// How a parameter is searched.
+/// Scale on which a parameter is searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
     /// By its logarithm.
     Log,
-    /// By itself, in this unit; it may not be below the limit.
+    /// By its value, in this unit; it may not be below the limit.
     Linear { unit: f64, least: f64 },
 }
 
@@ -118,7 +118,7 @@ impl Parameter {
         }
     }
 
-    /// The place, or the nearest one where a difference to both sides is within the limit.
+    /// The point, or the nearest one where differences to both sides are within the limit.
     fn inside(&self, place: f64) -> f64 {
         match self.scale {
             Scale::Log => place,
@@ -144,7 +144,7 @@ impl Parameter {
         }
     }
 
-    /// Nothing of it is there to be scaled.
+    /// Whether the value is zero, so that there is nothing to scale.
     pub fn is_missing(&self) -> bool {
         self.scale == Scale::Log && self.given <= 0.0
     }
@@ -154,7 +154,7 @@ impl Parameter {
 pub struct Value {
     pub value: f64,
     pub deviation: f64,
-    /// The record does not determine it.
+    /// Whether the record leaves it open.
     pub open: bool,
 }
 
@@ -188,7 +188,7 @@ impl<'a> Problem<'a> {
         adopt(self.scenario, values)
     }
 
-    /// Predictions less measurements.
+    /// Predictions minus measurements.
     fn residuals(&self, place: &DVector<f64>) -> Vec<f64> {
         residuals(&self.at(place), self.record, &self.start(place))
     }
@@ -199,7 +199,7 @@ impl<'a> Problem<'a> {
         DVector::from_iterator(residuals.len(), weighted)
     }
 
-    /// The best of several searches; where they were stopped, a place that means nothing.
+    /// The best of several searches; a meaningless point if they were stopped.
     pub fn search(&self) -> Found {
         let ends = map_watched(&STARTS, self.watch, |factors| {
             let [force, stiffness, creep, times] = factors.map(f64::ln);
@@ -218,10 +218,10 @@ impl<'a> Problem<'a> {
         best.unwrap_or(Found { place, cost: f64::INFINITY, converged: false, stopped: true })
     }
 
-    /// Values at the end of a search, with deviations by the scatter, how long it lasts, and by errors of load and
-    /// pressure that no residual shows (consider covariance, Schmidt 1966).
+    /// Values at the end of a search. Their deviations allow for the scatter, for how long it lasts, and for errors of
+    /// load and pressure that no residual shows (consider covariance, Schmidt 1966).
     pub fn values(&self, place: &DVector<f64>) -> Vec<Value> {
-        // Beyond a limit nothing changes: what a record shows of a value is how it changes inside.
+        // Beyond a limit nothing changes: the record shows a value only by its changes inside.
         let mut inside = place.clone();
         for (i, parameter) in self.parameters.iter().enumerate() {
             inside[i] = parameter.inside(place[i]);
@@ -230,7 +230,7 @@ impl<'a> Problem<'a> {
         let rows = self.record.rows.len();
         let residuals = self.residuals(place);
         let lasting = correlation_rows(&residuals);
-        // Each row stands for several, which are as many readings only if their errors are their own.
+        // Each row stands for several, which count as that many readings only if their errors are independent.
         let scatter = self.by_weight(&residuals).norm_squared() * lasting / rows as f64;
         let measured = slopes.rows(0, rows);
         let prior = slopes.rows(rows, place.len());
@@ -253,7 +253,7 @@ impl<'a> Problem<'a> {
         self.parameters.iter().enumerate().map(value).collect()
     }
 
-    /// Changes of the weighted residuals by a force, and by a pressure, that is off.
+    /// Changes of the weighted residuals by an error of the force, and of the pressure.
     fn considered(&self, place: &DVector<f64>) -> Vec<DVector<f64>> {
         let (scenario, start) = (self.at(place), self.start(place));
         let weighted = |alter: fn(&mut Row)| {
@@ -270,13 +270,13 @@ impl<'a> Problem<'a> {
         force.into_iter().chain([pressure]).map(|off| off - &own).collect()
     }
 
-    /// State at the start, by the search.
+    /// State at the start, as found by the search.
     pub fn found_start(&self, place: &DVector<f64>) -> Start {
         self.start(place)
     }
 }
 
-/// A scenario with values of the law: dimensions are those at rest.
+/// A scenario with values of the law; its dimensions are those at rest.
 pub fn adopt<'a>(
     scenario: &Scenario,
     values: impl IntoIterator<Item = (&'a str, f64)>,
@@ -289,7 +289,7 @@ pub fn adopt<'a>(
     adopted
 }
 
-/// Predicted less measured forces where those were measured, lengths otherwise.
+/// Predicted minus measured forces if the forces were measured, else lengths.
 pub fn residuals(scenario: &Scenario, record: &Record, start: &Start) -> Vec<f64> {
     residuals_of(scenario, &record.loaded(scenario), record.has_force, start)
 }

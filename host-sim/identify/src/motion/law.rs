@@ -5,9 +5,9 @@ use thermyo_plant::chamber::{Chamber, braid};
 use thermyo_plant::hysteresis::{ARMS, Elapsed, Hysteresis};
 use thermyo_scenario::Scenario;
 
-/// Newton's steps, with bisection where they leave the bracket.
+/// Limit on Newton steps, with bisection where they leave the bracket.
 const STEPS: usize = 40;
-/// All creep is over by then \[s\].
+/// Time after which all creep is over \[s\].
 const CREPT_S: f64 = 1.0e9;
 /// Correction at which a length is found \[m\].
 const CLOSE_M: f64 = 1.0e-9;
@@ -28,8 +28,8 @@ pub struct Law {
     viscous_n_s_m: f64,
     ambient_pa: f64,
     rest_m: f64,
-    /// A load cell holds its ends: closer together than the muscle is without force, it is slack. It cannot push, and
-    /// has a length of its own.
+    /// Whether a load cell holds its ends. Closer together than the muscle's length without force, it is slack: it
+    /// cannot push, and has a length of its own.
     by_cell: bool,
 }
 
@@ -37,7 +37,7 @@ pub struct Law {
 struct Interval {
     duration_s: f64,
     elapsed: Elapsed,
-    /// Viscous force over the way within it.
+    /// Viscous force per way within the interval.
     viscous_n_m: f64,
 }
 
@@ -84,14 +84,14 @@ impl Law {
         };
         let mut memory = at(first.length_m);
         if self.by_cell {
-            // Slack before the record, it has crept to its own length.
+            // A muscle that was slack before the record has crept to its own length.
             self.force(first, &mut memory, &self.interval(CREPT_S));
         }
         at(memory.length)
     }
 
-    /// Lengths at which the muscle holds the forces of the rows, no longer than it has been seen, or than its
-    /// rest length: there its load lies on a stop \[m\].
+    /// Lengths at which the muscle holds the forces of the rows, limited to the longest recorded length and to the rest
+    /// length: there its load lies on a stop \[m\].
     pub fn lengths(&self, rows: &[Row], start: &Start) -> Vec<f64> {
         let longest_m = rows.iter().map(|row| row.length_m).fold(self.rest_m, f64::max);
         let mut memory: Option<Memory> = None;
@@ -127,7 +127,7 @@ impl Law {
         rows.iter().map(force).collect()
     }
 
-    /// Force of a row, to which the muscle moves.
+    /// Force of a row to which the muscle moves.
     fn force(&self, row: &Row, memory: &mut Memory, interval: &Interval) -> f64 {
         let limit = self.hysteresis.slip.limit(row.pressure_pa - self.ambient_pa, 1.0);
         let held_n = self.held_n(memory, interval, row.length_m, limit);
@@ -160,7 +160,7 @@ impl Law {
         }
     }
 
-    /// Works a time out where it is another one.
+    /// Computes the interval if the time has changed.
     fn pass(&self, interval: &mut Interval, duration_s: f64) {
         if duration_s != interval.duration_s {
             *interval = if duration_s > 0.0 { self.interval(duration_s) } else { Interval::NONE };
@@ -173,7 +173,7 @@ impl Law {
         memory.length = length;
     }
 
-    /// The length of a row, for the slip's limit and the longest length: the force rises with it.
+    /// The length of a row, for the slip's limit and the longest length: the force rises with the length.
     fn solve(
         &self,
         row: &Row,

@@ -1,8 +1,8 @@
-//! `thermyo identify` of a record of motion: slip and creep of a muscle from length and pressure over
-//! time, and its force where that was measured.
+//! `thermyo identify` of a record of motion: slip and creep of a muscle from length and pressure over time, and from
+//! its force if that was measured.
 //!
-//! Which values are searched is the scenario's `identify.parameters`: slip and creep alone, with the
-//! static law frozen, or parts of that law too.
+//! The scenario's `identify.parameters` selects the values to search: slip and creep alone, with the static law frozen,
+//! or parts of that law too.
 
 mod baseline;
 mod fit;
@@ -37,19 +37,20 @@ const MOST_ROWS: usize = 4000;
 /// Residual above which the law does not hold: of the length over the stroke, of the force over the
 /// largest \[-\].
 const MOST_LEFT: f64 = 0.1;
-/// Closer to the longest length than this share of the stroke a load may lie on a stop \[-\].
+/// Distance from the longest length, as a share of the stroke, within which a load may lie on a stop \[-\].
 const ON_STOP: f64 = 0.01;
-/// Up to this share of the largest force a muscle may be slack, and its length is not that of its load cell's frame \[-\].
+/// Share of the largest force up to which a muscle may be slack, so that its length is not that of its load cell's
+/// frame \[-\].
 const SLACK: f64 = 0.01;
-/// A record to compare with finds its own start, from this share of its rows: they do not count \[-\].
+/// Share of its rows from which a record to compare with finds its own start: these rows do not count \[-\].
 const START_SHARE: f64 = 0.1;
-/// Longest start, in times of the slow creep \[-\].
+/// Longest start, in time constants of the slow creep \[-\].
 const START_TIMES: f64 = 2.0;
 
 /// Residuals of the law on a record.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Left {
-    /// Lengths from pressures (and forces, where they were measured) \[m\].
+    /// Lengths from pressures (and forces, if they were measured) \[m\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub length_m: Option<f64>,
     /// Forces from lengths and pressures \[N\].
@@ -62,7 +63,7 @@ pub struct Left {
 /// `summary.json` of a record of motion.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// The law holds, and the record determines every value.
+    /// Whether the law holds, and the record determines every value.
     pub holds: bool,
     /// Keys that the record leaves open: they stay at the scenario's values.
     pub open: Vec<&'static str>,
@@ -79,7 +80,7 @@ pub struct Identified {
     pub findings: Findings,
     pub scenario: Loaded,
     record: Record,
-    /// Predicted less measured, by row.
+    /// Predicted minus measured, by row.
     residuals: Vec<f64>,
 }
 
@@ -90,7 +91,7 @@ pub fn is_asked_for(loaded: &Loaded) -> bool {
     plant.kind == PlantKind::Muscle && identify.parameters.iter().any(of_motion)
 }
 
-/// Keys of slip and creep. A factor in pressure that the muscle has not been given needs a record with little load.
+/// Keys of slip and creep. A pressure factor that the scenario does not give needs a record with little load.
 pub fn usual_keys(scenario: &Scenario) -> Vec<String> {
     let has_factor = scenario.muscle.slip_pressure_factor > 0.0;
     MOTION.into_iter().filter(|key| has_factor || *key != FACTOR).map(str::to_owned).collect()
@@ -116,8 +117,8 @@ fn parameters(scenario: &Scenario, config: &Path) -> Result<Vec<Parameter>, Inpu
     scenario.identify.parameters.iter().map(one).collect()
 }
 
-/// Identifies from a table; `against` is a second record. `config` names the scenario in messages.
-/// Where `watch` has stopped it, the result means nothing.
+/// Identifies from a table; `against` is a second record. `config` names the scenario in messages. If `watch` has
+/// stopped it, the result is meaningless.
 ///
 /// # Errors
 /// As [`Record::of`], and for parameters that a record of motion cannot determine.
@@ -141,8 +142,8 @@ struct Searched {
     start: Start,
 }
 
-/// Searches, and leaves out what the record leaves open: it stays at the scenario's value, and the others
-/// are searched again.
+/// Searches, leaves out values that the record leaves open, and searches the others again. Open values stay at the
+/// scenario's.
 fn search(
     scenario: &Scenario,
     searched: &mut Vec<Parameter>,
@@ -212,7 +213,7 @@ fn of_record(
     Identified { findings, scenario, record, residuals }
 }
 
-/// The slip found has all that opposes motion in the record: friction beside it would count twice.
+/// The slip found includes all that opposes motion in the record: friction beside it would count twice.
 fn friction_into_slip(scenario: &mut Scenario) -> Vec<String> {
     let friction = &mut scenario.friction;
     let counted_n = friction.force_n + friction.stribeck_force_n;
@@ -226,7 +227,7 @@ fn friction_into_slip(scenario: &mut Scenario) -> Vec<String> {
     (counted_n > 0.0).then(remark).into_iter().collect()
 }
 
-/// Compares with a record that was not fitted: its first rows find where slip and creep started.
+/// Compares with a record that was not fitted: its first rows determine the start of slip and creep.
 fn compared(scenario: &Scenario, record: &Record) -> Left {
     let rows = &record.rows;
     let first_s = rows.first().map_or(0.0, |row| row.time_s);
@@ -247,12 +248,12 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 impl Left {
-    /// From a row on.
+    /// Residuals from a row on.
     fn of(scenario: &Scenario, record: &Record, start: &Start, from: usize) -> Self {
         let law = Law::of(scenario, record.has_force);
         let rows = record.loaded(scenario);
         let forces = law.forces(&rows, start);
-        // A load that lies on a stop says nothing.
+        // A load that lies on a stop shows nothing.
         let off_stop_m = if record.has_force {
             f64::INFINITY
         } else {

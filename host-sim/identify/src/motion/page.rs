@@ -1,4 +1,4 @@
-//! `report.html` of a record of motion: the record, the law, and what it leaves.
+//! `report.html` of a record of motion: the record, the law, and its residuals.
 
 use super::Identified;
 use crate::page::values_of;

@@ -1,4 +1,4 @@
-//! The experiment that shows slip and creep apart: a profile of pressure.
+//! The experiment that separates slip and creep: a profile of pressure.
 
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
@@ -7,10 +7,10 @@ use thermyo_setup::{Loaded, highest_pa};
 
 /// Rest before and between the parts, with the muscle vented \[s\].
 const REST_S: f64 = 5.0;
-/// Lowest and highest part of the pressures \[-\].
+/// Lowest and highest level, as shares of the pressures \[-\].
 const LOW: f64 = 0.25;
 const HIGH: f64 = 0.9;
-/// Shortest time of a change of pressure: no step, which a record could not resolve \[s\].
+/// Shortest time of a change of pressure: no step, since a record could not resolve it \[s\].
 const CHANGE_S: f64 = 0.2;
 
 struct Part {
@@ -19,7 +19,7 @@ struct Part {
     points: Vec<(f64, f64)>,
 }
 
-/// A staircase of holds, each so long.
+/// A staircase of holds, each of this duration.
 fn stairs(levels: &[f64], hold_s: f64) -> Vec<(f64, f64)> {
     let mut points = vec![(0.0, 0.0)];
     let mut time_s = 0.0;
@@ -79,7 +79,7 @@ fn parts() -> [Part; 4] {
     ]
 }
 
-/// Set points up to a pressure \[s, Pa\], and why each part is there.
+/// Set points up to a pressure \[s, Pa\], and the reason for each part.
 pub fn profile(scenario: &Scenario, highest_pa: f64) -> (Vec<(f64, f64)>, Vec<String>) {
     let ambient_pa = scenario.ambient.pressure_pa;
     let mut profile = vec![(0.0, ambient_pa)];
@@ -98,10 +98,10 @@ pub fn profile(scenario: &Scenario, highest_pa: f64) -> (Vec<(f64, f64)>, Vec<St
     (profile, reasons)
 }
 
-/// A profile `time_s,pressure_pa` for `drive.profile_csv`, and why each part is there.
+/// A profile `time_s,pressure_pa` for `drive.profile_csv`, and the reason for each part.
 ///
 /// # Errors
-/// When the scenario is no muscle, or its supply is not above ambient.
+/// If the scenario is no muscle, or its supply is not above ambient.
 pub fn plan(loaded: &Loaded, config: &Path) -> Result<(String, Vec<String>), InputError> {
     let scenario = &loaded.plant;
     let highest_pa = highest_pa(scenario);
@@ -118,7 +118,7 @@ pub fn plan(loaded: &Loaded, config: &Path) -> Result<(String, Vec<String>), Inp
 }
 
 /// # Errors
-/// When the scenario is no muscle, or the pressure is not above ambient.
+/// If the scenario is no muscle, or the pressure is not above ambient.
 pub fn check_plan(scenario: &Scenario, highest_pa: f64, config: &Path) -> Result<(), InputError> {
     check_muscle(scenario, config)?;
     if highest_pa <= scenario.ambient.pressure_pa {
@@ -129,7 +129,7 @@ pub fn check_plan(scenario: &Scenario, highest_pa: f64, config: &Path) -> Result
 }
 
 /// # Errors
-/// When the scenario is no muscle.
+/// If the scenario is no muscle.
 pub fn check_muscle(scenario: &Scenario, config: &Path) -> Result<(), InputError> {
     let kind = scenario.plant.kind;
     if kind == PlantKind::Muscle {

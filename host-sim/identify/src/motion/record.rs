@@ -1,4 +1,4 @@
-//! A record of motion: length and pressure over time, and the force where a load cell is there.
+//! A record of motion: length and pressure over time, and the force if there is a load cell.
 
 use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Problem};
@@ -12,25 +12,26 @@ use thermyo_scenario::{PlantKind, Scenario};
 /// Required columns, and the optional one.
 const COLUMNS: [&str; 3] = ["time_s", "length_m", "pressure_pa"];
 const FORCE: &str = "force_n";
-/// A row so many usual distances after the one before it is behind a gap ...
+/// Distance to the row before, in usual distances, from which a row is behind a gap ...
 const GAP_ROWS: f64 = 20.0;
-/// ... unless it is closer than this \[s\].
+/// ... unless the distance is shorter than this \[s\].
 const LEAST_GAP_S: f64 = 0.1;
-/// Rows further apart show no slip and no fast creep \[s\].
+/// Distance of rows above which they show no slip and no fast creep \[s\].
 const MOST_DISTANCE_S: f64 = 0.2;
-/// A muscle shortens by less of its rest length in a second \[1/s\]: an empty one with wide valves takes 50 ms for 30 %.
+/// Largest plausible speed of a muscle, as a share of its rest length per second \[1/s\]: an empty one with wide valves
+/// takes 50 ms for 30 %.
 const MOST_SPEED_PER_S: f64 = 10.0;
-/// Rows over which a speed is taken, so that noise is none.
+/// Rows over which a speed is taken, so that noise does not count.
 const SPEED_ROWS: usize = 5;
 /// Lengths of a muscle, share of its rest length \[-\].
 const LENGTHS: [f64; 2] = [0.5, 1.1];
-/// A muscle whose length changes by more than this share of its rest length moves \[-\].
+/// Change of length, as a share of the rest length, above which a muscle counts as moving \[-\].
 const MOVES: f64 = 0.01;
-/// Correlation of length and pressure from which on a sign is reversed.
+/// Correlation of length and pressure above which a sign is reversed.
 const REVERSED: f64 = 0.5;
 /// Most negative reading of a load cell, share of the largest force \[-\].
 const BELOW_ZERO: f64 = 0.05;
-/// A muscle vents to less than this, times ambient pressure \[-\].
+/// Factor on ambient pressure below which a muscle counts as vented \[-\].
 const VENTED: f64 = 1.2;
 const FEWEST: usize = 50;
 
@@ -39,9 +40,9 @@ pub struct Row {
     pub time_s: f64,
     pub length_m: f64,
     pub pressure_pa: f64,
-    /// Measured force, or the load's where no column has it \[N\].
+    /// Measured force, or the load's if no column has it \[N\].
     pub force_n: f64,
-    /// Rows of the file that this one stands for.
+    /// Number of rows of the file that this one stands for.
     pub weight: f64,
 }
 
@@ -85,7 +86,7 @@ impl Record {
         Ok(Self { rows: rows.collect(), has_force })
     }
 
-    /// The rows under the scenario's load, which may be searched, where no column has the force.
+    /// The rows under the scenario's load, which may be searched, if no column has the force.
     pub fn loaded(&self, scenario: &Scenario) -> Vec<Row> {
         let load_n = load_n(scenario);
         let force_n = |row: &Row| if self.has_force { row.force_n } else { load_n };
@@ -101,13 +102,13 @@ impl Record {
         self.rows.iter().map(|row| row.length_m).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Lowest pressure, where it is none of a vented muscle \[Pa\].
+    /// Lowest pressure, if it is not that of a vented muscle \[Pa\].
     pub fn never_vented_pa(&self, ambient_pa: f64) -> Option<f64> {
         let lowest_pa = self.rows.iter().map(|row| row.pressure_pa).fold(f64::INFINITY, f64::min);
         (lowest_pa > VENTED * ambient_pa).then_some(lowest_pa)
     }
 
-    /// The muscle moves by enough to compare lengths.
+    /// Whether the muscle moves by enough to compare lengths.
     pub fn moves(&self, rest_m: f64) -> bool {
         self.stroke_m() > MOVES * rest_m
     }
@@ -116,7 +117,7 @@ impl Record {
         self.rows.iter().map(|row| row.force_n).fold(0.0, f64::max)
     }
 
-    /// At most so many rows, where the motion is: each stands for those since the one before it.
+    /// At most `most` rows, concentrated on the motion: each stands for the rows since the one before it.
     pub fn thinned(&self, most: usize) -> Self {
         let spans = [
             span(self.rows.iter().map(|row| row.length_m)),
@@ -168,12 +169,12 @@ fn span(values: impl Iterator<Item = f64> + Clone) -> f64 {
     values.clone().fold(f64::NEG_INFINITY, f64::max) - values.fold(f64::INFINITY, f64::min)
 }
 
-/// Place of the largest value.
+/// Index of the largest value.
 fn largest(values: &[f64]) -> usize {
     (0..values.len()).max_by(|a, b| values[*a].total_cmp(&values[*b])).unwrap_or(0)
 }
 
-/// Times rise, without gaps: slip and creep in between would be unknown.
+/// Checks that times rise without gaps: slip and creep within a gap would be unknown.
 fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
     check_rising(table, times)?;
     check_distances(table, times, (MOST_DISTANCE_S, "as slip and creep need"))?;
@@ -222,7 +223,7 @@ pub fn check_pace(table: &Table, scenario: &Scenario) -> Result<(), InputError> 
     }
 }
 
-/// A muscle does not move as fast as its record read in minutes.
+/// Refuses speeds that no muscle reaches, as of a record in minutes.
 fn check_speeds(
     table: &Table,
     times: &[f64],
@@ -264,7 +265,7 @@ fn check_forces(table: &Table, forces: &[f64]) -> Result<(), InputError> {
     }
 }
 
-/// A muscle is shorter where its pressure is higher.
+/// Refuses a muscle that is not shorter where its pressure is higher.
 fn check_sign(
     table: &Table,
     lengths: &[f64],

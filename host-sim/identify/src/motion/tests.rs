@@ -1,5 +1,5 @@
-//! Muscles of which slip and creep are known, from their own plan; what a record cannot tell; records
-//! that cannot be used.
+//! Muscles with known slip and creep, from their own plan; values that a record cannot show; records that cannot be
+//! used.
 
 use super::*;
 use crate::{IdentifyError, identify_table};
@@ -23,7 +23,7 @@ fn table(text: &str) -> Table {
     Table::parse(text, "motion.csv".as_ref()).unwrap()
 }
 
-/// Set points of pressure of the plan.
+/// Set points of pressure from the plan.
 fn planned(loaded: &Loaded) -> Vec<(f64, f64)> {
     let (text, _) = plan(loaded, CONFIG.as_ref()).unwrap();
     let plan = table(&text);
@@ -31,7 +31,7 @@ fn planned(loaded: &Loaded) -> Vec<(f64, f64)> {
     times.into_iter().zip(pressures).collect()
 }
 
-/// Steps of which a row is the mean: two periods of the valves, which shake the pressure.
+/// Steps whose mean is a row: two periods of the valves, which shake the pressure.
 const ROW_STEPS: u32 = 20;
 
 /// Record of the plant at 50 rows a second, with noise of 20 um and 300 Pa.
@@ -76,7 +76,7 @@ const TRUTHS: [(&str, f64); 7] = [
     ("muscle.bladder_saturation_n", 230.0),
 ];
 
-/// Another muscle than the scenario's.
+/// A muscle other than the scenario's.
 fn other() -> Loaded {
     shipped_scenario().with(|scenario| {
         scenario.load.mass_kg = 0.2;
@@ -113,7 +113,7 @@ fn a_muscle_is_found_from_its_own_plan() {
     assert!((1.5e-5..2e-4).contains(&against_m), "{against_m} m");
 }
 
-/// A load that is 1 % heavier than believed, and a pressure that is read 3 kPa too high.
+/// A load that is 1 % heavier than configured, and a pressure reading that is 3 kPa too high.
 #[test]
 fn stated_errors_contain_a_load_and_a_pressure_that_are_off() {
     let lifts = |loaded: Loaded, mass_kg| loaded.with(|scenario| scenario.load.mass_kg = mass_kg);
@@ -136,8 +136,8 @@ fn stated_errors_contain_a_load_and_a_pressure_that_are_off() {
     }
 }
 
-/// Noise of pressure, as of a converter of 10 bits, moves the predicted slip and not the measured one: taken row
-/// by row it made the slip 1.6 times as stiff.
+/// Noise of pressure, as of a converter of 10 bits, moves the predicted slip and not the measured one: taken row by row
+/// it used to make the slip 1.6 times as stiff.
 #[test]
 fn a_noisy_pressure_leaves_the_slip_as_stiff_as_it_is() {
     let muscle = other();
@@ -151,7 +151,7 @@ fn a_noisy_pressure_leaves_the_slip_as_stiff_as_it_is() {
     }
 }
 
-/// The plant has the viscous part beside creep: found as creep it would count twice.
+/// The plant has the viscous part in addition to creep: identified as creep it would count twice.
 #[test]
 fn viscous_friction_is_no_creep() {
     let viscous = |loaded: Loaded| loaded.with(|scenario| scenario.friction.viscous_n_s_m = 400.0);
@@ -177,7 +177,7 @@ fn framed(duration_s: f64, of: impl Fn(f64) -> (f64, f64)) -> Vec<record::Row> {
     (0..(100.0 * duration_s) as u32).map(row).collect()
 }
 
-/// A muscle whose ends are closer together than it is long does not push, and creeps from its own length on.
+/// A muscle whose ends are closer together than its length does not push, and creeps from its own length on.
 #[test]
 fn a_slack_muscle_pulls_by_nothing_and_has_its_own_length() {
     let mut scenario = shipped_scenario().plant;
@@ -195,7 +195,7 @@ fn a_slack_muscle_pulls_by_nothing_and_has_its_own_length() {
     assert!((more_n / held_n - 1.0).abs() < 0.01, "{more_n} N of {held_n}");
 }
 
-/// A search tried a slack so large that the muscle is longer than its record, and the command crashed.
+/// A search once tried a slack so large that the muscle is longer than its record, and the command crashed.
 #[test]
 fn a_muscle_longer_than_its_record_has_the_longest_length() {
     let mut scenario = shipped_scenario().plant;
@@ -244,8 +244,8 @@ fn a_muscle_is_found_between_ends_where_it_is_slack_at_times() {
     assert!((1e-5..2e-4).contains(&length_m), "{length_m} m");
 }
 
-/// The slip that was found contains the friction of the record: configured beside it, a muscle's friction
-/// would be compensated twice.
+/// The identified slip contains the friction of the record: configured in addition, a muscle's friction would be
+/// compensated twice.
 #[test]
 fn friction_does_not_stay_beside_the_slip_that_contains_it() {
     let mut muscle = shipped_scenario();
@@ -266,7 +266,7 @@ fn friction_does_not_stay_beside_the_slip_that_contains_it() {
     assert!(text.contains(remark), "{text}");
 }
 
-/// A weight, as `thermyo init` writes it, was taken for the 100 N that `load.force_n` is by default.
+/// A weight, as `thermyo init` writes it, used to be taken for the default 100 N of `load.force_n`.
 #[test]
 fn a_weight_is_a_load() {
     let row = |i: usize| format!("{},{},2e5,", 0.02 * i as f64, 0.24 - 1e-4 * i as f64);
@@ -286,7 +286,8 @@ fn a_weight_is_a_load() {
     assert!(error.contains("load.kind = \"mass\": must be \"isotonic\""), "{error}");
 }
 
-/// The law of a scenario without `[identify]`, as `thermyo init` writes it, was printed as fitted, and was not.
+/// The law of a scenario without `[identify]`, as `thermyo init` writes it, used to be printed as fitted although it
+/// was not.
 #[test]
 fn laws_of_a_scenario_that_names_no_keys_are_fitted_as_the_shipped_one() {
     let bare = shipped_scenario().with(|scenario| scenario.identify.parameters.clear());
@@ -313,7 +314,7 @@ fn what_a_record_does_not_show_stays_open() {
     assert!(found.findings.failed().unwrap().contains("--plan motion"));
 }
 
-/// Gauge pressures are fitted as well as absolute ones, with another bladder: a vented muscle tells them apart.
+/// Gauge pressures fit as well as absolute ones, with another bladder: only a vented muscle distinguishes them.
 #[test]
 fn a_record_that_never_vents_is_named() {
     let muscle = shipped_scenario();
@@ -330,7 +331,7 @@ fn a_record_that_never_vents_is_named() {
     );
 }
 
-/// Asks to stop after so many questions.
+/// Stops after this number of questions.
 struct StopsAfter {
     questions: AtomicUsize,
 }
@@ -382,7 +383,7 @@ fn a_record_may_begin_anywhere() {
     }
 }
 
-/// In minutes rows are too close together, or, where there are few, the motion is too fast.
+/// Read in minutes, rows are too close together or, if there are few, the motion is too fast.
 #[test]
 fn a_record_in_minutes_is_named() {
     let read = |rows_per_s: f64| {
@@ -406,7 +407,7 @@ fn a_record_in_minutes_is_named() {
     );
 }
 
-/// The same holds where pressure and length drive a muscle and its gas sensor is compared.
+/// The same holds if pressure and length drive a muscle and its gas sensor is compared.
 #[test]
 fn a_record_of_a_gas_sensor_in_other_units_is_named() {
     let scenario = "[muscle]\nrest_length_m = 0.25\n[identify]\nparameters = [\"sensor.gas.time_constant_s\"]\n\
@@ -426,7 +427,7 @@ fn a_record_of_a_gas_sensor_in_other_units_is_named() {
             let found = identify_table(&loaded, CONFIG.as_ref(), &table(text), data, None, &());
             found.unwrap_err().to_string()
         };
-        // So are the columns that stops are found from.
+        // So are the columns from which stops are found.
         let measured = said(&text.replace("length_m,p", "measured_length_m,measured_p"));
         assert!(time_unit < 1.0 || measured == said(&text).replace("column ", "column measured_"));
         said(&text)
@@ -480,7 +481,7 @@ fn times_of_a_gas_sensor_that_do_not_rise_are_named() {
     }
 }
 
-/// A record of 100 rows, each cell by a function of the row.
+/// A record of 100 rows; `of` returns the cells of a row.
 fn rows(of: impl Fn(usize) -> String) -> String {
     let head = "time_s,length_m,pressure_pa,force_n\n".to_owned();
     (0..100).fold(head, |text, i| text + &of(i) + "\n")
@@ -557,7 +558,7 @@ fn a_record_that_cannot_be_used_is_named_with_its_line() {
     let error = with(&|_, row| row, 0.0).unwrap_err();
     let message = "motion.csv:2: column force_n = 0.0: must be above 0 somewhere: is the load cell connected?";
     assert!(error.starts_with(message), "{error}");
-    // Nothing but a sign: a stroke measured from the other end.
+    // Only the sign is wrong: a stroke measured from the other end.
     let text = rows(|i| {
         let (t, l, p) = good(i);
         format!("{t:.3},{:.6},{p:.1},", 0.5 - l - 0.02)

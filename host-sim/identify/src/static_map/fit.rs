@@ -6,7 +6,7 @@
 //!
 //! s is a hundredth of the largest force, the usual residual of the law. The second sum keeps
 //! parameters that the readings leave open near the scenario's values: five readings are as many as
-//! there are unknowns, and without it their noise would go into the least determined one. With
+//! the unknowns, and without that sum their noise would go into the least determined unknown. With
 //! forty readings its influence is negligible. The search varies the logarithms of the diameter, of
 //! K1 and of e1, the braid angle, d0 over the rest length, and friction over the largest force; K1
 //! is expected to grow with the diameter, as the bladder does.
@@ -47,7 +47,7 @@ pub struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    /// The scenario's K1 must be above 0.
+    /// Problem of these readings. The scenario's K1 must be above 0.
     pub fn new(readings: &'a Readings, given: &'a Muscle) -> Self {
         let mut usual = vec![
             given.diameter_m.ln(),
@@ -80,7 +80,7 @@ impl<'a> Problem<'a> {
         self.muscle(&DVector::from_vec(self.usual.clone()))
     }
 
-    /// The search ended at a limit of this parameter, or tried to pass it.
+    /// Whether the search ended at a limit of this parameter, or tried to pass it.
     pub fn at_limit(place: &DVector<f64>, i: usize) -> bool {
         let (value, [low, high]) = match i {
             0 => (place[0].exp(), DIAMETERS_M),

@@ -26,11 +26,11 @@ use thermyo_setup::{Loaded, highest_pa};
 const MOST_LEFT: f64 = 0.05;
 /// Fraction of the prior's deviation above which the readings contribute little.
 const LITTLE_TOLD: f64 = 0.7;
-/// Standard errors below zero from which on a negative friction is set to none.
+/// Standard errors below zero above which a negative friction is set to none.
 const BACKWARDS: f64 = 3.0;
-/// Correlation from which on two parameters cannot be distinguished.
+/// Correlation above which two parameters cannot be distinguished.
 const INSEPARABLE: f64 = 0.95;
-/// Gauge pressures up to this share of what the supply gives are not remarked on: 6 bar of a supply of 7 bar \[-\].
+/// Share of the supply's gauge pressure up to which there is no remark: 6 bar of a supply of 7 bar \[-\].
 const GAUGE_MARGIN: f64 = 1.02;
 /// Grid of gauge pressures and lengths on which the law's deviation is computed.
 const GRID: usize = 12;
@@ -45,7 +45,7 @@ const KEYS: [(&str, &str); 6] = [
     ("friction.force_n", "N"),
 ];
 
-/// Keys of the geometry: without them the other values mean nothing.
+/// Keys of the geometry: if these are open, the other values are meaningless.
 const GEOMETRY: [&str; 2] = [KEYS[0].0, KEYS[1].0];
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -81,15 +81,14 @@ pub struct Identified {
     pub findings: Findings,
     pub scenario: Loaded,
     readings: Readings,
-    /// Law less reading \[N\].
+    /// Law minus reading \[N\].
     residuals_n: Vec<f64>,
 }
 
 /// Table of the readings to take, without forces; `config` names the scenario in messages.
 ///
 /// # Errors
-/// When the scenario is no muscle with a bladder that fills, or its supply is too low for it to
-/// pull.
+/// If the scenario is no muscle with a bladder that saturates, or its supply is too low for it to pull.
 pub fn plan(loaded: &Loaded, config: &Path) -> Result<String, InputError> {
     let muscle = filling_muscle(loaded, config)?;
     let scenario = &loaded.plant;
@@ -117,7 +116,7 @@ pub fn plan(loaded: &Loaded, config: &Path) -> Result<String, InputError> {
     }))
 }
 
-/// The scenario's muscle, if it has a bladder that fills, which a static map can determine.
+/// The scenario's muscle, if it has a bladder that saturates, which a static map can determine.
 fn filling_muscle<'a>(loaded: &'a Loaded, config: &Path) -> Result<&'a Muscle, InputError> {
     let Scenario { plant, muscle, .. } = &loaded.plant;
     if plant.kind != PlantKind::Muscle {
@@ -137,7 +136,7 @@ fn refused(config: &Path, key: &str, value: String, allowed: &str) -> InputError
     InputError::file(config, InputProblem::NotAllowed { key, value, allowed })
 }
 
-/// Splits readings into the loaded ones nearest to the plan for such a muscle, and the others.
+/// Splits readings into the loaded ones nearest to the plan for this muscle, and the others.
 pub fn planned(muscle: &Muscle, readings: &Readings) -> [Readings; 2] {
     let highest_pa = readings.loaded.iter().map(|r| r.gauge_pressure_pa).fold(0.0, f64::max);
     let mut others = readings.loaded.clone();
@@ -192,11 +191,11 @@ fn copied(readings: &Readings) -> Option<String> {
     Some(format!("line {line} repeats line {of} to the last digit{others}: a copy counts once"))
 }
 
-/// Identifies the muscle from `readings`, and computes its residuals of `against`; `config` and
-/// `data` name the files in messages.
+/// Identifies the muscle from `readings`, and computes its residuals on `against`; `config` and `data` name the files
+/// in messages.
 ///
 /// # Errors
-/// When the scenario is no muscle with a bladder that fills, or there are too few readings.
+/// If the scenario is no muscle with a bladder that saturates, or there are too few readings.
 pub fn identify(
     loaded: &Loaded,
     readings: Readings,
@@ -337,7 +336,7 @@ fn remarks(
     let mut remarks: Vec<String> = findings.failed().into_iter().collect();
     for (i, (key, _)) in KEYS.iter().enumerate().take(count) {
         if findings.at_limit.contains(key) {
-            // The geometry has a remark of its own above.
+            // The geometry has its own remark above.
             if !GEOMETRY.contains(key) {
                 remarks.push(format!("{key} went to a limit of the search."));
             }

@@ -13,7 +13,7 @@ const COLOURS: [Colour; 6] =
     [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
 /// Number of bins along a map's axis; readings in one bin share a cell.
 const PARTS: f64 = 30.0;
-/// With more lengths than these, such as measured ones of a loop, those that lie close together share a curve.
+/// Number of lengths above which neighbouring ones share a curve, such as the measured lengths of a loop.
 const MOST_LENGTHS: usize = 40;
 
 pub fn page(identified: &Identified, title: &str) -> String {
@@ -149,7 +149,7 @@ fn groups(values: &[f64]) -> Vec<[f64; 2]> {
 mod tests {
     use super::*;
 
-    /// A loop has a length of its own in each row, and its page had as many curves.
+    /// A loop has a length of its own in each row, and its page used to have as many curves.
     #[test]
     fn many_lengths_share_curves() {
         let lengths_m = |number: u32| -> Vec<f64> {

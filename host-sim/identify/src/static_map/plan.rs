@@ -1,4 +1,4 @@
-//! Plan of the readings: where the muscle pulls, even one that pulls less than its law predicts.
+//! Plan of the readings: where the muscle pulls, even if it pulls less than its law predicts.
 
 use super::readings::{FEWEST, Reading};
 use model_core::physics::chamber::{AnyChamber, Chamber as _};
@@ -7,14 +7,14 @@ use thermyo_scenario::Muscle;
 
 /// Fraction of the largest contraction, and of the range of gauge pressure from the start of
 /// pulling at rest to the highest. Two readings at rest determine the area and the bladder's
-/// largest force, two further in where it fills, one far in the angle.
+/// largest force; two further in, where it saturates; one far in, the angle.
 const PLAN: [(f64, f64); FEWEST] = [(0.0, 1.0), (0.0, 0.35), (0.3, 1.0), (0.3, 0.6), (FAR, 1.0)];
 const FAR: f64 = 0.85;
 /// Factor on the pressure that the law predicts, as a margin.
 const MARGIN: f64 = 1.4;
 /// Contraction over which a muscle has to pull so that its law can be determined \[-\].
 pub const LEAST_STROKE: f64 = 0.01;
-/// Contraction below which it is better to take a reading at rest with more pressure \[-\].
+/// Contraction below which a reading at rest with more pressure is better \[-\].
 const NEAR_REST: f64 = 0.002;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,7 +50,7 @@ pub fn surely_pulls(muscle: &Muscle, gauge_pressure_pa: f64) -> f64 {
 pub fn instead(muscle: &Muscle, reading: &Reading) -> String {
     let Reading { line, length_m, gauge_pressure_pa, .. } = *reading;
     let rest_m = muscle.rest_length_m;
-    // The law of so few readings may be wrong, so halve the contraction.
+    // The law of few readings may be wrong, so halve the contraction.
     let nearer = 0.5 * (1.0 - length_m / rest_m);
     let contraction = nearer.min(FAR * surely_pulls(muscle, gauge_pressure_pa));
     if contraction > NEAR_REST {

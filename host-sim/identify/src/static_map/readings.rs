@@ -12,9 +12,9 @@ pub const DIRECTION: &str = "direction";
 pub const LOADED: f64 = 0.01;
 /// Largest negative reading of a load cell, as a fraction of the largest force.
 const BELOW_ZERO: f64 = 0.02;
-/// A map with no gauge pressure above this one is in another unit \[Pa\].
+/// Least gauge pressure that a map must contain: a map without one is in another unit \[Pa\].
 const LEAST_PRESSURE_PA: f64 = 1.0e4;
-/// Column of absolute pressures, as a record over time has.
+/// Column of absolute pressures, as in a record over time.
 const ABSOLUTE: &str = "pressure_pa";
 /// Fewest loaded readings for an identification.
 pub const FEWEST: usize = 5;
@@ -31,13 +31,13 @@ pub struct Reading {
     pub direction: f64,
 }
 
-/// Equal numbers have equal bits, -0 and 0 too.
+/// Bits of a number: equal numbers have equal bits, -0 and 0 too.
 fn bits(number: f64) -> u64 {
     (number + 0.0).to_bits()
 }
 
 impl Reading {
-    /// The values of a reading, which a copy of its line has too.
+    /// Bits of a reading's values; a copy of its line has the same.
     fn bits(&self) -> [u64; 4] {
         let Self { gauge_pressure_pa, length_m, force_n, direction, .. } = *self;
         [gauge_pressure_pa, length_m, force_n, direction].map(bits)
@@ -50,12 +50,12 @@ pub struct Readings {
     pub loaded: Vec<Reading>,
     /// Readings without a force.
     pub slack: Vec<Reading>,
-    /// Lines that repeat an earlier line to the last digit, which is a copy and no reading: each with that line.
+    /// Lines that repeat an earlier line to the last digit, each with that line: copies, not readings.
     pub copies: Vec<[u64; 2]>,
 }
 
 impl Readings {
-    /// Tells a static map from a record over time.
+    /// Distinguishes a static map from a record over time.
     pub fn are_in(table: &Table) -> bool {
         table.columns().iter().any(|column| COLUMNS[..2].contains(&column.name.as_str()))
     }
@@ -71,7 +71,7 @@ impl Readings {
     /// Reads a table to compare these readings with.
     ///
     /// # Errors
-    /// As [`Readings::of`], and where it is of another muscle, or no reading is loaded.
+    /// As [`Readings::of`], and if the table is of another muscle, or no reading is loaded.
     pub fn to_compare(&self, table: &Table) -> Result<Self, InputError> {
         let others = Self::beside(table, Some(self))?;
         if others.loaded.is_empty() {
@@ -144,7 +144,7 @@ impl Readings {
         largest_n(&self.loaded)
     }
 
-    /// Pairs of pressure and length with a force.
+    /// Number of pairs of pressure and length with a force.
     pub fn places(&self) -> usize {
         let at = |reading: &Reading| [reading.gauge_pressure_pa, reading.length_m].map(bits);
         self.loaded.iter().map(at).collect::<HashSet<_>>().len()
@@ -154,7 +154,7 @@ impl Readings {
         1.0 - reading.length_m / self.rest_length_m
     }
 
-    /// Readings after contracting and after lengthening can be distinguished.
+    /// Whether there are readings after contracting and after lengthening.
     pub fn go_both_ways(&self) -> bool {
         [1.0, -1.0].iter().all(|way| self.loaded.iter().any(|reading| reading.direction == *way))
     }
