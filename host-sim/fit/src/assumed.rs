@@ -1,4 +1,4 @@
-//! Errors of what a fit takes as known, in the errors that are stated. Assumed.
+//! Errors of the quantities that a fit takes as known; stated errors include them. Assumed.
 
 /// A weighed load, or the force of a load cell, over the true one \[-\].
 pub const LOAD_OFF: f64 = 1.01;

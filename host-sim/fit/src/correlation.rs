@@ -1,12 +1,11 @@
-//! How long the errors of a model last.
+//! Duration over which the errors of a model persist.
 
-/// Every lag up to this one counts; longer ones stand for those up to a step of lag/EXACT rows further, along which
-/// a correlation hardly changes. All lags of a million rows would take hours.
+/// Lag up to which every lag counts; longer lags are sampled in steps of up to lag/EXACT rows, over which a correlation
+/// hardly changes. All lags of a million rows would take hours.
 const EXACT: usize = 128;
 
-/// 1 + 2 (rho_1 + rho_2 + ...), up to the first correlation that is not positive, beyond which
-/// there is only noise (Geyer, Statist. Sci. 7, 1992). About zero, not about the mean: a bias is an
-/// error too.
+/// 1 + 2 (rho_1 + rho_2 + ...), up to the first correlation that is not positive, beyond which there is only noise
+/// (Geyer, Statist. Sci. 7, 1992). The correlation is about zero, not about the mean: a bias is an error too.
 pub fn correlation_rows(residuals: &[f64]) -> f64 {
     let square: f64 = residuals.iter().map(|r| r * r).sum();
     if square == 0.0 {
@@ -32,7 +31,7 @@ pub fn correlation_rows(residuals: &[f64]) -> f64 {
 mod tests {
     use super::correlation_rows;
 
-    /// A bias correlates over the whole record, and every lag of it was summed: half of the rows' square.
+    /// A bias correlates over the whole record, and every lag of it used to be summed: half of the rows squared.
     #[test]
     fn a_bias_lasts_as_long_as_a_million_rows() {
         let rows = correlation_rows(&vec![0.1; 1_000_000]);

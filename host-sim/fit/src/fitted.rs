@@ -7,14 +7,14 @@ use thermyo_files::number::{significant, with_error};
 pub struct Fitted {
     /// Value \[unit\].
     pub value: f64,
-    /// Standard error \[unit\]; none where the data leave the value open, or it is at a limit.
+    /// Standard error \[unit\]; none if the data leave the value open, or it is at a limit.
     pub standard_error: Option<f64>,
     /// Unit, as the SI writes it; empty for a ratio.
     pub unit: &'static str,
 }
 
 impl Fitted {
-    /// Whether the value is without a standard error, or with one above the share `most` of it.
+    /// Whether the value has no standard error, or one above the share `most` of it.
     pub fn is_open(&self, most: f64) -> bool {
         self.standard_error.is_none_or(|error| error > most * self.value)
     }

@@ -11,7 +11,7 @@ pub trait LeastSquares {
     /// d([`Self::weighted`])/d(place); `residuals` are those at `place`.
     fn slopes(&self, place: &DVector<f64>, residuals: &DVector<f64>) -> DMatrix<f64>;
 
-    /// Whether the search is to end early.
+    /// Whether the search should end early.
     fn stopped(&self) -> bool {
         false
     }
@@ -40,9 +40,9 @@ pub struct Found {
     pub place: DVector<f64>,
     /// Sum of the squared weighted residuals.
     pub cost: f64,
-    /// No better point is near.
+    /// Whether no better point is near.
     pub converged: bool,
-    /// The search was ended early: [`LeastSquares::stopped`].
+    /// Whether the search ended early: [`LeastSquares::stopped`].
     pub stopped: bool,
 }
 
@@ -65,7 +65,7 @@ pub fn minimize(
         xtol: tolerance,
         // The library requires a value above 0.
         gtol: f64::MIN_POSITIVE,
-        // Of the first step, in the parameters' own coordinates.
+        // Scale of the first step, in the parameters' own coordinates.
         step_factor: 1.0,
         max_iter: usize::MAX,
         max_fev: MPMaxFev::Limited(patience * (start.len() + 1)),
@@ -79,7 +79,7 @@ pub fn minimize(
     match search.mpfit(way.as_mut_slice()) {
         Ok(status) => Found {
             place: search.at(way.as_slice()),
-            // The library's own norm may be that of a step that it has not taken.
+            // The library's own norm may belong to a step that it has not taken.
             cost: DVector::from_vec(status.resid).norm_squared(),
             converged: status.success != MPSuccess::MaxIter,
             stopped: false,
@@ -101,8 +101,8 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The library's first step is a share of the distance to 0, which says nothing here: it gets the way from the
-    /// start, and 1.
+    /// Point of the search after a way. The library's first step is a share of the distance to 0, which means nothing
+    /// here: it is given the way from the start, plus 1.
     fn at(&self, way: &[f64]) -> DVector<f64> {
         self.start + DVector::from_row_slice(way).add_scalar(-1.0)
     }
@@ -186,7 +186,7 @@ mod tests {
         }
     }
 
-    /// Points of a search for 1000, by steps that hardly change anything.
+    /// Points visited in a search for 1000, whose steps hardly change the residual.
     struct Flat(std::cell::RefCell<Vec<f64>>);
 
     impl LeastSquares for Flat {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
 
-/// Shortest stop that is looked at \[s\]: shorter pauses belong to the control of a pressure.
+/// Shortest stop that counts \[s\]: shorter pauses belong to pressure control.
 pub const SHORTEST_S: f64 = 5.0;
 
 /// Inflow before the stop is the mean over this time \[s\].
@@ -23,9 +23,9 @@ pub struct Row {
     /// The core's estimate of the mean wall temperature \[K\].
     pub wall_k: Option<f64>,
     pub mass_kg: Option<f64>,
-    /// Of a simulated plant \[K\].
+    /// Temperature of a simulated plant \[K\].
     pub truth_k: Option<f64>,
-    /// Both duties are zero.
+    /// Whether both duties are zero.
     pub shut: bool,
 }
 
@@ -37,9 +37,9 @@ pub struct Rows {
 /// Rows during which both valves are shut.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hold {
-    /// Time at which they are shut \[s\].
+    /// Time at which both valves are shut \[s\].
     pub shut_s: f64,
-    /// Mean inflow before that \[kg/s\], where it is known.
+    /// Mean inflow before that time \[kg/s\], if known.
     pub inflow_kg_s: Option<f64>,
     pub rows: Range<usize>,
 }
@@ -48,7 +48,7 @@ pub struct Hold {
 pub const PRESSURES: [&str; 2] = ["measured_pressure_pa", "pressure_pa"];
 pub const LENGTHS: [&str; 2] = ["measured_length_m", "length_m"];
 
-/// Whether a table is a record with at least one stop, by the columns that it has.
+/// Whether a table is a record with at least one stop, judged by its columns.
 pub fn are_in(table: &Table, config: &Config) -> bool {
     Rows::of(table).is_ok_and(|rows| !holds(&rows.rows, config).is_empty())
 }
@@ -57,7 +57,7 @@ impl Rows {
     /// The rows of a record.
     ///
     /// # Errors
-    /// For a missing column, or an empty cell in one of those that are measured.
+    /// For a missing column, or an empty cell in a measured column.
     pub fn of(table: &Table) -> Result<Self, InputError> {
         let has = |name: &str| table.columns().iter().any(|column| column.name == name);
         let measured = |names: [&'static str; 2]| {
@@ -91,8 +91,8 @@ impl Rows {
     }
 }
 
-/// Time after a duty becomes zero until the valves are shut \[s\]: the pulse of the period before
-/// may have begun late.
+/// Time from a duty's change to zero until the valves are shut \[s\]: the pulse of the period
+/// before may have begun late.
 fn closing_s(config: &Config) -> f64 {
     let period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);
     period_s + f64::from(config.valve.dead_time_s) + f64::from(config.valve.switch_time_s)
@@ -119,7 +119,7 @@ pub fn holds(rows: &[Row], config: &Config) -> Vec<Hold> {
     found
 }
 
-/// Mean inflow before a stop \[kg/s\], by the estimated mass.
+/// Mean inflow before a stop \[kg/s\], from the estimated mass.
 fn inflow_kg_s(rows: &[Row], first: usize) -> Option<f64> {
     let at = rows.get(first)?;
     let before = rows[..first].iter().rfind(|row| row.time_s <= at.time_s - INFLOW_S)?;

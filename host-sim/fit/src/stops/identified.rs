@@ -1,4 +1,4 @@
-//! `thermyo identify` of a record with stops: heat transfer, and lags and place of the sensor.
+//! `thermyo identify` of a record with stops: heat transfer, and lags and location factor of the sensor.
 
 use super::relaxation::{CHARGED, With};
 use super::{Analysis, FEWEST, Known, Relaxation, Rows, analyse, find, page};
@@ -15,10 +15,9 @@ use thermyo_scenario::{HeatModel, Scenario, number, with_numbers};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::{Effective, core_config};
 
-/// Relative standard error from which on the stops do not determine a value.
+/// Relative standard error above which the stops do not determine a value.
 const UNDETERMINED: f64 = 0.5;
-/// Least standard deviation that the core gets: its model of one zone is no better than that.
-/// Assumption.
+/// Least standard deviation for the core: its model of one zone is no better than that. Assumption.
 const LEAST_SD: f64 = 0.05;
 
 /// Power of the stirring in the laws of forced convection (Woodfield et al. 2008).
@@ -30,20 +29,21 @@ const PER_FLOW: &str = "heat.inner_per_flow";
 const DECAY: &str = "heat.stirring_decay_s";
 const LAG: &str = "sensor.gas.time_constant_s";
 const HOUSING: &str = "sensor.gas.housing_time_constant_s";
-/// Not a key: the gas at the sensor against the mean.
+/// Name of the location factor, which is no key: swing of the gas at the sensor over that of the mean.
 const PLACE: &str = "location_factor";
 /// Keys whose values follow from stops.
 const KEYS: [&str; 6] = [STILL, SCALE, PER_FLOW, DECAY, LAG, HOUSING];
 const HEAT: [&str; 4] = [STILL, SCALE, PER_FLOW, DECAY];
-/// Stops at random phases of which enough follow an inflow: simulated, of eight 3 to 5 do, of seven sometimes 2.
+/// Number of stops at random phases of which enough follow an inflow: in simulations 3 to 5 of eight, sometimes 2 of
+/// seven.
 const USUAL_STOPS: usize = 8;
-/// Found where the scenario names no parameters.
+/// Keys to find if the scenario names no parameters.
 const USUAL: [&str; 3] = [STILL, LAG, HOUSING];
 
 /// `summary.json` of an identification from stops.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
-    /// The stops determine every parameter that was asked for.
+    /// Whether the stops determine every requested parameter.
     pub converged: bool,
     pub parameters: BTreeMap<String, Fitted>,
     pub remarks: Vec<String>,
@@ -56,17 +56,17 @@ pub struct Findings {
 #[derive(Debug)]
 pub struct Identified {
     pub findings: Findings,
-    /// The scenario with the values found, for the core.
+    /// The scenario with the identified values, for the core.
     pub scenario: Loaded,
     rows: Rows,
 }
 
-/// Whether a scenario asks for nothing but what stops show.
+/// Whether a scenario requests only parameters that stops show.
 pub fn would_do(loaded: &Loaded) -> bool {
     loaded.plant.identify.parameters.iter().all(|path| KEYS.contains(&path.as_str()))
 }
 
-/// Whether a record has stops, and the scenario asks for what they show.
+/// Whether a record has stops, and the scenario requests what they show.
 pub fn are_asked_for(loaded: &Loaded, table: &Table) -> bool {
     would_do(loaded) && find::are_in(table, &core_config(&loaded.believed))
 }
@@ -97,7 +97,7 @@ pub fn analyse_with(loaded: &Loaded, rows: &Rows) -> Analysis {
 /// Identifies from the stops of a record.
 ///
 /// # Errors
-/// For a record without the columns, or with fewer than [`FEWEST`] stops.
+/// For a record without the required columns, or with fewer than [`FEWEST`] stops.
 pub fn identify(loaded: &Loaded, table: &Table, data: &Path) -> Result<Identified, InputError> {
     let rows = Rows::of(table)?;
     let analysis = analyse_with(loaded, &rows);
@@ -123,7 +123,7 @@ pub fn identify(loaded: &Loaded, table: &Table, data: &Path) -> Result<Identifie
     Ok(Identified { findings, scenario, rows })
 }
 
-/// The stops that do not count, in words.
+/// Messages about the stops that do not count.
 pub fn refusals(analysis: &Analysis) -> impl Iterator<Item = String> {
     analysis.stops.iter().enumerate().filter_map(|(i, stop)| {
         let why = stop.refused.as_ref()?;
@@ -131,7 +131,7 @@ pub fn refusals(analysis: &Analysis) -> impl Iterator<Item = String> {
     })
 }
 
-/// The values that were asked for, and why they are not reliable, if so.
+/// The requested values, and the reason if they are not reliable.
 fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>, Option<String>) {
     let named = &scenario.identify.parameters;
     let law = scenario.heat.model == HeatModel::Correlation;
@@ -146,9 +146,9 @@ fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>,
             fitted.standard_error.is_some_and(|error| error <= UNDETERMINED * fitted.value.abs())
         });
         let asked_for = match name {
-            // Shown in any case, and asked for where everything is.
+            // Always shown, and requested if the scenario requests everything.
             PLACE => named.is_empty(),
-            // More stops would not make it one that is taken.
+            // More stops would not make it usable.
             HOUSING => !named.is_empty() || !has_profile(scenario),
             _ => true,
         };
@@ -171,7 +171,7 @@ fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>,
     (found, failed)
 }
 
-/// The keys that stay as configured, and what shows them.
+/// Message about the keys that stay as configured, and what would show them.
 fn left_open(open: &[String], heat: Option<&Relaxation>) -> String {
     let keys = open.join(" and ");
     let mixed = heat.filter(|heat| !heat.parted && open.iter().any(|key| HEAT.contains(&&**key)));
@@ -206,7 +206,7 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
             .and_then(|heat| heat.stirred_per_flow)
             .and_then(|found| with(found.value, found.standard_error, "W/(m2 K) per kg/s")),
         DECAY => {
-            // A coefficient that follows a power of the stirring decays that much faster or slower.
+            // A coefficient that follows a power of the stirring decays faster or slower by that power.
             let power =
                 if scenario.heat.model == HeatModel::Correlation { FORCED_POWER } else { 1.0 };
             let found = heat.and_then(|heat| heat.decay_s);
@@ -218,13 +218,13 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
     }
 }
 
-/// Whether the core has the profile of still gas, which looks like a longer housing on its axis: a housing that is found
-/// would count twice.
+/// Whether the core models the profile of still gas, which looks like a longer housing on the axis: an identified
+/// housing would count twice.
 fn has_profile(believed: &Scenario) -> bool {
     believed.heat.model == HeatModel::Correlation
 }
 
-/// The scenario with the values for the core, and the uncertainty that the core begins with.
+/// The scenario with the values for the core, and the core's initial uncertainty.
 fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &Analysis) -> Loaded {
     let mut adopted = loaded.clone();
     let determined = |fitted: &Fitted| {

@@ -6,28 +6,28 @@
 //! ln(P V)/(P V)_end = c - leak t + ln T_w(t) + r e^(-t/tau)
 //! ```
 //!
-//! The sensor's place does not matter: a fit of the whole stop, in which the sensor sees some share of the gas,
-//! takes a leak for one that sees little of it. tau is marginalised over a grid. The wall's course is between none
-//! and the sensor's, less what is left of its lag: the wall beside it may warm or cool while the rest does not.
+//! The sensor's location factor does not matter: a fit of the whole stop, with a free location factor, takes a leak for
+//! a small one. tau is marginalised over a grid. The wall's course lies between none and the sensor's, less the rest of
+//! its lag: the wall beside the sensor may warm or cool while the rest does not.
 
 use super::{Closed, LAG_OFF};
 use nalgebra::{DMatrix, DVector};
 
-/// Part of the wait that is left out, in which jets decay and gas relaxes fast.
+/// Part of the wait that is left out, while jets decay and gas relaxes fast.
 const LEFT_OUT: f64 = 0.25;
-/// Time constants with which gas may relax after that, shares of the wait. With a longer one the wait is too short.
+/// Time constants with which gas may relax after that, as shares of the wait. With a longer one the wait is too short.
 const RELAXES: [f64; 10] = [0.02, 0.03, 0.05, 0.07, 0.1, 0.14, 0.2, 0.3, 0.4, 0.6];
-/// Share of the sensor's course that is the whole wall's, as uncertain as it is large. Assumption.
+/// Share of the sensor's course that the whole wall follows; its uncertainty is as large. Assumption.
 const WALL: f64 = 0.5;
 /// Least variance of ln(P V) and of the reading's logarithm: records have eight digits at the most.
 const LEAST_NOISE: f64 = 1e-16;
-/// A leak that is smaller than so many standard deviations is none.
+/// Number of standard deviations below which a leak counts as none.
 const SEEN: f64 = 3.0;
-/// Smallest change of the temperature by a leak that is corrected \[K\]: errors of the sensor's
-/// model look like a smaller one.
+/// Smallest temperature change by a leak that is corrected \[K\]: errors of the sensor's model look like a smaller
+/// leak.
 const LEAST_K: f64 = 0.4;
 
-/// Share of the gas that is lost in a second, and its standard deviation \[1/s\].
+/// Share of the gas that is lost per second, and its standard deviation \[1/s\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Leak {
     pub rate_1_s: f64,
@@ -37,7 +37,7 @@ pub struct Leak {
 impl Leak {
     pub const NONE: Self = Self { rate_1_s: 0.0, sd_1_s: 0.0 };
 
-    /// Share of the gas at the start of that time that is lost in it.
+    /// Share of the gas at the start of this time that is lost during it.
     pub fn lost(&self, time_s: f64) -> f64 {
         1.0 - (-self.rate_1_s * time_s).exp()
     }
@@ -48,7 +48,7 @@ struct Line {
     relaxes_s: f64,
     slope_1_s: f64,
     variance: f64,
-    /// Residuals in squares of the noise, and the square of the volume in which line and relaxation may lie.
+    /// Sum of the squared residuals over the noise, and the square of the volume in which line and relaxation may lie.
     squares: f64,
     open: f64,
 }
@@ -65,7 +65,7 @@ fn line(times_s: &[f64], values: &[f64], relaxes_s: f64, most: f64) -> Option<Li
     // Half of neighbours' squared differences: a curve adds next to nothing.
     let pairs = (1..values.len()).map(|row| (values[row] - values[row - 1]).powi(2));
     let noise = (0.5 * pairs.sum::<f64>() / values.len() as f64).max(LEAST_NOISE);
-    // The relaxation starts with `most` at the most.
+    // The relaxation starts at `most` at the most.
     let mut normal = design.tr_mul(&design);
     normal[(2, 2)] += noise;
     let inverse = normal.cholesky()?.inverse();
@@ -81,15 +81,15 @@ fn line(times_s: &[f64], values: &[f64], relaxes_s: f64, most: f64) -> Option<Li
     })
 }
 
-/// The leak of a stop, beside a sensor of that lag \[s\]; none where it is too small to be told from none, which it may
-/// be or not.
+/// The leak of a stop, beside a sensor of this lag \[s\]. A leak too small to distinguish from none counts as none,
+/// with an uncertainty.
 pub fn seen(closed: &Closed, lag_s: f64) -> Leak {
     let Some(leak) = of(closed, lag_s) else { return Leak::NONE };
     let by_leak_k = leak.rate_1_s.abs() * closed.wait_s() * closed.last_k();
     if leak.rate_1_s.abs() > SEEN * leak.sd_1_s && by_leak_k > LEAST_K {
         leak
     } else {
-        // Half of it counts, and of what would not be seen.
+        // Half of the leak, or of its deviation if larger, becomes the deviation.
         Leak { rate_1_s: 0.0, sd_1_s: 0.5 * leak.rate_1_s.abs().max(leak.sd_1_s) }
     }
 }
@@ -111,7 +111,7 @@ fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
         })
         .collect();
     let least = lines.iter().map(|line| line.squares).fold(f64::INFINITY, f64::min);
-    // Rows that no such course explains count for less.
+    // Rows that no such course explains count less.
     let per_row = (least / logs.len() as f64).max(1.0);
     let weight = |line: &Line| (-0.5 * (line.squares - least) / per_row).exp() * line.open.sqrt();
     let all: f64 = lines.iter().map(weight).sum();
@@ -127,7 +127,7 @@ fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
     let readings: Vec<f64> = closed.rows[half..].iter().map(|row| row.sensor_k.ln()).collect();
     let wall = |lag_s: f64| line(&times_s[half..], &readings, lag_s, 1.0);
     let settled = wall(lag_s)?;
-    // Readings that still follow the gas, or their own lag, are none of the wall.
+    // Readings that still follow the gas, or their own lag, do not show the wall.
     let relaxes_s = mean(&|line| line.relaxes_s);
     let off = [wall((1.0 + LAG_OFF) * lag_s)?, wall(relaxes_s)?]
         .map(|other| other.slope_1_s - settled.slope_1_s);

@@ -15,8 +15,8 @@
 //! over its parts. At the end of a long enough wait gas, wall and sensor have one temperature,
 //! T_end, which the sensor reads. Neither valve, flow nor heat transfer has to be known.
 //!
-//! Gas in fittings and tube, V_c, which are part of V, and in a hose beside it, V_h, keeps their
-//! temperature, near T_end. With the gas there, m R = P (V - V_c)/T + P (V_c + V_h)/T_end, so that
+//! Gas in fittings and tube, V_c, which are part of V, and in a hose beside them, V_h, keeps their temperature, near
+//! T_end. With the gas there, m R = P (V - V_c)/T + P (V_c + V_h)/T_end, so that
 //!
 //! ```text
 //! T(t) = T_end P (V - V_c)/((P (V + V_h))_end - P (V_c + V_h))
@@ -56,8 +56,8 @@ const MISSED: f64 = 4.0;
 /// Error of the pressure that its sensor's noise does not show, as a fraction of its range: the
 /// total error band of a calibrated industrial transmitter (0.25 % of full scale).
 const PRESSURE_OFF: f64 = 0.0025;
-/// Error of the length at rest \[m\], and of the dead volume as a fraction of the volume: what a
-/// calliper leaves on a soft muscle. Assumptions.
+/// Error of the length at rest \[m\], and of the dead volume as a fraction of the volume: the errors of a calliper on a
+/// soft muscle. Assumptions.
 const LENGTH_OFF_M: f64 = 0.5e-3;
 const DEAD_OFF: f64 = 0.02;
 /// Shares of the fittings' and of the tube's volume whose gas keeps their temperature: between none
@@ -66,25 +66,25 @@ const COOL: f64 = 0.25;
 const TUBE_COOL: f64 = 0.75;
 /// Their standard deviation (uniform).
 const COOL_SD: f64 = 0.144;
-/// Error of a calibrated foil \[K\]: a tenth of a kelvin of the reference instrument.
+/// Error of a calibrated element \[K\]: a tenth of a kelvin of the reference instrument.
 const SENSOR_OFF_K: f64 = 0.1;
-/// A wall that has warmed has not warmed evenly: how much it differs at the foil from its mean, as a
-/// share of the distance to ambient, of foil or mean. The paper's Fig. 2 spans as much as it warms (uniform).
+/// Difference of the wall at the element from its mean, since a wall does not warm evenly, as a share of the distance
+/// of element or mean to ambient. In the paper's Fig. 2 it spans as much as it warms (uniform).
 const UNEVEN: f64 = 0.29;
-/// Error of the configured lag where the stops do not show it: a fifth.
+/// Error of the configured lag if the stops do not show it: 20 %.
 const LAG_OFF: f64 = 0.2;
-/// A wait is too short if the gas, or what the sensor lags behind it, changes by more than this in
-/// the last quarter of it \[K\].
+/// Change in the last quarter of a wait above which the wait is too short, of the gas or of the sensor's remaining lag
+/// \[K\].
 const UNSETTLED_K: f64 = 0.5;
-/// A leak is corrected up to this change of the temperature at the stop \[K\].
+/// Change of the temperature at the stop up to which a leak is corrected \[K\].
 const MOST_LEAK_K: f64 = 1.5;
-/// Share of the gas from which on a leak is named before a load that moves with it \[-\]. Assumption.
+/// Share of the gas above which a leak is reported rather than a load that moves with it \[-\]. Assumption.
 const PLAIN_LEAK: f64 = 0.05;
-/// A load that is constant changes the force by twice the friction, and by model errors within
-/// this fraction of the load and this force \[N\].
+/// Changes of force that a constant load allows in addition to twice the friction: model errors within this fraction of
+/// the load and this force \[N\].
 const LOAD_SHARE: f64 = 0.15;
 const LOAD_N: f64 = 5.0;
-/// An end that is held moves less than this fraction of the rest length.
+/// Motion, as a fraction of the rest length, below which an end counts as held.
 const HELD: f64 = 0.005;
 /// Time after the valves shut during which gas and end still oscillate \[s\].
 const SHAKING_S: f64 = 0.3;
@@ -124,7 +124,7 @@ pub struct Stop {
     pub estimate_sd_k: Option<f64>,
     /// The sensor's reading at the stop \[K\].
     pub sensor_k: f64,
-    /// The plant's own temperature, where it was simulated \[K\].
+    /// The plant's own temperature, if it was simulated \[K\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth_k: Option<f64>,
     /// Temperature at the end of the wait \[K\].
@@ -134,13 +134,13 @@ pub struct Stop {
     pub mass_kg: f64,
     /// Share of the gas that the muscle loses in a second \[1/s\]; 0 where none is seen.
     pub leak_1_s: f64,
-    /// Reason why it does not count.
+    /// Reason why the stop does not count.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
     /// Index of the first and after the last row in the record.
     #[serde(skip)]
     pub rows: std::ops::Range<usize>,
-    /// Mean temperature of the gas at each of these rows \[K\].
+    /// Mean temperature of the gas at each row of the stop \[K\].
     #[serde(skip)]
     pub curve_k: Vec<f64>,
 }
@@ -150,19 +150,19 @@ impl Stop {
         self.refused.is_none()
     }
 
-    /// Estimate less measurement \[K\].
+    /// Estimate minus measurement \[K\].
     pub fn estimate_error_k(&self) -> Option<f64> {
         self.estimate_k.map(|estimate_k| estimate_k - self.gas_k)
     }
 }
 
-/// Everything that stops show.
+/// Results of all stops.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Analysis {
     pub stops: Vec<Stop>,
     /// The sensor in the gas; none with too few usable stops.
     pub sensor: Option<Sensor>,
-    /// Heat transfer gas to wall; none with too few usable stops, or where the gas cools too little.
+    /// Heat transfer from gas to wall; none with too few usable stops, or if the gas cools too little.
     pub heat: Option<Relaxation>,
 }
 
@@ -197,13 +197,13 @@ struct Closed<'a> {
     rows: &'a [Row],
     /// T/T_end at each row, of closed gas.
     ratio: Vec<f64>,
-    /// The same, less what it would be with one standard deviation more of cool gas, at the stop.
+    /// Difference of the ratio at the stop for one standard deviation more of cool gas.
     cool_sd: f64,
     /// P V at the end \[J\].
     end_j: f64,
     /// Volume of the gas whose temperature changes \[m3\].
     volume_m3: Vec<f64>,
-    /// Beside a sensor that has the configured lag.
+    /// Leak as seen with a sensor of the configured lag.
     leak: Leak,
 }
 
@@ -327,8 +327,8 @@ fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
     rows.iter().map(next).collect()
 }
 
-/// Why a stop cannot be used for its record alone: a gap, a plain leak, or a load that moved. `held_n` is the force
-/// of slip and creep at its rows \[N\].
+/// Reason why a stop cannot be used by its record alone: a gap, a plain leak, or a load that moved. `held_n` is the
+/// force of slip and creep at its rows \[N\].
 fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
     let gap = closed.rows.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > LONGEST_GAP_S);
     if let Some([before, after]) = gap {
@@ -388,7 +388,7 @@ fn leaks(lost: f64, wait_s: f64) -> String {
     )
 }
 
-/// Largest change since the first value, and its time; the largest span if there are values.
+/// Largest change since the first value, and its time; the whole span if there are values.
 fn farthest(values: &[(f64, f64)]) -> (f64, f64) {
     let [mut low, mut high] = [f64::INFINITY, f64::NEG_INFINITY];
     let mut found = (0.0, 0.0);
@@ -424,7 +424,7 @@ fn stop(
     let read = thermometer::read(closed, sensor);
     let wait_s = closed.wait_s();
     let at_stop = at_stop(closed);
-    // The mass at the stop is larger than at the end by what has leaked.
+    // The mass at the stop exceeds that at the end by the leakage.
     let kept = 1.0 - read.leak.lost(wait_s);
     let gas_k = read.end_k * at_stop.ratio * kept;
     let first = &closed.rows[0];
@@ -456,7 +456,7 @@ fn stop(
     }
 }
 
-/// Why a stop cannot be used for what the gas did: a leak, or a wait that was too short.
+/// Reason why a stop cannot be used because of its gas: a leak, or a wait that was too short.
 fn spoilt(closed: &Closed, read: &Read, curve_k: &[f64]) -> Option<String> {
     let wait_s = closed.wait_s();
     let lost = read.leak.lost(wait_s);
@@ -485,10 +485,10 @@ struct AtStop {
     noise: f64,
 }
 
-/// The value at the stop of a parabola through the first rows. A load that still swings on the gas
-/// bends it: then through fewer, until it misses them by noise alone.
+/// The value at the stop of a parabola through the first rows. A load that still swings on the gas bends it: then it
+/// goes through fewer rows, until its residual is noise alone.
 fn at_stop(closed: &Closed) -> AtStop {
-    // Rows of the second half differ from their neighbours by noise.
+    // Rows of the second half differ from their neighbours only by noise.
     let tail = &closed.ratio[closed.ratio.len() / 2..];
     let squares: f64 = tail.windows(2).map(|pair| (pair[1] - pair[0]).powi(2)).sum();
     let variance = 0.5 * squares / (tail.len() - 1).max(1) as f64;
@@ -514,7 +514,7 @@ fn at_stop(closed: &Closed) -> AtStop {
     }
 }
 
-/// Propagates what is not known of pressure, volume, sensor, leak and wait to the temperature.
+/// Propagates the uncertainties of pressure, volume, sensor, leak and wait to the temperature.
 fn causes(
     closed: &Closed,
     read: &Read,
@@ -535,7 +535,7 @@ fn causes(
     let sensor = &config.sensors.pressure;
     let offset_pa = PRESSURE_OFF * f64::from(sensor.range_pa);
     let by_offset = offset_pa * (1.0 / first.pressure_pa - 1.0 / last.pressure_pa);
-    // A foil where the wall is coolest shows little of what the mean has warmed.
+    // An element where the wall is coolest shows little of the mean's warming.
     let warmer_k = |k: f64| (k - f64::from(config.ambient.temperature_k)).abs();
     let warmer_k = last.wall_k.map_or(0.0, warmer_k).max(warmer_k(read.end_k));
     Causes {

@@ -1,20 +1,20 @@
 //! Heat transfer from gas to wall, from the relaxation after a stop.
 //!
-//! For closed gas of mass m the balance (3), (4) is, without any valve,
+//! For closed gas of mass m, without any valve, the balance (3), (4) is
 //!
 //! ```text
 //! m cv dT/dt + P dV/dt = -h A (T - T_w),   h = s h_still(P, T, T_w) + h_stirred exp(-t/tau_s)
 //! T_w = T_end - (Q_end - Q)/C_w,           Q = -(m cv (T - T_0) + integral P dV)
 //! ```
 //!
-//! T is known at every time ([`super`]), V by the length. Integrated once, the noise of T is not
-//! differentiated, and s and each stop's h_stirred enter linearly:
+//! T is known at every time ([`super`]), V from the length. The balance is integrated once, so that the noise of T is
+//! not differentiated; s and each stop's h_stirred enter linearly:
 //!
 //! ```text
 //! Q(t) = s I[h_still A (T - T_w)] + h_stirred I[exp(-t/tau_s) A (T - T_w)] + Q_0
 //! ```
 //!
-//! tau_s is common to all stops. Standard errors are of the jackknife over the stops.
+//! tau_s is common to all stops. Standard errors come from the jackknife over the stops.
 
 use super::thermometer::jackknife_sd;
 use super::{Closed, FEWEST, Known, Stop};
@@ -22,30 +22,30 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
-/// Smallest difference to the wall with which a stop begins to count \[K\].
+/// Smallest difference to the wall at which a stop begins to count \[K\].
 const LEAST_START_K: f64 = 2.0;
-/// A stop counts until the difference has fallen to this share, or to this \[K\].
+/// Share, and difference \[K\], down to which a stop counts.
 const LEFT: f64 = 0.08;
 const LEFT_K: f64 = 0.5;
-/// Rows are averaged up to this far from each, two at most: more takes heat from the start of a stop \[s\].
+/// Distance up to which rows are averaged around each row, at most two rows: more would remove heat from the start of a
+/// stop \[s\].
 const ABOUT_S: f64 = 0.025;
-/// Decay times that are tried \[s\], logarithmically. Stirring that lasts longer than a second looks like
-/// still gas whose coefficient falls with the difference of temperatures.
+/// Decay times to try \[s\], spaced logarithmically. Stirring that lasts longer than a second looks like still gas
+/// whose coefficient falls with the difference of temperatures.
 const DECAYS: [f64; 2] = [0.05, 1.0];
 const TRIED: usize = 25;
-/// Stirring counts if it is so many standard errors above zero.
+/// Number of standard errors above zero from which stirring counts.
 const SEEN: f64 = 2.5;
-/// Least inflow that counts as charging, as a share of the gas a second \[1/s\].
+/// Least inflow that counts as charging, as a share of the gas per second \[1/s\].
 const CHARGING_1_S: f64 = 0.02;
 
-/// Where a jet is not seen, what it would move the coefficient of still gas by at most, so that still gas alone explains
-/// the stops: on the simulated nominal muscle, 3 to 8 stops, a jet that is there moves it by 0.4 and more, one that is not
-/// by 0.06 at most \[-\].
+/// Largest shift of still gas's coefficient by an unseen jet at which still gas alone explains the stops. On the
+/// simulated nominal muscle, 3 to 8 stops, a real jet shifts it by 0.4 and more, an absent one by 0.06 at most \[-\].
 const MOST_MOVED: f64 = 0.1;
-/// Relative error with which a law of free convection holds over pressures and differences, and one factor on it for
-/// walls that are not evenly warm \[-\]. Assumption: such correlations are trusted to 10 to 25 %.
+/// Relative error of a law of free convection over pressures and differences, and one factor on it for walls that are
+/// not evenly warm \[-\]. Assumption: such correlations are trusted to 10 to 25 %.
 const LAW: f64 = 0.1;
-/// Stops after an inflow that show a jet: without any of them two are left for a mean.
+/// Stops after an inflow that show a jet: with one of them left out, two remain for a mean.
 pub(super) const CHARGED: usize = 3;
 
 /// A value and its standard error.
@@ -75,15 +75,15 @@ pub struct Relaxation {
     pub scale: With,
     /// Added by the jet where the stop follows an inflow, at the stop \[W/(m2 K)\].
     pub stirred_w_m2_k: Option<With>,
-    /// The same per inflow \[W/(m2 K) per kg/s\].
+    /// The same, per inflow \[W/(m2 K) per kg/s\].
     pub stirred_per_flow: Option<With>,
-    /// Time constant with which that decays \[s\].
+    /// Time constant with which the jet's part decays \[s\].
     pub decay_s: Option<With>,
-    /// Still gas and jet are distinguished. Otherwise the errors of still gas contain what a jet would change.
+    /// Whether still gas and jet are distinguished. Otherwise the errors of still gas include the effect of a jet.
     pub parted: bool,
-    /// Stops that count.
+    /// Number of stops that count.
     pub stops: usize,
-    /// Stops among them that follow an inflow, or may.
+    /// Number of those that follow an inflow, or may.
     pub charged: usize,
 }
 
@@ -95,9 +95,9 @@ struct Heat {
     driving: Vec<f64>,
     /// The law's coefficient \[W/(m2 K)\].
     law: Vec<f64>,
-    /// Inflow before the stop \[kg/s\], where it is known.
+    /// Inflow before the stop \[kg/s\], if known.
     inflow_kg_s: Option<f64>,
-    /// The gas was charged before the stop; or whether it was is not known.
+    /// Whether the gas was charged before the stop, or may have been.
     charged: bool,
 }
 
@@ -143,7 +143,7 @@ fn heat(closed: &Closed, stop: &Stop, known: &Known, chamber: &AnyChamber) -> Op
     .filter(|heat| heat.time_s.len() > 10)
 }
 
-/// Means of the rows about each, `half` of them to either side.
+/// Means of the rows around each row, `half` of them on either side.
 fn smooth(values: &[f64], half: usize) -> Vec<f64> {
     let about = |row: usize| &values[row.saturating_sub(half)..(row + half + 1).min(values.len())];
     (0..values.len()).map(|row| about(row).iter().sum::<f64>() / about(row).len() as f64).collect()
@@ -202,7 +202,7 @@ fn balanced(heats: &[&Heat], decay_s: Option<f64>, law: bool) -> Option<Balanced
     Some(Balanced { still: values[0], stirred, square })
 }
 
-/// The best decay time, and what belongs to it.
+/// The best decay time, and its solution.
 fn best(heats: &[&Heat], law: bool) -> Option<(f64, Balanced)> {
     let [low, high] = DECAYS;
     let tried = (0..TRIED).filter_map(|i| {
@@ -212,7 +212,7 @@ fn best(heats: &[&Heat], law: bool) -> Option<(f64, Balanced)> {
     tried.min_by(|(_, a), (_, b)| a.square.total_cmp(&b.square))
 }
 
-/// Mean of the stirred coefficients after an inflow, and per inflow where that is known.
+/// Mean of the stirred coefficients after an inflow, and per inflow if the inflow is known.
 fn stirred(heats: &[&Heat], balanced: &Balanced) -> Option<(f64, Option<f64>)> {
     let charged: Vec<(f64, Option<f64>)> = heats
         .iter()
@@ -244,7 +244,7 @@ pub(super) fn fit(
     let seen = jet.is_some();
     let law = still(&heats, true, seen)?;
     let constant = still(&heats, false, seen)?;
-    // A jet that is not seen may be there: how far would it move the coefficient of still gas?
+    // An unseen jet may exist: how far would it shift the coefficient of still gas?
     let moved = |law: bool, found: &With| {
         let with_jet = if seen { Some(*found) } else { still(&heats, law, true) };
         with_jet.map_or(f64::INFINITY, |with_jet| (with_jet.value - found.value).abs())
@@ -267,7 +267,7 @@ pub(super) fn fit(
     })
 }
 
-/// All but one.
+/// All stops but one.
 fn without<'a>(heats: &[&'a Heat], out: usize) -> Vec<&'a Heat> {
     heats.iter().enumerate().filter(|(i, _)| *i != out).map(|(_, heat)| *heat).collect()
 }
@@ -294,7 +294,7 @@ struct Jet {
     decay_s: With,
 }
 
-/// The coefficient that a jet adds, and its decay; none where it is not seen.
+/// The coefficient that a jet adds, and its decay; none if no jet is seen.
 fn jet(heats: &[&Heat]) -> Option<Jet> {
     let of = |heats: &[&Heat]| -> Option<(f64, Option<f64>, f64)> {
         let (decay_s, found) = best(heats, true)?;

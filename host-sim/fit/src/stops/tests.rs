@@ -1,13 +1,13 @@
-//! Stops of gas whose temperature is known: one zone, integrated here by itself.
+//! Stops of gas of known temperature: one zone, integrated here.
 
 use super::*;
 use model_core::physics::chamber::Cylinder;
 
-/// Gas above its wall at the stop \[K\].
+/// Temperature of the gas above its wall at the stop \[K\].
 const SWINGS_K: [f64; 6] = [20.0, -25.0, 12.0, -18.0, 28.0, 15.0];
 const WALL_K: f64 = 300.0;
 
-/// A muscle, its sensor, and what is wrong with it.
+/// A muscle, its sensor, and its defects.
 #[derive(Clone, Copy)]
 struct Made {
     still_w_m2_k: f64,
@@ -15,9 +15,9 @@ struct Made {
     wait_s: f64,
     leak_1_s: f64,
     gain: f64,
-    /// The end of the third stop is moved by this, 5 s after it \[m\].
+    /// Motion of the end of the third stop, 5 s after it \[m\].
     moved_m: f64,
-    /// Amplitude with which the load swings after a stop, at 6 Hz, and dies away in 0.15 s \[m\].
+    /// Amplitude of the load's swing after a stop, at 6 Hz; it decays in 0.15 s \[m\].
     swings_m: f64,
 }
 
@@ -164,13 +164,14 @@ fn temperature_heat_and_sensor_come_out() {
     assert!(sensor.lag_sd < 0.1 && heat.still_w_m2_k.relative() < 0.1, "{sensor:?} {heat:?}");
     // The inflow before a stop is not in this record.
     assert!(heat.stirred_per_flow.is_none(), "{heat:?}");
-    // Five rows were averaged however far apart: the first heat of a stop was lost.
+    // Five rows used to be averaged whatever their distance: the first heat of a stop was lost.
     let rows = record(&SOUND, &config).rows.into_iter().step_by(10).collect();
     let tenth = analysed_rows(&Rows { rows }, &config).heat.unwrap().scale.value;
     assert!((tenth / heat.scale.value - 1.0).abs() < 0.03, "{heat:?}, {tenth}");
 }
 
-/// Only a muscle's dead volume counted: the error at a stop was three times as large as stated.
+/// Only a muscle's dead volume used to count: the error at a stop was three times as large as
+/// stated.
 #[test]
 fn a_cylinder_has_gas_in_fittings_and_tube_too() {
     let mut config = held();
@@ -181,7 +182,7 @@ fn a_cylinder_has_gas_in_fittings_and_tube_too() {
     }
 }
 
-/// Jets before too few of the stops are not booked as still gas's heat.
+/// Jets before too few of the stops are not counted as still gas's heat.
 #[test]
 fn a_jet_that_cannot_be_parted_leaves_the_heat_open() {
     let config = held();
@@ -196,14 +197,15 @@ fn a_jet_that_cannot_be_parted_leaves_the_heat_open() {
     assert!(heat.stirred_w_m2_k.is_none() && !heat.parted && heat.charged == 2, "{heat:?}");
     let off = (heat.still_w_m2_k.value - SOUND.still_w_m2_k).abs();
     assert!(off < 2.0 * heat.still_w_m2_k.standard_error, "{heat:?}");
-    // Without a jet nothing has to be parted.
+    // Without a jet there is nothing to separate.
     let rows = record(&Made { stirred_w_m2_k: 0.0, ..SOUND }, &config);
     let heat = analysed_rows(&rows, &config).heat.unwrap();
     assert!(heat.stirred_w_m2_k.is_none() && heat.parted, "{heat:?}");
     assert!((heat.still_w_m2_k.value / SOUND.still_w_m2_k - 1.0).abs() < 0.05, "{heat:?}");
 }
 
-/// A parabola through a swing of the load was 2 K off where its stated deviation was 0.3 K.
+/// A parabola through a swing of the load used to be off by 2 K where its stated deviation was 0.3
+/// K.
 #[test]
 fn a_load_that_swings_on_its_gas_does_not_bend_the_temperature_at_the_stop() {
     let config = held();
@@ -224,7 +226,7 @@ fn a_small_leak_is_corrected_and_a_large_one_refused() {
     assert!(analysis.heat.is_none());
 }
 
-/// The sensor's fit takes most of such a loss for cooling: it stated a twentieth of it.
+/// The sensor's fit takes most of such a loss for cooling: it used to state a twentieth of it.
 #[test]
 fn the_loss_by_a_large_leak_is_stated_as_it_is() {
     for leak_1_s in [3e-3, 1e-2] {
@@ -275,7 +277,7 @@ fn a_gap_is_refused() {
     assert!(analysis.stops[1..].iter().all(Stop::usable));
 }
 
-/// Its lag was found as 4353 s, to 0.1 s.
+/// The lag used to be found as 4353 s, to 0.1 s.
 #[test]
 fn a_frozen_sensor_shows_no_lag() {
     let config = held();

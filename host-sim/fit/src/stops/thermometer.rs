@@ -1,17 +1,17 @@
-//! The sensor in the gas, from its answer to gas of a known course.
+//! The sensor in the gas, from its response to gas of a known course.
 //!
-//! During a stop the gas temperature is known up to one factor, T_end: T = T_end y with
-//! y = T/T_end of closed gas ([`super`]). Where the sensor is, the gas differs from the wall by g times what the mean
-//! does. Housing and element are lags in series, so that
+//! During a stop the gas temperature is known up to one factor, T_end: T = T_end y with y = T/T_end of closed gas
+//! ([`super`]). At the sensor, the difference of gas and wall is g times that of the mean. Housing and element are lags
+//! in series, so that
 //!
 //! ```text
 //! T_s(t) = T_end (1 + g L[y - 1 + y leak (t - t_end)]) + a exp(-t/tau) + b (housing)
 //! ```
 //!
-//! L is the response of both lags, and the leak is known ([`super::leak`]). T_end, a and b are of
-//! each stop and enter linearly; tau, tau_h and g are the sensor's, found by Levenberg and
-//! Marquardt's method over their logarithms, with the linear ones solved for at each point (variable
-//! projection, Golub and Pereyra 1973). Standard errors are of the jackknife over the stops, and at least what the noise makes.
+//! L is the response of both lags, and the leak is known ([`super::leak`]). T_end, a and b belong to each stop and
+//! enter linearly; tau, tau_h and g are the sensor's, found by Levenberg and Marquardt's method over their logarithms,
+//! with the linear ones solved for at each point (variable projection, Golub and Pereyra 1973). Standard errors come
+//! from the jackknife over the stops, and are at least those of the noise.
 
 use super::leak::{self, Leak};
 use super::{Closed, LAG_OFF};
@@ -23,38 +23,38 @@ use serde::Serialize;
 
 /// ln tau, ln tau_h, ln g.
 const COMMON: usize = 3;
-/// Weak priors of these logarithms, which act only where the data are silent: a factor of ten each
-/// way for the lags, of 1.5 for the place.
+/// Weak priors of these logarithms, which act only where the data show nothing: a factor of ten each way for the lags,
+/// of 1.5 for the location factor.
 const PRIOR_SD: [f64; COMMON] = [2.3, 2.3, 0.4];
-/// Beyond this factor from the configured lag nothing is searched.
+/// Largest factor from the configured lag that is searched.
 const WIDEST: f64 = 50.0;
-/// A housing without configured lag starts here \[s\].
+/// Start of the search for a housing without configured lag \[s\].
 const LEAST_HOUSING_S: f64 = 0.02;
 const DIFFERENCE: f64 = 1e-4;
 
-/// Lags and place of the sensor. Standard errors are of the logarithms.
+/// Lags and location factor of the sensor. Standard errors are of the logarithms.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Sensor {
     pub lag_s: f64,
     pub lag_sd: f64,
     pub housing_s: f64,
     pub housing_sd: f64,
-    /// Difference of the gas at the sensor to the wall, over that of the mean \[-\].
+    /// Difference of the gas at the sensor to the wall, over the mean's difference \[-\].
     pub location_factor: f64,
     pub location_sd: f64,
     pub rms_k: f64,
 }
 
-/// Temperature at the end of a stop, by the sensor.
+/// Temperature at the end of a stop, from the sensor.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Read {
     pub end_k: f64,
-    /// By noise \[K\].
+    /// Deviation from noise \[K\].
     pub end_sd_k: f64,
     pub leak: Leak,
-    /// By what is not known of the lag, which the reading at the end is behind by \[K\].
+    /// Deviation from the uncertain lag, which the reading at the end still follows \[K\].
     pub wait_sd_k: f64,
-    /// The sensor behind the gas at the end \[K\].
+    /// Remaining lag of the sensor behind the gas at the end \[K\].
     pub behind_k: f64,
 }
 
@@ -95,8 +95,8 @@ fn lagged(
     readings
 }
 
-/// Linear parameters of one stop at given lags and place: solution, its covariance per unit
-/// variance, and residuals.
+/// Linear parameters of one stop at given lags and location factor: solution, its covariance per unit variance, and
+/// residuals.
 struct Solved {
     values: DVector<f64>,
     inverse: DMatrix<f64>,
@@ -171,7 +171,7 @@ impl LeastSquares for Projection<'_> {
     }
 }
 
-/// Standard deviation of one reading: rows differ from their neighbours by it.
+/// Standard deviation of one reading, from the differences of neighbouring rows.
 fn noise_k(stops: &[&Closed]) -> f64 {
     let pairs = stops.iter().flat_map(|closed| closed.rows.windows(2));
     let (sum, count) = pairs.fold((0.0, 0.0), |(sum, count), pair| {
@@ -180,14 +180,14 @@ fn noise_k(stops: &[&Closed]) -> f64 {
     (0.5 * sum / f64::max(count, 1.0)).sqrt().max(1e-3)
 }
 
-/// Fits lags and place to all stops; none with fewer than [`super::FEWEST`].
+/// Fits lags and location factor to all stops; none with fewer than [`super::FEWEST`].
 pub fn fit(stops: &[&Closed], prior: &Sensor) -> Option<Sensor> {
     if stops.len() < super::FEWEST {
         return None;
     }
     let all = |noise_k: f64| Projection { stops: stops.to_vec(), prior: prior.place(), noise_k };
     let search = |problem: &Projection, start| minimize(problem, start, 1e-8, 60).place;
-    // Residuals that go on from row to row are an error of the model: the rows count accordingly.
+    // Residuals that persist from row to row are an error of the model: the rows count less accordingly.
     let rough = search(&all(noise_k(stops)), prior.place());
     let residuals = all(1.0).residuals(&rough);
     let rms_k = (residuals.norm_squared() / residuals.len() as f64).sqrt();
@@ -243,7 +243,7 @@ pub(super) fn read(closed: &Closed, sensor: &Sensor) -> Read {
     let Some(solved) = solve(closed, &place, leak) else { return unknown };
     let rows = closed.rows.len() as f64;
     let variance = solved.residuals.norm_squared() / rows;
-    // Residuals go on over the sensor's lag: so many rows are independent.
+    // Residuals persist over the sensor's lag, which limits the number of independent rows.
     let independent = (closed.wait_s() / sensor.lag_s.max(closed.wait_s() / rows)).min(rows);
     let inflated = variance * rows / independent;
     let end_k = solved.values[0];
