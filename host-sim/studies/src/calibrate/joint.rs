@@ -25,7 +25,7 @@ fn of_side<T>(side: Side, [a, b]: [T; 2]) -> T {
 }
 
 impl JointSensor {
-    /// The sensor of a muscle that it is, and its side.
+    /// The muscle's sensor and its side, unless it is the angle.
     fn of_muscle(self) -> Option<(Side, Sensor)> {
         match self {
             Self::Pressure(side) => Some((side, Sensor::Pressure)),
@@ -70,7 +70,7 @@ impl Gauge for JointSensor {
         self.of_muscle().and_then(|(side, sensor)| sensor.least_pa(muscle(config, side)))
     }
 
-    /// The angle has no calibration beside the angles at the ends of its sensor: it is as the board reads it.
+    /// The angle has no calibration beyond the angles at the ends of its sensor: it is read as on the board.
     fn read(self, config: &JointConfig, telemetry: &JointTelemetry) -> f64 {
         match self.of_muscle() {
             Some((side, sensor)) => {
@@ -92,7 +92,7 @@ impl Gauge for JointSensor {
         let most_rad = f64::from(config.sensor_maximum_rad());
         let right = |angle_rad: f64| gain * angle_rad + offset;
         if config.angle_part.is_digital() {
-            // A turn is one: only its place is put right, by the middle of it.
+            // A turn of an encoder is exact: only its offset is corrected, at the middle.
             let middle_rad = 0.5 * (least_rad + most_rad);
             let by_rad = right(middle_rad) - middle_rad;
             config.mechanism.sensor_minimum_rad = (least_rad + by_rad) as f32;
@@ -127,7 +127,7 @@ mod tests {
         }
     }
 
-    /// Half of the difference between both points stays.
+    /// Half of the difference between both points remains.
     #[test]
     fn an_encoder_keeps_its_turn() {
         let config = JointConfig { angle_part: AnglePart::As5600, ..JointConfig::default() };

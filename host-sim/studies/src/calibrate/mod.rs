@@ -28,14 +28,15 @@ pub enum Sensor {
 const READINGS: usize = 100;
 /// Least distance of the points, as a fraction of the sensor's range.
 const LEAST_SPAN: f64 = 0.05;
-/// Least distance of two temperatures \[K\]: ice water and a cool room. The whole scale of a platinum resistor's chip is
-/// 1078 K, of which no bath has a twentieth; two references that are right within 0.1 K give the gain within 1.4 %.
+/// Least distance of two temperatures \[K\]: ice water and a cool room. The whole scale of a platinum resistor's chip
+/// is 1078 K, a twentieth of which exceeds the range of any bath; two references that are right within 0.1 K give the
+/// gain within 1.4 %.
 const LEAST_SPAN_K: f64 = 15.0;
 /// Largest difference of the gain from 1; beyond it, the sensor is not the configured one.
 const MOST_GAIN: f64 = 0.1;
 /// Largest correction within the range, as a fraction of it.
 const MOST_SHIFT: f64 = 0.1;
-/// A reading that scatters by more than this fraction of the range is not at rest.
+/// Scatter, as a fraction of the range, above which a reading is not at rest.
 const MOST_SCATTER: f64 = 0.005;
 
 /// Reason why a point or a calibration is refused. Values are texts with their units.
@@ -47,7 +48,7 @@ pub enum Implausible {
     /// The points are too close to each other.
     #[error("the two points are {found} apart: must be at least {least}")]
     TooClose { found: String, least: String },
-    /// Another sensor, or another range than configured.
+    /// The sensor, or its range, is not the configured one.
     #[error(
         "the gain came out as {gain}: must be from {:.2} to {:.2}; is the sensor's range the one in the \
          configuration?",
@@ -63,7 +64,7 @@ pub enum Implausible {
     /// The reading is not at rest.
     #[error("the reading scatters by {found}: at most {most} are taken; is it at rest?")]
     Restless { found: String, most: String },
-    /// The reference reads gauge pressure, or in another unit.
+    /// The reference reads gauge pressure, or is in another unit.
     #[error(
         "the reference reads {reference} and the sensor {reading}: must be absolute, and at least {least}, 80 % of the \
          configured ambient pressure; is this gauge pressure, or another unit?"
@@ -77,7 +78,7 @@ pub struct Point {
     pub reference: f64,
 }
 
-/// A sensor of a muscle or of a joint, whose readings are put right by a gain and an offset.
+/// A sensor of a muscle or of a joint, whose readings are corrected by a gain and an offset.
 pub trait Gauge: Copy + Send {
     type Config: Copy + Send;
     type Sample: Copy + Send;
@@ -85,7 +86,7 @@ pub trait Gauge: Copy + Send {
     /// SI symbol.
     fn unit(self) -> &'static str;
 
-    /// A value or difference for a reader.
+    /// A value or difference as text.
     fn text(self, value: f64) -> String;
 
     /// Range of the sensor, in its unit.
@@ -99,7 +100,7 @@ pub trait Gauge: Copy + Send {
     /// Reading without any calibration.
     fn read(self, config: &Self::Config, sample: &Self::Sample) -> f64;
 
-    /// The configuration that puts the readings of [`read`](Self::read) right: gain times the reading, and the offset.
+    /// The configuration that corrects the readings of [`read`](Self::read): gain times the reading, and the offset.
     fn corrected(self, config: &Self::Config, gain: f64, offset: f64) -> Self::Config;
 
     fn reading(self, config: &Self::Config, samples: &[Self::Sample]) -> Result<f64, Implausible> {
@@ -116,7 +117,7 @@ pub trait Gauge: Copy + Send {
         }
     }
 
-    /// Least absolute pressure that a reference can read \[Pa\]; none of another quantity.
+    /// Least absolute pressure that a reference can read \[Pa\]; none for another quantity.
     fn least_pa(self, config: &Self::Config) -> Option<f64>;
 
     /// Refuses a point whose reference is no absolute pressure, or far from the sensor's reading.
@@ -239,7 +240,7 @@ pub struct Guide<G: Gauge = Sensor> {
 }
 
 impl<G: Gauge> Guide<G> {
-    /// `config` is the board's configuration.
+    /// Starts at the first point. `config` is the board's configuration.
     pub fn new(sensor: G, config: G::Config) -> Self {
         Self { sensor, config, points: Vec::new(), reference: None, samples: Vec::new() }
     }
@@ -262,7 +263,7 @@ impl<G: Gauge> Guide<G> {
     /// averaging the sensor.
     ///
     /// # Errors
-    /// Where it is no value of the sensor's quantity; the point is then asked for again.
+    /// If it is no value of the sensor's quantity; the point is then asked for again.
     pub fn answer(&mut self, typed: &str) -> Result<(), NoValue> {
         let read = Wanted::new(self.sensor.unit()).read(typed);
         let value = read.map_err(|why| NoValue { typed: typed.trim().to_owned(), why })?;
@@ -271,8 +272,8 @@ impl<G: Gauge> Guide<G> {
         Ok(())
     }
 
-    /// Takes one of 100 samples a second, and whether the muscle vents; returns the point when there
-    /// are enough. Does nothing before the reference is set.
+    /// Takes one of 100 samples a second, and whether the muscle vents; returns the point once it has enough. Does
+    /// nothing before the reference is set.
     ///
     /// # Errors
     /// [`Implausible`]; the point is then asked for again.
@@ -356,7 +357,7 @@ mod tests {
         let pressure = |a, b| Sensor::Pressure.calibrated(&config, [a, b]).unwrap_err();
         let close = pressure(point(1.0e5, 1.0e5), point(1.1e5, 1.1e5));
         assert!(matches!(close, Implausible::TooClose { .. }), "{close}");
-        // Bar in place of pascals, and a range of 800 kPa that is configured as 700.
+        // Bar in place of pascals, and a range of 800 kPa configured as 700.
         let gain = pressure(point(1.0e5, 1.0), point(3.0e5, 3.0));
         assert!(matches!(gain, Implausible::TooClose { .. }), "{gain}");
         let gain = pressure(point(1.0e5, 1.14e5), point(3.0e5, 3.43e5));
@@ -365,7 +366,7 @@ mod tests {
         assert!(matches!(shift, Implausible::Shift { .. }), "{shift}");
     }
 
-    /// A sensor of 150 psi, of whose range a tenth is more than an atmosphere: the limit of the pressure was then one
+    /// A sensor of 150 psi: a tenth of its range is more than an atmosphere. The limit of the pressure used to be
     /// higher than stated.
     #[test]
     fn gauge_pressures_are_refused() {
@@ -377,7 +378,7 @@ mod tests {
         assert!(error.starts_with(expected), "{error}");
     }
 
-    /// The scale of a MAX31865 is 1078 K wide: a twentieth of it lies between no two baths of a laboratory.
+    /// The scale of a MAX31865 is 1078 K wide: no two baths of a laboratory are a twentieth of it apart.
     #[test]
     fn ice_water_and_a_room_calibrate_any_gas_sensor() {
         let mut config = Config::default();
@@ -417,7 +418,7 @@ mod tests {
         }
     }
 
-    /// The first point, with a wrong unit, was refused only after the second.
+    /// A first point in a wrong unit used to be refused only after the second.
     #[test]
     fn a_point_is_refused_at_once_and_asked_for_again() {
         let mut guide = Guide::new(Sensor::Pressure, Config::default());

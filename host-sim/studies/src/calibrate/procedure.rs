@@ -10,7 +10,7 @@ use thermyo_boards::subject::Subject;
 use thermyo_protocol::{ConfigSource, Refusal};
 use thermyo_simulation::board::BoardError;
 
-/// Steps that the muscle gets to settle at a held pressure.
+/// Steps in which the muscle may settle at a held pressure.
 const SETTLING_STEPS: u32 = 3000;
 
 /// A board whose sensors are calibrated.
@@ -22,7 +22,8 @@ pub trait Bench: Subject {
     /// Whether a first point may be read.
     fn vents(telemetry: &Self::Telemetry) -> bool;
 
-    /// The set point that holds a pressure \[Pa\], in both muscles of a joint, whose arm then stays where it is.
+    /// The set point that holds a pressure \[Pa\]. In a joint it applies to both muscles, so that the arm stays where
+    /// it is.
     fn holding(pressure_pa: f32) -> Self::SetPoint;
 }
 
@@ -62,20 +63,20 @@ impl Bench for LiveJoint {
 pub trait Dialogue {
     type Board: Bench;
 
-    /// Uses the board. The closure gets the board, and whether it has to stop early.
+    /// Lends the board to a closure, which also gets a function that returns whether to stop early.
     fn board<T: Send>(
         &mut self,
         using: impl FnOnce(&mut Self::Board, &dyn Fn() -> bool) -> Result<T, BoardError> + Send,
     ) -> Result<T, BoardError>;
 
-    /// Asks what the reference reads, and keeps the board alive until the answer. `refused` is why
-    /// the last answer was not taken. None where there are no further answers.
+    /// Asks for the reading of the reference, and keeps the board alive until the answer. `refused` is the reason why
+    /// the last answer was not accepted. None if there are no further answers.
     fn ask(&mut self, question: &str, refused: Option<&str>) -> Result<Option<String>, BoardError>;
 
     fn say(&mut self, text: &str);
 }
 
-/// Result of a calibration, which the board has, unsaved.
+/// Result of a calibration; the board uses it, but has not saved it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Calibrated {
     /// Corrections at the two points, in `unit`.
@@ -98,8 +99,7 @@ pub enum CalibrateError {
     Unfinished(String),
 }
 
-/// Asks for the reference at two points, the second one at `hold_pa` where that is given, and
-/// configures the board, which vents then.
+/// Asks for the reference at two points, the second at `hold_pa` if given, and configures the board, which then vents.
 ///
 /// # Errors
 /// [`CalibrateError`]. The board may still drive: the caller vents it.
@@ -175,13 +175,13 @@ fn hold<D: Dialogue>(dialogue: &mut D, pressure_pa: f32) -> Result<(), BoardErro
     })
 }
 
-/// The point that the guide averages, or why it is refused.
+/// The point that the guide averages, or the reason for its refusal.
 fn averaged<B: Bench>(
     board: &mut B,
     guide: &mut Guide<B::Gauge>,
     stopped: &dyn Fn() -> bool,
 ) -> Result<Result<Point, Implausible>, BoardError> {
-    // Another rate may have been requested meanwhile, and what was sent before is not of now.
+    // Another rate may have been requested meanwhile, and earlier telemetry is out of date.
     board.telemetry_anew(VIEW_DIVIDER)?;
     loop {
         let mut point = None;
@@ -195,10 +195,10 @@ fn averaged<B: Bench>(
     }
 }
 
-/// Keeps the board alive until `done`, which gets the telemetry.
+/// Keeps the board alive until `done`, which gets the telemetry, ends the wait.
 ///
 /// # Errors
-/// [`BoardError::Interrupted`] once `stopped`, [`BoardError::Vented`] where a fault vents.
+/// [`BoardError::Interrupted`] once `stopped`, [`BoardError::Vented`] if a fault vents.
 pub fn wait<B: Subject>(
     board: &mut B,
     stopped: &dyn Fn() -> bool,

@@ -11,22 +11,22 @@ use thermyo_setup::core_config::core_config;
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::run::RunError;
 
-/// The board, armed for each run up to a pressure, a little above which it vents.
+/// The board, armed for each run up to a pressure; slightly above that it vents.
 pub struct LiveBench<'a, B: Subject> {
     pub(crate) board: &'a mut B,
     name: &'a str,
     highest_pa: f64,
     /// Returns whether the user wants to stop.
     pub(crate) wanted: &'a dyn Fn() -> bool,
-    /// The configuration from before, and its name; none where the board had the core's defaults.
+    /// The earlier configuration, and its name; none if the board had the core's defaults.
     former: Option<(B::Config, Name)>,
 }
 
 impl<'a, B: Subject> LiveBench<'a, B> {
-    /// `name` is the name of the configurations that the board gets.
+    /// Bench of a board. `name` is the name of the configurations that it sets.
     ///
     /// # Errors
-    /// [`BoardError`], if the board does not give its configuration.
+    /// [`BoardError`], if the board does not send its configuration.
     pub fn new(
         board: &'a mut B,
         name: &'a str,

@@ -20,11 +20,11 @@ use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::summary::TimingFigures;
 
-/// Scenario to drive: the drive of a file, on the joint that the board was configured with.
+/// Scenario to drive: the drive of a file, on the joint in the board's configuration.
 ///
 /// # Errors
 /// [`InputError`] for a file that is neither a joint's scenario nor a table of angle and stiffness, and for an angle
-/// beyond the stops that the board was configured with.
+/// beyond the configured stops.
 pub fn plan(file: &Path, config: &JointConfig) -> Result<JointLoaded, InputError> {
     let mut driven = to_scenario(config)?;
     let duration_s;
@@ -44,7 +44,7 @@ pub fn plan(file: &Path, config: &JointConfig) -> Result<JointLoaded, InputError
         }
         duration_s = loaded.muscles[0].plant.run.duration_s;
         (driven.drive, driven.profile) = (loaded.drive, loaded.profile);
-        // A board has the load that it has.
+        // A board's load is the real one.
         (driven.drive.load_n_m, driven.drive.load_csv) = (0.0, None);
     }
     driven.drive.profile_csv = driven.profile.as_ref().map(|_| PathBuf::from("profile.csv"));
@@ -84,7 +84,7 @@ impl Course<JointSetPoint> for JointLoaded {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Driven {
     pub duration_s: f64,
-    /// Planned time, where the run was stopped early \[s\].
+    /// Planned time, if the run was stopped early \[s\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stopped_of_s: Option<f64>,
     /// The board's port.
@@ -95,7 +95,7 @@ pub struct Driven {
     pub figures: Figures,
     /// Steps whose telemetry did not arrive.
     pub lost_steps: u64,
-    /// How the steps were timed, since the board started.
+    /// Timing of the steps since the board started.
     pub timing: TimingFigures,
 }
 
@@ -122,7 +122,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// For a run, which begins at step 0.
+    /// Starts a run at step 0.
     pub fn new(driven: JointLoaded) -> Self {
         Self {
             accumulator: Accumulator::new(driven.muscles[0].plant.run.step_s),

@@ -1,4 +1,4 @@
-//! `thermyo board PORT drive`: a whole run on a board that samples its own muscle, recorded as a simulated one.
+//! `thermyo board PORT drive`: a whole run on a board that samples its own muscle, recorded like a simulated one.
 //!
 //! ```text
 //! profile --set points, a little ahead--> board --telemetry of every step--> trace, summary, page
@@ -38,15 +38,15 @@ use thermyo_simulation::run::{RunError, SetPoints};
 /// Steps by which a set point is sent ahead of its time, to cover the delay of the link.
 const LEAD_STEPS: u64 = 5;
 
-/// A muscle has vented within this excess over ambient, a part of what sensors are off \[Pa\].
+/// Excess over ambient below which a muscle has vented, a part of the sensors' error \[Pa\].
 const VENTED_PA: f32 = 3.0e3;
-/// It vents no further if the reading falls by less than this in that many steps.
+/// Fall of the reading \[Pa\], and number of steps: a muscle that falls by less in that many steps vents no further.
 const STILL_PA: f32 = 200.0;
 const STILL_STEPS: u32 = 500;
 
 #[derive(Debug, thiserror::Error)]
 pub enum DriveError {
-    /// The board cannot be used any more, or vents.
+    /// The board can no longer be used, or vents.
     #[error(transparent)]
     Board(#[from] BoardError),
     #[error("the record cannot be written: {0}")]
@@ -73,9 +73,8 @@ pub enum Ended {
     Stopped,
 }
 
-/// Scenario to drive: the profile of a file, on the muscle that the board was configured with. The
-/// whole profile is within what that board allows: up to `armed_pa`, if it is not armed first. `kind`
-/// is the quantity of a column `value`.
+/// Scenario to drive: the profile of a file, on the muscle in the board's configuration. The whole profile is within
+/// the limits of that board: up to `armed_pa`, if it is not armed first. `kind` is the quantity of a column `value`.
 ///
 /// # Errors
 /// [`InputError`] for a file that is neither a scenario nor a table with a set point, and for a value
@@ -122,10 +121,10 @@ pub fn plan(
     Ok(driven)
 }
 
-/// Longest drive \[s\]: that of `run.duration_s`.
+/// Longest drive \[s\], the limit of `run.duration_s`.
 const LONGEST_S: f64 = 1e6;
 
-/// The time at which a table of set points ends, after the start.
+/// Time from the start to the end of a table of set points.
 fn end_s(table: &Table, profile: &Profile, step_s: f64) -> Result<f64, InputError> {
     let end_s = profile.points().last().map_or(0.0, |point| point.0);
     if end_s > 0.5 * step_s && end_s <= LONGEST_S {
@@ -136,7 +135,7 @@ fn end_s(table: &Table, profile: &Profile, step_s: f64) -> Result<f64, InputErro
     Err(table.header_error(Problem::UnusableColumn { column: "time_s".to_owned(), why }))
 }
 
-/// The drive of a table: by the name of its column, or `kind` for a column `value`.
+/// The drive of a table: from the name of its column, or `kind` for a column `value`.
 fn kind_of(table: &Table, kind: Option<DriveKind>) -> Result<DriveKind, InputError> {
     let has = |name: &str| table.columns().iter().any(|column| column.name == name);
     let mut columns = SET_POINT_COLUMNS.iter().filter(|(name, _)| has(name));
@@ -157,7 +156,7 @@ fn kind_of(table: &Table, kind: Option<DriveKind>) -> Result<DriveKind, InputErr
     })
 }
 
-/// All set points have to be within what the board's configuration allows, and what it is armed for.
+/// Checks that all set points are within the board's configuration, and within the pressure for which it is armed.
 fn check(file: &Path, driven: &Loaded, armed_pa: Option<f32>) -> Result<(), InputError> {
     let drive = &driven.plant.drive;
     let Some((name, _)) = SET_POINT_COLUMNS.iter().find(|(_, kind)| *kind == drive.kind) else {
@@ -185,7 +184,7 @@ fn check(file: &Path, driven: &Loaded, armed_pa: Option<f32>) -> Result<(), Inpu
 /// `wanted` returns whether to stop early.
 ///
 /// # Errors
-/// [`DriveError`], also where a fault vented.
+/// [`DriveError`], also if a fault vented.
 pub fn drive(
     board: &mut LiveBoard,
     driven: &Loaded,
@@ -199,13 +198,13 @@ pub fn drive(
 pub trait Course<P> {
     fn steps(&self) -> u64;
 
-    /// Ambient pressure that the board is configured with \[Pa\].
+    /// Ambient pressure in the board's configuration \[Pa\].
     fn ambient_pa(&self) -> f32;
 
     /// The set point of step 0.
     fn first(&self) -> P;
 
-    /// A set point that begins at a step.
+    /// The set point that begins at a step, if any.
     fn acting_from(&self, step: u64) -> Option<P>;
 }
 
@@ -253,7 +252,7 @@ pub fn follow<B: Subject>(
     outcome.and_then(|ended| Ok(stopped.map(|()| ended)?))
 }
 
-/// Waits until all that is driven has vented: to ambient, or to where the reading stays. Returns false if it is
+/// Waits until every driven muscle has vented: to ambient, or to where the reading stays. Returns false if it is
 /// stopped meanwhile.
 fn vented<B: Subject>(
     board: &mut B,
@@ -310,8 +309,7 @@ fn along<B: Subject>(
         if let Some(sequence) = asked {
             board.check(sequence)?;
         }
-        // After a delay the host sends only the current set point, not all that it has missed: they
-        // would flood the board.
+        // After a delay the host sends only the current set point; all missed ones would flood the board.
         if board.is_behind() {
             continue;
         }

@@ -24,7 +24,7 @@ pub struct Gathered {
     accumulator: Accumulator,
     set_points: SetPoints,
     driven: Loaded,
-    /// Of a muscle or cylinder \[m\].
+    /// Rest length of a muscle or cylinder \[m\].
     rest_length_m: Option<f64>,
     estimate: Range,
     steps: Counted,
@@ -32,7 +32,7 @@ pub struct Gathered {
 }
 
 impl Gathered {
-    /// For a run, which begins at step 0.
+    /// Starts a run at step 0.
     pub fn new(driven: Loaded, measured: Option<&Measured>) -> Self {
         Self {
             accumulator: Accumulator::new(

@@ -20,19 +20,19 @@ pub trait Record: Sized + Send + 'static {
     type Driven: Serialize;
 
     const LAYOUT: Layout;
-    /// Whether a page can identify from it, and compare it.
+    /// Whether a page can identify parameters from the record, and compare it.
     const STUDIED: bool;
 
-    /// Of a board that the user drives, from any step on.
+    /// Starts the record of a board that the user drives, from any step.
     ///
     /// # Errors
-    /// For a configuration that no scenario expresses.
+    /// For a configuration that no scenario can express.
     fn of_board(config: &ConfigOf<Self>) -> Result<Self, InputError>;
 
     /// Writes one row; an empty `status` leaves its columns empty.
     ///
     /// # Errors
-    /// Of the file, or of what is recorded beside it.
+    /// Error of the file, or of an output beside it.
     fn write(
         recorder: &mut Recorder,
         config: &ConfigOf<Self>,
@@ -48,10 +48,10 @@ pub trait Record: Sized + Send + 'static {
     /// Content of `scenario.toml`.
     fn scenario(&self) -> String;
 
-    /// Gives the scenario the record's duration.
+    /// Sets the scenario's duration to the record's.
     fn cut(&mut self);
 
-    /// Summary and page of that title; `stopped_of_s` is the planned time of a drive that was stopped early \[s\].
+    /// Summary and page with this title; `stopped_of_s` is the planned time of a drive that was stopped early \[s\].
     fn finish(
         self,
         title: &str,
@@ -64,7 +64,7 @@ pub trait Record: Sized + Send + 'static {
 #[derive(Debug, Default)]
 pub struct Counted {
     pub(super) rows: u64,
-    /// Time of the last one \[s\].
+    /// Time of the last row \[s\].
     pub last_s: f64,
     pub lost: u64,
     /// Number of the next step if none is lost; none at the start of a record that may begin at any
@@ -73,7 +73,7 @@ pub struct Counted {
 }
 
 impl Counted {
-    /// Of a run, which begins at step 0.
+    /// Starts a run at step 0.
     pub(super) fn from_start() -> Self {
         Self { next: Some(0), ..Self::default() }
     }

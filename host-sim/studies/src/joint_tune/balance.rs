@@ -1,4 +1,4 @@
-//! Inertia, gravity, friction and lengths from the balance of torques, without a derivative of what was measured.
+//! Inertia, gravity, friction and lengths from the balance of torques, without differentiating measurements.
 //!
 //! With the core's own law of both muscles (Chou and Hannaford 1994 with slip and creep, as configured) the torque
 //! is known from pressures and angle, and
@@ -16,18 +16,18 @@
 //! phi = 693/(512 h) (1 - (t/h)^2)^5     phi'' ends smoothly: sums over steps stand for integrals
 //! ```
 //!
-//! which smooths every term alike. Of a radius that varies r is `radius_m`: forces count by their share of it, as
-//! configured. Radius and lengths at angle 0 are in F; their derivatives are columns, and the
-//! fit is repeated with the new ones until they stay (Gauss-Newton).
+//! which smooths every term alike. For a varying radius, r is `radius_m`, and forces count by their share of it, as
+//! configured. Radius and lengths at angle 0 are in F; their derivatives are columns, and the fit is repeated with the
+//! new ones until they stay (Gauss-Newton).
 //!
-//! Only windows count in which both tendons are taut and the joint slides one way throughout: the way within which
-//! friction builds up after a turn and its surplus near standstill are left out.
+//! Only windows count in which both tendons are taut and the joint slides one way throughout: the way after a turn in
+//! which friction builds up, and the surplus of friction near standstill, are left out.
 //!
-//! Errors of the configured law: a force area that is s times the configured one in both muscles makes every
-//! torque 1/s times what it is, and so all of J, c, G and D, which is what the core then needs. One muscle's area
-//! or pressure appears as another mid-length, dL = ds A/A'. A bladder stiffer by dk appears as
-//! dG = 2 r^2 dk, and the muscles' viscous friction as r^2 times it in c. With r the torques, the lengths and G grow
-//! alike up to terms of (r q/L)^2: radius and both lengths cannot all be told from torques alone.
+//! Errors of the configured law: a force area that is s times the configured one in both muscles makes every torque 1/s
+//! times the true one, and so all of J, c, G and D; those are then the values that the core needs. One muscle's area or
+//! pressure appears as another mid-length, dL = ds A/A'. A bladder stiffer by dk appears as dG = 2 r^2 dk, and the
+//! muscles' viscous friction as r^2 times it in c. With r, the torques, the lengths and G grow alike up to terms of (r
+//! q/L)^2: torques alone cannot determine radius and both lengths.
 
 use super::experiment::{Record, least_radius_m};
 use crate::tune::regression::{Measure, Solution, solve};
@@ -41,23 +41,23 @@ use nalgebra::{DMatrix, DVector};
 const HALF_S: f64 = 0.05;
 /// Distance of two windows \[s\].
 const HOP_S: f64 = 0.02;
-/// Windows on either side in which it has to slide the same way.
+/// Number of windows on either side in which the joint has to slide the same way.
 const AROUND: usize = 3;
-/// Way after a turn within which friction still builds up, over that of a straight rise \[-\]: 2 % are left of an
-/// exponential one.
+/// Way after a turn within which friction still builds up, over the way of a straight rise \[-\]: 2 % of an exponential
+/// rise remain.
 const BUILT_UP: f64 = 4.0;
-/// Least of it: braids, where the configured friction has none \[m\].
+/// Least such way: for braids, if no friction is configured \[m\].
 const LEAST_TURN_M: f64 = 1.0e-3;
-/// Repetitions of the fit, at most; it stays once lengths change by less than a millionth.
+/// Largest number of repetitions of the fit; it has converged once lengths change by less than a millionth.
 const REPEATS: usize = 12;
 const STAYS: f64 = 1.0e-6;
 /// Change of the radius for its derivative: torques are in f32 \[-\].
 const RADIUS_CHANGE: f64 = 2.0e-3;
-/// Most steps of lost telemetry that slip and creep are followed through.
+/// Largest number of steps of lost telemetry over which slip and creep are followed.
 const MOST_LOST: u32 = 1000;
 pub const COUNT: usize = 8;
 
-/// A coefficient; its index is that of its column.
+/// A coefficient; its index is the index of its column.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Term {
     Inertia,
@@ -96,15 +96,15 @@ pub struct Point {
     pub time_s: f64,
     pub angle_rad: f64,
     pub speed_rad_s: f64,
-    /// Torque of the muscles by the fitted lengths \[N m\].
+    /// Torque of the muscles with the fitted lengths \[N m\].
     pub torque_n_m: f64,
-    /// Measured less fitted \[N m\].
+    /// Measured minus fitted \[N m\].
     pub residual_n_m: f64,
 }
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fitted {
-    /// Value and error by [`Term`]; an error of 0: it was held.
+    /// Value and error by [`Term`]; an error of 0 means that the value was held.
     pub values: [Measure; COUNT],
     /// RMS of the columns: torque per unit of each coefficient.
     pub columns: [f64; COUNT],
@@ -114,7 +114,7 @@ pub struct Fitted {
     pub points: Vec<Point>,
 }
 
-/// The configured law, or another one, to see what its errors make of the values.
+/// The configured law with errors, to see their effect on the values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Altered {
     /// Force area of muscle a, and elastic forces of bladder and creep of both, over the configured ones \[-\].
@@ -128,12 +128,12 @@ impl Altered {
     pub const NOT: Self = Self { area: 1.0, elastic: 1.0, offset_pa: 0.0 };
 }
 
-/// Torque of the muscles in a step, and what it changes by \[N m, N m/m\].
+/// Torque of the muscles in a step, and its derivatives \[N m, N m/m\].
 #[derive(Debug, Clone, Copy)]
 struct Torque {
     n_m: f64,
     by_mid: [f64; 2],
-    /// Dry friction over that at the reference, by wall and pressure \[-\].
+    /// Dry friction over its value at the reference, by wall and pressure \[-\].
     dry: f64,
     taut: bool,
 }
@@ -163,7 +163,7 @@ impl<'a> Muscles<'a> {
         ([wound_a, wound_b], [of_a, of_b])
     }
 
-    /// Torques along the records, with slip and creep from rest on.
+    /// Torques along the records, with slip and creep starting from rest.
     fn torques(&self, records: &[Record], lengths: Lengths, altered: Altered) -> Vec<Torque> {
         let step_s = self.config.muscles[0].step_s;
         let laws = self.config.muscles.map(|muscle| Law::new(&muscle.hysteresis, step_s));
@@ -172,7 +172,7 @@ impl<'a> Muscles<'a> {
         let along = |record: &Record| {
             let (step, angle_rad) = before.unwrap_or_default();
             before = Some((record.step, record.angle_rad));
-            // Steps whose telemetry was lost.
+            // Number of steps whose telemetry was lost.
             let steps = record.step.saturating_sub(step).clamp(1, MOST_LOST);
             let way_m = lengths.radius * (record.angle_rad - angle_rad) / f64::from(steps);
             let (_, shares) = self.pulley(record.angle_rad);
@@ -266,7 +266,8 @@ fn product(kernel: &[f64], of: impl Iterator<Item = f64>) -> f64 {
     kernel.iter().zip(of).map(|(weight, value)| weight * value).sum()
 }
 
-/// Middles of the windows in which it slides one way, at `least_rad_s` or faster, with the speed there \[rad/s\].
+/// Middles of the windows in which the joint slides one way, at `least_rad_s` or faster, with the speed there
+/// \[rad/s\].
 fn sliding(
     records: &[Record],
     kernel: &Kernel,
@@ -301,7 +302,7 @@ fn sliding(
     found
 }
 
-/// Records, where they slide, and the muscles.
+/// Records, the windows in which they slide, and the muscles.
 pub struct Balance<'a> {
     records: &'a [Record],
     muscles: Muscles<'a>,
@@ -310,7 +311,7 @@ pub struct Balance<'a> {
 }
 
 impl<'a> Balance<'a> {
-    /// Records of a joint whose muscles slide from `sliding_rad_s` on.
+    /// Balance for records of a joint whose muscles slide at `sliding_rad_s` and faster.
     pub fn new(records: &'a [Record], sliding_rad_s: f64, config: &'a JointConfig) -> Self {
         let kernel = Kernel::new(f64::from(config.muscles[0].step_s));
         let turn_m = config.muscles.iter().map(|muscle| {
@@ -329,8 +330,8 @@ impl<'a> Balance<'a> {
         self.windows.len()
     }
 
-    /// Fits every coefficient but those that are `held` at a value, from these mid-lengths on. `None` where the windows
-    /// do not determine them.
+    /// Fits every coefficient except those `held` at a value, starting from these mid-lengths. `None` if the windows do
+    /// not determine them.
     pub fn fit(
         &self,
         held: &[Option<f64>; COUNT],

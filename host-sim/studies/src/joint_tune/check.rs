@@ -1,4 +1,4 @@
-//! The same short motion before and after tuning.
+//! Runs the same short motion before and after tuning.
 
 use super::experiment::{Bench, BenchError, Plan, Record, record};
 use crate::tune::check::{self, mean};
@@ -12,9 +12,9 @@ const BEFORE_S: f64 = 1.0;
 /// Frequency of the sine \[Hz\], and number of periods; the first one does not count.
 const SINE_HZ: f64 = 1.0;
 const PERIODS: f64 = 4.0;
-/// Amplitude over that of the sweeps, and the angle of the rest after it \[-\].
+/// Amplitude, and the angle of the rest after it, over the amplitude of the sweeps \[-\].
 const AMPLITUDE: f64 = 0.5;
-/// Duration of the rest, and of its last part, in which a motion counts \[s\].
+/// Duration of the rest, and of its last part, in which motion counts \[s\].
 const REST_S: f64 = 3.0;
 const COUNTED_S: f64 = 1.5;
 

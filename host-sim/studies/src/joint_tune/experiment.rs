@@ -1,4 +1,4 @@
-//! The experiment: angles between the stops that the core's own loop follows, with its limits of pressure.
+//! The experiment: angles between the stops that the core's own loop follows, within its limits of pressure.
 //!
 //! ```text
 //! rest | slow sweeps   | fast sine | steps      | the same, stiffer
@@ -19,25 +19,25 @@ use thermyo_simulation::board::BoardError;
 const RANGE: f64 = 0.75;
 /// Mean gauge pressures of both muscles, soft and stiff, as fractions of the highest \[-\].
 const PRESSURES: [f64; 2] = [0.3, 0.65];
-/// A bladder that takes much of the pressure gets more: beyond the one at which it begins to pull, this part of its share
-/// of the rest \[-\].
+/// Factor on these fractions above the pressure at which both muscles pull \[-\]: bladders that take much of the
+/// pressure thus get more.
 const ABOVE_TAUT: f64 = 0.5;
-/// Speed of the slow sweeps over the least one at which a muscle slides \[-\].
+/// Speed of the slow sweeps over the least speed at which a muscle slides \[-\].
 const SLOW: f64 = 1.5;
 /// Longest sweep from end to end \[s\].
 const LONGEST_S: f64 = 4.0;
 /// Rest before the motion, and at its turns \[s\].
 const REST_S: f64 = 1.0;
 const DWELL_S: f64 = 0.2;
-/// Fast motions: amplitude as a fraction of that of the sweeps; frequency \[Hz\] and periods of the sine; number
-/// and duration \[s\] of the steps.
+/// Fast motions: amplitude over that of the sweeps; frequency \[Hz\] and periods of the sine; number and duration \[s\]
+/// of the steps.
 const FAST: f64 = 0.7;
 const SINE_HZ: f64 = 1.5;
 const PERIODS: f64 = 4.0;
 const STEPS: u32 = 6;
 const STEP_S: f64 = 0.6;
-/// Most steps whose telemetry was lost that are interpolated: those between two rows of a run, which logs every tenth
-/// step by default.
+/// Largest number of lost steps that is interpolated: the steps between two rows of a run, which logs every tenth step
+/// by default.
 pub(super) const MOST_LOST: u32 = 9;
 
 /// Data of one step of the core; arrays are of muscles a and b.
@@ -66,14 +66,14 @@ impl Record {
     }
 }
 
-/// Why an experiment ended early.
+/// Reason why an experiment ended early.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
     #[error(transparent)]
     Run(#[from] thermyo_joint::RunError),
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// Both muscles have vented, for these faults.
+    /// Both muscles have vented because of these faults.
     #[error("faults during the experiment: {0}")]
     Vented(String),
     #[error("stopped")]
@@ -83,10 +83,10 @@ pub enum BenchError {
 /// The set point over time \[s\].
 pub type Course<'a> = &'a dyn Fn(f64) -> Motion;
 
-/// Board on which an experiment runs: with a simulated joint, or with one of its own.
+/// Board on which an experiment runs: with a simulated joint, or with a real one.
 pub trait Bench {
     /// Drives a joint along a course for a time \[s\], with the core as the scenario configures it, and calls `each`
-    /// with every step since the start and its telemetry. A fault vents and ends it.
+    /// with every step since the start and its telemetry. A fault vents and ends the drive.
     fn drive(
         &mut self,
         loaded: &JointLoaded,
@@ -115,7 +115,7 @@ impl Bench for Simulated<'_> {
         let step_s = loaded.muscles[0].plant.run.step_s;
         let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
         let mut inputs = Inputs::of(course(0.0));
-        // A board begins vented; a scenario may begin above what is allowed.
+        // A board begins vented; a scenario may begin above the allowed pressure.
         let mut allowed = loaded.clone();
         for muscle in &mut allowed.muscles {
             let initial_pa = &mut muscle.plant.plant.initial_pressure_pa;
@@ -146,7 +146,7 @@ impl Bench for Simulated<'_> {
     }
 }
 
-/// A record between two others, at a step.
+/// A record interpolated between two others, at a step.
 fn between(one: &Record, other: &Record, step: u32) -> Record {
     let share = f64::from(step - one.step) / f64::from(other.step - one.step);
     let mix = |from: f64, to: f64| from + share * (to - from);
@@ -161,7 +161,7 @@ fn between(one: &Record, other: &Record, step: u32) -> Record {
     }
 }
 
-/// The records with those in short gaps, which a slow link leaves.
+/// The records with short gaps filled, as a slow link leaves them.
 pub(super) fn filled(records: &[Record]) -> Vec<Record> {
     let mut all: Vec<Record> = Vec::with_capacity(records.len());
     for record in records {
@@ -192,7 +192,7 @@ pub fn record(
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Form {
-    /// From an angle to another one, evenly \[rad\].
+    /// From one angle to another at constant speed \[rad\].
     Line { from: f64, to: f64 },
     /// About an angle \[rad\].
     Sine { middle: f64, amplitude: f64 },
@@ -224,7 +224,7 @@ pub(super) fn least_radius_m(mechanism: &Mechanism) -> f64 {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
     pub ends_rad: [f64; 2],
-    /// Soft and stiff \[N m/rad\].
+    /// Soft and stiff set point \[N m/rad\].
     pub stiffness_n_m_rad: [f64; 2],
     /// Least speed at which a muscle slides \[rad/s\].
     pub sliding_rad_s: f64,
@@ -232,7 +232,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// The experiment for the core's configuration, up to `highest_pa`; muscles slide from `sliding_m_s` on.
+    /// The experiment for the core's configuration, up to `highest_pa`; muscles slide at `sliding_m_s` and faster.
     pub fn new(config: &JointConfig, highest_pa: f64, sliding_m_s: f64) -> Self {
         let mechanism = &config.mechanism;
         let [least, most] = [mechanism.minimum_rad, mechanism.maximum_rad].map(f64::from);
@@ -334,7 +334,7 @@ fn taut_pa(config: &JointConfig, ends_rad: [f64; 2]) -> f64 {
     ends_rad.map(at).into_iter().fold(0.0, f64::max)
 }
 
-/// Stiffness at an angle \[rad\] with that gauge pressure in both muscles \[Pa\].
+/// Stiffness at an angle \[rad\] with this gauge pressure in both muscles \[Pa\].
 fn stiffness(config: &JointConfig, angle_rad: f64, gauge_pa: f64) -> f64 {
     let lengths_m = config.mechanism.lengths_m(angle_rad as f32);
     let levers = config.mechanism.levers(angle_rad as f32);

@@ -12,35 +12,35 @@ use thermyo_joint::JointLoaded;
 use thermyo_scenario::joint::Joint;
 use thermyo_scenario::key::Allowed;
 
-/// Errors of the configured law that the stated errors allow for: force area of one muscle, elastic force of bladder
-/// and creep of both, pressure of one muscle. Assumed, as `thermyo evaluate joint` has them with everything wrong.
+/// Errors of the configured law for which the stated errors allow: force area of one muscle, elastic force of bladder
+/// and creep of both, pressure of one muscle. Assumed, as in `thermyo evaluate joint` with everything wrong.
 const LAWS: [Altered; 3] = [
     Altered { area: 1.03, ..Altered::NOT },
     Altered { elastic: HYSTERESIS_OFF, ..Altered::NOT },
     Altered { offset_pa: PRESSURE_OFF_PA, ..Altered::NOT },
 ];
-/// Largest error of a value that is stated, relative: of inertia, of mid-lengths \[-\].
+/// Largest stated error of a value, relative: of inertia, of mid-lengths \[-\].
 const INERTIA: f64 = 0.25;
 const MID_LENGTH: f64 = 0.02;
 /// The same of the other values, as torque over that of the muscles, both RMS \[-\].
 const TORQUE: f64 = 0.2;
-/// Mid-lengths from which the fit starts, over the configured ones: windows with a slack tendon are left out, and which
-/// ones depends on the lengths \[-\].
+/// Mid-lengths from which the fit starts, over the configured ones: windows with a slack tendon are left out, and the
+/// lengths determine which ones these are \[-\].
 const STARTS: [f64; 5] = [1.0, 0.98, 1.02, 0.96, 1.04];
-/// Both give the weight and the angle at which it hangs: neither is known without either.
+/// Terms of gravity. Together they give the weight and the angle at which it hangs; one alone gives neither.
 const GRAVITY: [Term; 2] = [Term::GravitySine, Term::GravityCosine];
-/// An arm whose gravity is less than this many of its errors hangs nowhere \[-\].
+/// Number of its errors below which an arm's gravity does not determine where it hangs \[-\].
 const HANGS: f64 = 3.0;
 
 /// Values that the records determine.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Estimate {
     pub fitted: Fitted,
-    /// Errors, those of the configured law included; none: it is held.
+    /// Errors, including those of the configured law; none for a held value.
     pub(super) errors: [Option<f64>; COUNT],
-    /// Held since the data cannot tell it, with the error that it would have had.
+    /// Error that a value would have had which is held because the data cannot determine it.
     pub(super) open: [Option<f64>; COUNT],
-    /// Held at 0, since it came out negative.
+    /// Whether a value is held at 0 because it came out negative.
     zero: [bool; COUNT],
 }
 
@@ -78,13 +78,13 @@ fn largest(fitted: &Fitted) -> [f64; COUNT] {
     Term::ALL.map(|term| match term {
         Term::Inertia => share(term, INERTIA),
         Term::MidA | Term::MidB => share(term, MID_LENGTH),
-        // It is held.
+        // The radius is held.
         Term::Radius => f64::INFINITY,
         Term::Viscous | Term::Dry | Term::GravitySine | Term::GravityCosine => torque(term),
     })
 }
 
-/// Fits all values but the radius, and leaves open those whose errors are too large, the worst first.
+/// Fits all values except the radius, and leaves open those whose errors are too large, the worst first.
 pub(super) fn estimate(
     loaded: &JointLoaded,
     sliding_rad_s: f64,
@@ -132,7 +132,7 @@ pub(super) fn estimate(
     }
 }
 
-/// Mid-lengths of the fit that leaves least of the torque, of all [`STARTS`] \[m\].
+/// Mid-lengths of the fit with the smallest residual torque, over all [`STARTS`] \[m\].
 fn start(
     balance: &Balance<'_>,
     held: &[Option<f64>; COUNT],
@@ -159,7 +159,7 @@ impl Estimate {
         Some(Measure { value: self.value(term), error })
     }
 
-    /// Largest torque of gravity, and the angle at which it hangs.
+    /// Largest torque of gravity, and the angle at which the arm hangs.
     fn gravity(&self) -> (Measure, Option<Measure>) {
         let (sine, cosine) = (self.value(Term::GravitySine), self.value(Term::GravityCosine));
         let of = |term: Term| self.errors[term as usize].unwrap_or(0.0);
@@ -231,7 +231,7 @@ impl Estimate {
             match at {
                 Some(at) => parameter(angle, hangs_at, at.value, Some(at.error), from),
                 None => {
-                    // Its torque is within the errors of the weight, wherever it hangs.
+                    // The torque is within the errors of the weight, wherever the arm hangs.
                     let remark = "kept: too little gravity for it to matter".to_owned();
                     parameter(angle, hangs_at, hangs_at, None, remark)
                 }
@@ -239,7 +239,8 @@ impl Estimate {
         ]
     }
 
-    /// The bearing has what the muscles as configured do not; the muscles have less where there is less.
+    /// The bearing has the part that the configured muscles do not; if there is less than theirs, the muscles have
+    /// less.
     fn of_viscous(&self, loaded: &JointLoaded) -> Parameter {
         let path = "joint.viscous_n_m_s";
         let before = loaded.believed.viscous_n_m_s;
@@ -336,7 +337,7 @@ pub struct Values {
     pub duration_s: f64,
     pub highest_pa: f64,
     pub parameters: Vec<Parameter>,
-    /// Keys that the data cannot tell, and that keep their values.
+    /// Keys that the data cannot determine, and that keep their values.
     pub open: Vec<&'static str>,
     /// RMS torque of the muscles, and RMS residual of the balance \[N m\].
     pub torque_rms_n_m: f64,
@@ -378,9 +379,10 @@ pub struct Findings {
     #[serde(flatten)]
     pub values: Values,
     pub check: Check,
-    /// The error of the sine has fallen by at least a tenth.
+    /// Whether the error of the sine has fallen by at least a tenth.
     pub improved: bool,
-    /// The error of the sine has not grown by more than a tenth, and the joint rests: the board keeps the tuned values.
+    /// Whether the error of the sine has not grown by more than a tenth, and the joint rests: the board then keeps the
+    /// tuned values.
     pub adopted: bool,
 }
 

@@ -1,4 +1,4 @@
-//! A board with a joint of its own.
+//! A board with a real joint.
 
 use super::experiment::{Bench, BenchError, Course};
 use crate::drive::{self, DriveError, Ended, LiveBench, follow};

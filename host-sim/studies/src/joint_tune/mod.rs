@@ -5,7 +5,7 @@
 //!                                                          --check--> before, after
 //! ```
 //!
-//! Only telemetry is used, so that a board with a joint of its own can be tuned like a simulated one. Only the core's
+//! Only telemetry is used, so that a board with a real joint can be tuned like a simulated one. Only the core's
 //! configuration changes, never the plant. See `docs/background/tuning.md`.
 
 mod balance;
@@ -39,14 +39,14 @@ const MOVED: f64 = 0.8;
 const WORSE: f64 = 1.5;
 /// See [`WORSE`]; RMS error of the sine: 1 deg \[rad\].
 const WORSE_RAD: f64 = 0.0175;
-/// Motion at rest up to which tuned values are kept, 0.6 deg: dry friction slips by up to 0.5, and a joint that hunts moves
-/// by 1 deg and more \[rad\].
+/// Motion at rest up to which tuned values are kept, 0.6 deg: dry friction slips by up to 0.5 deg, and a joint that
+/// hunts moves by 1 deg and more \[rad\].
 const REST_MOTION_RAD: f64 = 0.010_5;
 
 /// Reason why the experiment or its data cannot be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
-    /// As of one muscle.
+    /// As for one muscle.
     #[error(transparent)]
     Muscle(#[from] tune::Refusal),
     #[error(
@@ -109,9 +109,8 @@ pub fn duration_s(loaded: &JointLoaded, highest_pa: f64) -> f64 {
     Plan::new(&loaded.config(), highest_pa, SLIDING_M_S).duration_s() + 2.0 * check::duration_s()
 }
 
-/// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. The board vents
-/// afterwards, with the tuned values, or with the former ones where the joint follows less closely with the tuned
-/// ones.
+/// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. The board vents afterwards.
+/// It keeps the tuned values, or gets the former ones back if the joint follows less closely with the tuned ones.
 pub fn tune_on(
     loaded: &JointLoaded,
     highest_pa: f64,
@@ -121,8 +120,7 @@ pub fn tune_on(
         tune::refuse_without_pulses(muscle).map_err(Refusal::from)?;
     }
     let result = tried(loaded, highest_pa, bench);
-    // Whatever happened, the joint is not left under pressure, and values that were not found better are not left on
-    // the board.
+    // In any case the joint is not left under pressure, and values that are no better are not left on the board.
     let vented = match &result {
         Ok(tuned) if tuned.findings.adopted => bench.leave(Left::Found(&tuned.scenario.config())),
         _ => bench.leave(Left::Former(&loaded.config())),
@@ -156,7 +154,7 @@ fn tried(loaded: &JointLoaded, highest_pa: f64, bench: &mut dyn Bench) -> Result
     Ok(Tuned { findings, scenario, estimate, records, before, after })
 }
 
-/// Faults are a refusal; where only the torque is unexplained, the configured values may be why.
+/// Faults are a refusal; if only the torque is unexplained, the configured values may be the cause.
 fn refused(error: BenchError) -> TuneError {
     match error {
         BenchError::Vented(faults) if faults == "joint: torque" => Refusal::Torque(faults).into(),

@@ -13,20 +13,20 @@ use thermyo_record::measured::{
     LEAST_PRESSURE_PA, NOT_ABSOLUTE, check_distances, question_of_highest,
 };
 
-/// Angles of a joint are below a turn either way \[rad\].
+/// Largest plausible angle of a joint, below a turn either way \[rad\].
 const MOST_RAD: f64 = 6.3;
 /// Highest absolute pressure of a filled muscle \[Pa\].
 const MOST_PA: f64 = 2.0e6;
-/// Longer distances of two rows are gaps \[s\].
+/// Distance of two rows above which there is a gap \[s\].
 const GAP_S: f64 = 0.1;
 /// Columns of muscle a's pressure.
 const PRESSURE_A: [&str; 2] = ["a_measured_pressure_pa", "a_pressure_pa"];
-/// Column that this project's own records have, whose pressures are absolute.
+/// Column of this project's own records, whose pressures are absolute.
 const OWN: &str = "a_code_pressure";
-/// A muscle vents to less than this, times ambient pressure \[-\].
+/// Factor on ambient pressure below which a muscle counts as vented \[-\].
 const VENTED: f64 = 1.2;
 
-/// Why a record gives no values.
+/// Reason why a record gives no values.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
     #[error(transparent)]
@@ -62,7 +62,7 @@ impl Identified {
 /// `a_pressure_pa` and `b_pressure_pa` alone.
 ///
 /// # Errors
-/// A column that is missing or holds what cannot have been measured, with its line; a motion that tells too little.
+/// A column that is missing or holds impossible measurements, with its line; a motion that shows too little.
 pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, RecordError> {
     let config = loaded.config();
     let rows = read(&config, table)?;
@@ -74,7 +74,7 @@ pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, Recor
     Ok(Identified { values, scenario, warnings, estimate, records })
 }
 
-/// The other unit or zero that explains a wrong pressure, by the highest of its column.
+/// The other unit or zero that explains a wrong pressure, judged by the highest of its column.
 fn pressure_unit(highest: f64) -> String {
     match highest {
         ..LEAST_PRESSURE_PA => format!(": {}", question_of_highest(highest)),
@@ -83,7 +83,7 @@ fn pressure_unit(highest: f64) -> String {
     }
 }
 
-/// A column by the first of its names that the table has; `unit` explains a wrong value by the highest.
+/// A column, by the first of its names that the table has; `unit` explains a wrong value, judged by the highest.
 fn column<'a>(
     table: &'a Table,
     names: [&'static str; 2],
@@ -103,7 +103,7 @@ fn column<'a>(
     }
 }
 
-/// A column that may be left out.
+/// A column that may be missing.
 fn spare<'a>(table: &'a Table, name: &str) -> Option<&'a [Option<f64>]> {
     let column = table.columns().iter().find(|column| column.name == name)?;
     Some(&column.cells)
@@ -115,7 +115,7 @@ fn warning(table: &Table, row: usize, column: &str, value: f64, why: String) -> 
     InputError { line: Some(table.line(row)), ..table.header_error(problem) }
 }
 
-/// The first of the gaps, which end the motion on either side.
+/// A warning about the first gap; gaps end the motion on either side.
 fn gaps(table: &Table) -> Option<InputError> {
     let times = table.filled("time_s").ok()?;
     let distance_s = |row: &usize| times[*row] - times[row - 1];
@@ -130,8 +130,7 @@ fn gaps(table: &Table) -> Option<InputError> {
     Some(warning(table, *first, "time_s", times[*first], why))
 }
 
-/// A record of gauge pressures is fitted as well as one of absolute ones, with another gravity: a vented joint tells them
-/// apart.
+/// Gauge pressures fit as well as absolute ones, with another gravity: only a vented joint distinguishes them.
 fn never_vents(config: &JointConfig, table: &Table, rows: &[Record]) -> Option<InputError> {
     let ambient_pa = f64::from(config.muscles[0].ambient.pressure_pa);
     let [measured, actual] = PRESSURE_A.map(|name| spare(table, name));

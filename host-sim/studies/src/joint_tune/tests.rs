@@ -1,4 +1,4 @@
-//! Values against closed form, on the plant, and what is refused.
+//! Values against closed form, on the plant, and refusals.
 
 use super::balance::{Altered, Balance, COUNT, Term};
 use super::*;
@@ -12,7 +12,7 @@ use thermyo_files::table::Table;
 /// True values, by [`Term`]: inertia, viscous and dry friction, gravity, mid-lengths, radius.
 const TRUE: [f64; COUNT] = [0.03, 0.08, 0.7, 3.0, -1.2, 0.268, 0.273, 0.0206];
 
-/// Mid-lengths as configured.
+/// Configured mid-lengths.
 const START_M: [f64; 2] = [0.27; 2];
 
 /// Slow and fast swings, soft and stiff, each from rest to rest \[rad\].
@@ -31,7 +31,7 @@ fn motion(time_s: f64) -> (f64, f64) {
     ((after - before) / (2.0 * D_S), (after - 2.0 * now + before) / (D_S * D_S))
 }
 
-/// Records of a joint that moves so without error: the pressures follow from the true values.
+/// Records of a joint that moves like this without error: the pressures follow from the true values.
 fn records(config: &JointConfig) -> Vec<Record> {
     let [inertia, viscous, dry, sine, cosine, mid_a, mid_b, radius] = TRUE;
     let chambers = config.muscles.map(|muscle| AnyChamber::new(&muscle.chamber));
@@ -45,7 +45,7 @@ fn records(config: &JointConfig) -> Vec<Record> {
         let (angle_rad, (speed, acceleration)) = (angle_rad(time_s), motion(time_s));
         let pull_n = if time_s < 26.0 { 200.0 } else { 350.0 };
         let shares = varies.map(|per_rad| 1.0 + per_rad * angle_rad);
-        // It is all the muscles'.
+        // All friction is the muscles'.
         let dry = 0.5 * (shares[0] + shares[1]) * dry;
         let torque = inertia * acceleration
             + viscous * speed
@@ -83,7 +83,7 @@ fn plan(config: &JointConfig) -> Plan {
 }
 
 /// Seven values at once, from a configuration that is wrong in each; then with the radius held wrong by 3 %: as the
-/// head of the module says, torques and lengths take it over.
+/// module's text states, torques and lengths absorb it.
 #[test]
 fn values_are_those_of_the_closed_form() {
     finds_the_closed_form(&JointConfig::default());
@@ -116,7 +116,7 @@ fn finds_the_closed_form(config: &JointConfig) {
     }
 }
 
-/// The same records by somebody else, a row each 4 ms, or each 10 ms as a run has by default; the pulley is as
+/// The same records from another program, one row per 4 ms, or per 10 ms as in a default run; the pulley is as
 /// configured.
 #[test]
 fn a_record_of_four_columns_gives_the_same() {
@@ -197,7 +197,8 @@ fn a_record_that_cannot_be_is_refused_by_its_line() {
     assert!(said.contains("a_pressure_pa"), "{said}");
 }
 
-/// Gauge pressures that never vent cannot be told from absolute ones, and a gap leaves intervals out: neither is silent.
+/// Gauge pressures that never vent cannot be distinguished from absolute ones, and a gap leaves intervals out: both
+/// give a warning.
 #[test]
 fn a_gap_and_pressures_that_never_vent_are_warned_of() {
     let radius_m = TRUE[Term::Radius as usize];
@@ -233,7 +234,7 @@ fn a_gap_and_pressures_that_never_vent_are_warned_of() {
     assert_eq!(warned(measured, 0.0, 3.0e5, changed), [never(measured)]);
 }
 
-/// One muscle's force area 3 % larger: half of it makes every torque larger, and both mid-lengths part by ds A/A'.
+/// One muscle's force area is 3 % larger: half of it makes every torque larger, and both mid-lengths part by ds A/A'.
 #[test]
 fn an_area_that_is_wrong_appears_in_torques_and_mid_lengths() {
     let config = JointConfig::default();
@@ -267,7 +268,7 @@ fn an_experiment_stays_between_the_stops() {
     assert!(most > 0.55, "{most}");
 }
 
-/// Sine or cosine alone leaves weight and angle open; the list of open keys is that of the table.
+/// Sine or cosine alone leaves weight and angle open; the open keys are listed in the order of the table.
 #[test]
 fn open_keys_are_those_of_the_table() {
     let loaded = loaded("[joint]\n");
@@ -300,7 +301,8 @@ fn tuned_up_to(highest_pa: f64, text: &str) -> Result<Tuned, TuneError> {
     tune_on(&loaded(text), highest_pa, &mut Simulated { highest_pa, stopped: &|| false })
 }
 
-/// Errors of the values of the plant `full`, whose muscles have 40 N s/m each; each lies within twice its stated one.
+/// Errors of the values for the plant `full`, whose muscles have 40 N s/m each; each lies within twice its stated
+/// error.
 #[test]
 fn a_joint_that_is_configured_wrong_is_found() {
     let tuned = tuned(
@@ -332,8 +334,8 @@ fn a_joint_that_is_configured_wrong_is_found() {
     assert!((1.0e-3..0.012).contains(&check.after.sine_rms_rad), "{check:?}");
 }
 
-/// The bladder of a DMSP-20 takes 2.1 bar at an end of the sweeps: softer, half of the tendons were slack, and the fit ran
-/// away.
+/// The bladder of a DMSP-20 takes 2.1 bar at an end of the sweeps: at a softer set point, half of the tendons were
+/// slack, and the fit ran away.
 #[test]
 fn bladders_that_take_much_of_the_pressure_leave_the_tendons_taut() {
     let text = "[plant]\ninitial_pressure_pa = 295000\n[muscle]\npreset = \"dmsp-20\"\n[joint]\nmid_length_a_m = 0.27\n\
@@ -372,12 +374,12 @@ fn what_cannot_be_tuned_is_refused() {
         assert!(matches!(refused, TuneError::Refused(_)), "{refused:?}");
         assert!(refused.to_string().contains(expected), "{refused}");
     }
-    // The joint began above the pressure that was allowed, and vented by overpressure.
+    // The joint used to begin above the allowed pressure, and to vent by overpressure.
     let low = tuned_up_to(1.5e5, &format!("{lumped}[joint]\ngravity_n_m = 4.9\n")).unwrap_err();
     assert!(low.to_string().contains("are the pressures too low for its gravity"), "{low}");
 }
 
-/// A slow link loses every second frame: what lies between is interpolated, a longer gap is left.
+/// A slow link loses every second frame: the missing one is interpolated, a longer gap stays.
 #[test]
 fn short_gaps_are_filled() {
     let record = |step: u32| Record {

@@ -21,27 +21,27 @@ use thermyo_files::units::UnitSystem;
 use thermyo_fit::stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
 use thermyo_setup::Loaded;
 
-/// Time after a stop for which the record has the measured temperature as a reference \[s\]: while
-/// the gas is far from its wall.
+/// Time after a stop for which the record contains the measured temperature as a reference \[s\]:
+/// while the gas is far from its wall.
 const REFERENCE_S: f64 = 2.0;
 
 /// Content of `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Findings {
     pub duration_s: f64,
-    /// Where it was measured: a port, or "simulated".
+    /// Place of the measurement: a port, or "simulated".
     pub board: String,
     pub seed: u64,
     pub period_s: f64,
     /// Lowest and highest set point \[Pa\].
     pub pressures_pa: [f64; 2],
-    /// Stops that were planned, and those that count.
+    /// Number of planned stops, and of those that count.
     pub planned: usize,
     pub usable: usize,
     /// Root mean square over the stops that count \[K\].
     pub rms_k: Differences,
     /// Fraction of these stops at which the estimate is within two standard deviations, its own and
-    /// the measurement's together \[-\].
+    /// the measurement's combined \[-\].
     pub within_2sd: Option<f64>,
     pub remarks: Vec<String>,
     #[serde(flatten)]
@@ -53,14 +53,14 @@ pub struct Findings {
 pub struct Differences {
     pub estimate: Option<f64>,
     pub sensor_gas: Option<f64>,
-    /// The plant's own temperature, where it was simulated.
+    /// The plant's own temperature, if it was simulated.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub plant: Option<f64>,
     /// Stated standard deviation of the measurement.
     pub stated: Option<f64>,
 }
 
-/// Analyses a record; `loaded` is what the board is configured with.
+/// Analyses a record; `loaded` is the board's configuration.
 pub fn measured(record: &Record, plan: &Plan, loaded: &Loaded, board: &str) -> Findings {
     let analysis = analyse_with(loaded, &record.rows);
     let counted: Vec<&Stop> = analysis.usable().collect();
@@ -90,7 +90,7 @@ pub fn measured(record: &Record, plan: &Plan, loaded: &Loaded, board: &str) -> F
     }
 }
 
-/// Writes what was measured into a folder; `title` is that of the page.
+/// Writes the results into a folder; `title` is the page's.
 pub fn write(
     files: &mut OutputDir,
     findings: &Findings,
@@ -112,7 +112,7 @@ impl Findings {
         serde_json::to_string_pretty(self).expect("plain data") + "\n"
     }
 
-    /// Reason why nothing was measured, if so.
+    /// Reason why nothing was measured, if there is one.
     pub fn failed(&self) -> Option<String> {
         (self.usable < FEWEST).then(|| {
             let reason = self.remarks.first().map_or_else(String::new, |why| format!(": {why}"));

@@ -1,4 +1,4 @@
-//! The cycle, and where it stops.
+//! The cycle, and its stops.
 
 use model_core::Config;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
@@ -16,18 +16,19 @@ const LIMIT_SHARE: f64 = 0.9;
 const LOW_SHARE: f64 = 0.1;
 /// Least swing of the pressure that warms the gas enough to be measured \[Pa\].
 const LEAST_SWING_PA: f64 = 0.4e5;
-/// Cycling before the first stop \[s\], and between stops \[periods\]: the estimate has to settle.
+/// Cycling before the first stop \[s\], and between stops \[periods\], in which the estimate
+/// settles.
 const FIRST_S: f64 = 20.0;
 const BETWEEN: f64 = 2.0;
-/// The wait lets gas and sensor settle for so many of their time constants.
+/// Wait, in time constants of gas and sensor.
 const SETTLED: f64 = 4.0;
-/// Heat transfer of air at rest in a thin muscle, the smallest that the wait allows for
-/// \[W/(m2 K)\]: conduction in a cylinder of 20 mm, Nu = 5.8 k/D, gives 7.5.
+/// Heat transfer of air at rest in a thin muscle, the smallest for which the wait allows \[W/(m2
+/// K)\]: conduction in a cylinder of 20 mm, Nu = 5.8 k/D, gives 7.5.
 const LEAST_W_M2_K: f64 = 6.0;
 /// Shortest and longest default of the wait \[s\].
 const WAITS_S: [f64; 2] = [10.0, 300.0];
 
-/// Period of the cycle \[s\], and number of stops, where the user asks for no others.
+/// Default period of the cycle \[s\], and number of stops.
 const PERIOD_S: f64 = 5.0;
 const STOPS: usize = 8;
 
@@ -35,10 +36,10 @@ const STOPS: usize = 8;
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Asked {
     pub stops: usize,
-    /// None: by the lags of gas and sensor \[s\].
+    /// Wait; by default from the lags of gas and sensor \[s\].
     pub wait_s: Option<f64>,
     pub period_s: f64,
-    /// None: 4 bar, or less where supply or limit are lower \[Pa\].
+    /// Highest pressure; by default 4 bar, or less if supply or limit are lower \[Pa\].
     pub highest_pa: Option<f64>,
     pub seed: u64,
 }
@@ -51,7 +52,7 @@ impl Asked {
     }
 }
 
-/// Why no stop can be measured.
+/// Reason why no stop can be measured.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum Refusal {
     #[error(
@@ -78,7 +79,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// A plan for a board of that configuration, armed up to `armed_pa` if it is armed already.
+    /// A plan for a board with this configuration, armed up to `armed_pa` if it is armed already.
     pub fn new(
         loaded: &Loaded,
         config: &Config,
@@ -143,10 +144,10 @@ fn wait_s(config: &Config, pressure_pa: f64) -> f64 {
     (SETTLED * (gas_s + sensor_s)).ceil().clamp(WAITS_S[0], WAITS_S[1])
 }
 
-/// Random phases of the cycle, one in each of as many equal parts of it, in random order.
+/// Random phases of the cycle, one in each of `count` equal parts of it, in random order.
 fn phases(count: usize, seed: u64) -> Vec<f64> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-    // 53 bits, as many as a number has.
+    // 53 bits, the precision of an f64.
     let mut uniform = move || (random.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
     let mut phases: Vec<f64> =
         (0..count).map(|part| (part as f64 + uniform()) / count as f64).collect();
@@ -179,7 +180,7 @@ impl Cycle {
         low_pa + (high_pa - low_pa) * (1.0 - (2.0 * phase - 1.0).abs())
     }
 
-    /// Moves on for a time, with a point at each turn.
+    /// Moves on for a time, adding a point at each turn.
     fn go(&mut self, duration_s: f64) {
         let begin_s = self.end_s();
         let (from_s, to_s) = (self.moved_s, self.moved_s + duration_s);

@@ -1,4 +1,4 @@
-//! The record of a measurement, from a board with a simulated muscle or one of its own.
+//! The record of a measurement, from a board with a simulated muscle or a real one.
 
 use super::REFERENCE_S;
 use super::plan::Plan;
@@ -72,10 +72,10 @@ impl Record {
 /// A board on which stops are measured.
 pub trait RowBench {
     /// Drives a plan, and records it. `each` gets the telemetry of every step, and returns whether
-    /// to stop. What was recorded until an error is in `record`.
+    /// to stop. After an error, `record` contains the rows until then.
     ///
     /// # Errors
-    /// When the board is lost or vents by a fault; [`RunError::Stopped`] where `each` ended it.
+    /// If the board is lost or vents by a fault; [`RunError::Stopped`] if `each` ended it.
     fn measure(
         &mut self,
         plan: &Plan,
@@ -110,7 +110,7 @@ impl RowBench for SimulatedRows<'_> {
     }
 }
 
-/// A board with a muscle of its own, which is armed and configured already.
+/// A board with a real muscle, which is armed and configured already.
 pub struct LiveRows<'a> {
     pub board: &'a mut LiveBoard,
     pub config: Config,
@@ -142,7 +142,7 @@ impl RowBench for LiveRows<'_> {
 }
 
 impl<'a> LiveRows<'a> {
-    /// Arms the board up to the plan's highest pressure, if asked to.
+    /// Arms the board up to the plan's highest pressure, if requested.
     pub fn arm(
         board: &'a mut LiveBoard,
         config: Config,

@@ -1,4 +1,4 @@
-//! The same short motion before and after tuning.
+//! Runs the same short motion before and after tuning.
 
 use super::experiment::{Bench, Record, record};
 use serde::Serialize;
@@ -27,9 +27,9 @@ pub struct Figures {
     pub sine_rms_percent: f64,
     /// Larger of the errors after the two steps, of the same stroke \[%\].
     pub rest_error_percent: f64,
-    /// Until the error stays within 5 % of the step, the slower of the two \[s\].
+    /// Time until the error stays within 5 % of the step, the slower of the two \[s\].
     pub settled_s: f64,
-    /// Overshoot as a fraction of the step, the larger of the two \[%\].
+    /// Overshoot, as a fraction of the step, the larger of the two \[%\].
     pub overshoot_percent: f64,
 }
 

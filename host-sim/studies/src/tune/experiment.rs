@@ -1,5 +1,5 @@
-//! The experiment: set points of pressure only, by the core's own pressure loop, which keeps its
-//! limits.
+//! The experiment: set points of pressure only, followed by the core's own pressure loop, which
+//! keeps its limits.
 //!
 //! ```text
 //! rest | slow ramps | fast ramps | steps                  | vent
@@ -45,7 +45,8 @@ const DWELL_S: f64 = 0.3;
 /// Number of steps up, and of steps down.
 const STEPS: u32 = 5;
 const STEP_S: f64 = 0.7;
-/// Lower end of the steps, as a fraction of the range of pressures: the outlet passes little below.
+/// Lower end of the steps, as a fraction of the range of pressures: below it the outlet passes
+/// little.
 const STEP_FROM: f64 = 0.15;
 /// Distance of a ramp's points \[s\].
 const POINT_S: f64 = 0.02;
@@ -88,7 +89,7 @@ impl Record {
     }
 }
 
-/// Board on which an experiment runs: with a simulated muscle, or with one of its own.
+/// Board on which an experiment runs: with a simulated muscle, or with a real one.
 pub trait Bench {
     /// Runs a scenario from start to end and calls `each` with the telemetry of every step.
     fn drive(&mut self, driven: &Loaded, each: &mut dyn FnMut(&Telemetry)) -> Result<(), RunError>;
@@ -102,7 +103,7 @@ pub trait Bench {
 pub enum Left<'a, C> {
     /// The values found.
     Found(&'a C),
-    /// The one that the board had before, or where it had none, this one of the scenario.
+    /// The board's former configuration or, if it had none, this one of the scenario.
     Former(&'a C),
 }
 
@@ -152,7 +153,7 @@ pub fn record(
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ramp {
-    /// From the start to the end of the following rest \[s\].
+    /// Time from the start of the ramp to the end of the following rest \[s\].
     pub time_s: Range<f64>,
     pub rises: bool,
 }
@@ -166,7 +167,7 @@ pub struct Plan {
     /// Set points over time \[s, Pa\].
     pub profile: Vec<(f64, f64)>,
     pub rest_s: Range<f64>,
-    /// Even motion \[s\].
+    /// Time of even motion \[s\].
     pub ramps_s: Range<f64>,
     pub ramps: Vec<Ramp>,
     pub steps_s: Range<f64>,
@@ -175,7 +176,7 @@ pub struct Plan {
 /// The configured chamber and the force of its load.
 ///
 /// # Errors
-/// [`Refusal::NothingMoves`] where the load is a length.
+/// [`Refusal::NothingMoves`] if the load fixes the length.
 pub fn configured(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
     match config.load {
         Load::Isotonic { force_n } => Ok((AnyChamber::new(&config.chamber), f64::from(force_n))),
@@ -183,7 +184,7 @@ pub fn configured(config: &Config) -> Result<(AnyChamber, f64), Refusal> {
     }
 }
 
-/// Highest pressure of an experiment with a configuration, up to the one allowed \[Pa\].
+/// Highest pressure of an experiment with a configuration, up to the allowed one \[Pa\].
 pub fn usable_pa(config: &Config, allowed_pa: f64) -> f64 {
     let supply_pa = f64::from(config.supply.pressure_pa);
     let limit_pa = f64::from(config.pressure_limit_pa);
@@ -194,7 +195,7 @@ impl Plan {
     /// The experiment for the core's configuration, up to `highest_pa`.
     ///
     /// # Errors
-    /// Where the allowed pressures do not move the configured muscle.
+    /// If the allowed pressures do not move the configured muscle.
     pub fn new(config: &Config, highest_pa: f64) -> Result<Self, Refusal> {
         let (chamber, load_n) = configured(config)?;
         let usable_pa = usable_pa(config, f64::INFINITY);
@@ -205,7 +206,7 @@ impl Plan {
         let pressure_pa = |contraction: f64| {
             let length_m = rest_m * (1.0 - (sign * contraction) as f32);
             let gauge_pa = chamber.gauge_pressure_for_force_pa(load_n as f32, length_m);
-            // 0 where the muscle cannot hold the load.
+            // 0 if the muscle cannot hold the load.
             if gauge_pa > 0.0 {
                 f64::from(config.ambient.pressure_pa + gauge_pa)
             } else {

@@ -1,4 +1,4 @@
-//! Table of the values before and after, their errors, and the reasons why some were kept.
+//! Table of the values before and after, their errors, and the reasons for values that were kept.
 
 use super::check::{Checked, Figures};
 use super::experiment::Record;
@@ -23,7 +23,7 @@ pub struct Parameter {
     pub before: f64,
     /// Value after tuning \[unit\].
     pub after: f64,
-    /// Standard error \[unit\]; none where the value was kept or follows from a bound.
+    /// Standard error \[unit\]; none if the value was kept or follows from a bound.
     pub standard_error: Option<f64>,
     pub unit: &'static str,
     /// Source of the value, or the reason why it was kept.
@@ -34,7 +34,7 @@ pub(super) struct Parts<'a> {
     pub configured: &'a Loaded,
     pub force: &'a Force,
     pub tunable: Tunable,
-    /// Inlet and outlet.
+    /// Steps of inlet and outlet.
     pub steps: [Steps; 2],
     pub switching: bool,
     pub switch_time_s: Option<Measure>,
@@ -129,7 +129,7 @@ impl Parts<'_> {
 
     fn valves(&self) -> Vec<Parameter> {
         let [inlet, outlet] = &self.steps;
-        // It follows from the volume, which is as wrong as the force area.
+        // The conductance follows from the volume, whose error is that of the force area.
         let area = self.force.area_scale;
         let conductance = inlet.conductance.between(outlet.conductance);
         let by_volume = conductance.value * area.error / area.value;
@@ -204,7 +204,7 @@ pub struct Findings {
     pub duration_s: f64,
     pub highest_pa: f64,
     pub parameters: Vec<Parameter>,
-    /// From the pin to half of the opening, of the outlet \[s\].
+    /// Delay of the outlet, from the pin to half of the opening \[s\].
     pub delay_s: f64,
     pub pressure_noise_pa: f64,
     pub length_noise_m: f64,
@@ -212,9 +212,9 @@ pub struct Findings {
     /// Friction over its standard error \[-\].
     pub signal_to_noise: f64,
     pub check: Check,
-    /// The error of the sine has fallen by at least a tenth.
+    /// Whether the error of the sine has fallen by at least a tenth.
     pub improved: bool,
-    /// The error of the sine has not grown by more than a tenth: the board keeps the tuned values.
+    /// Whether the error of the sine has not grown by more than a tenth: the board then keeps the tuned values.
     pub adopted: bool,
 }
 
@@ -327,7 +327,7 @@ pub fn table(parameters: &[Parameter]) -> String {
     text
 }
 
-/// Four digits, in TOML's notation.
+/// Formats to four digits, in TOML's notation.
 fn plain(value: f64) -> String {
     if value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
         let digits = (3 - value.abs().max(1e-300).log10().floor() as i32).clamp(0, 9) as usize;

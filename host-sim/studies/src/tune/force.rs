@@ -7,9 +7,9 @@
 //! P_g A(L) = (1/s) (load + K(x)) + (k_b/s) x + (F/s) f(T_w) sgn v + (c/s) f(T_w) v
 //! ```
 //!
-//! linear in the coefficients of load, contraction, direction and speed. The load has been weighed
-//! and is taken as configured, and with it K, the elastic force beside k_b: a spring's preload, the
-//! saturating part of a bladder. f is the configured softening at the estimated wall temperature.
+//! linear in the coefficients of load, contraction, direction and speed. The load has been weighed and is taken as
+//! configured, and so is K, the elastic force in addition to k_b: a spring's preload, the saturating part of a bladder.
+//! f is the configured softening at the estimated wall temperature.
 
 use super::Refusal;
 use super::experiment::{Plan, Record, configured};
@@ -20,8 +20,8 @@ use model_core::physics::hysteresis::{Held, Law};
 use thermyo_compute::math::ends;
 use thermyo_fit::assumed::{HYSTERESIS_OFF, LOAD_OFF, PRESSURE_OFF_PA};
 
-/// Intervals over which records are averaged \[s\]: two tenths of a period of the load on its gas
-/// spring, ten LSBs of the ADC on the slow ramp.
+/// Intervals over which records are averaged \[s\]: 0.2 periods of the load on its gas spring, ten LSBs of the ADC on
+/// the slow ramp.
 const BIN_S: f64 = 0.05;
 /// Least speed of sliding \[m/s\]: above the Stribeck speeds of braided sleeves.
 pub(crate) const SLIDING_M_S: f64 = 0.006;
@@ -31,20 +31,20 @@ const EVEN: f64 = 0.25;
 const TURN_M: f64 = 0.004;
 /// Distance from the rest length within which the load may lie on its stop \[m\].
 const STOP_M: f64 = 0.003;
-/// Least span of wall temperature at which softening differs from scatter \[K\]: at 1 %/K a
-/// tenth of the friction.
+/// Least span of wall temperature at which softening can be distinguished from scatter \[K\]: at 1 %/K a tenth of the
+/// friction.
 const SOFTENING_SPAN_K: f64 = 10.0;
 /// Largest relative standard error of an adopted value \[-\].
 const LARGEST_ERROR: f64 = 0.5;
 /// Standard errors within which a value may be negative.
 const ERRORS: f64 = 3.0;
-/// Least ratio of friction to the standard error of the scatter, a fifth.
+/// Least ratio of friction to the standard error of the scatter: an error of a fifth.
 pub const LEAST_SIGNAL: f64 = 5.0;
 
-/// Errors of what the balance takes as configured.
+/// Errors of the quantities that the balance takes as configured.
 #[derive(Debug, Clone, Copy)]
 struct Altered {
-    /// Over the configured ones \[-\].
+    /// Load, and slip and creep, over the configured ones \[-\].
     load: f64,
     hysteresis: f64,
     /// Added to the measured pressure \[Pa\].
@@ -55,8 +55,8 @@ impl Altered {
     const NOT: Self = Self { load: 1.0, hysteresis: 1.0, offset_pa: 0.0 };
 }
 
-/// Errors that the stated ones allow for: of a load that was weighed, of slip and creep as configured, and of the
-/// pressure sensor.
+/// Errors for which the stated ones allow: of a weighed load, of slip and creep as configured, and of the pressure
+/// sensor.
 const LAWS: [Altered; 3] = [
     Altered { load: LOAD_OFF, ..Altered::NOT },
     Altered { hysteresis: HYSTERESIS_OFF, ..Altered::NOT },
@@ -72,11 +72,11 @@ pub struct Force {
     pub stiffness_n_m: Measure,
     /// Coulomb friction at the reference temperature \[N\].
     pub coulomb_n: Measure,
-    /// It, or slip and creep of a muscle without it, over its standard error.
+    /// Coulomb friction, or slip and creep of a muscle without it, over its standard error.
     pub signal: f64,
-    /// Viscous friction at the reference temperature \[N s/m\]; where it exceeds the scatter.
+    /// Viscous friction at the reference temperature \[N s/m\], if it exceeds the scatter.
     pub viscous_n_s_m: Option<Measure>,
-    /// Softening \[1/K\]; where the wall's temperature changed enough.
+    /// Softening \[1/K\], if the wall's temperature changed enough.
     pub softening_per_k: Option<Measure>,
     /// Estimated wall temperatures, lowest and highest \[K\].
     pub wall_k: [f64; 2],
@@ -93,7 +93,7 @@ pub struct Point {
     pub speed_m_s: f64,
     /// Pull of the gas, P_g A with the tuned area \[N\].
     pub pull_n: f64,
-    /// Measured less fitted \[N\].
+    /// Measured minus fitted \[N\].
     pub residual_n: f64,
 }
 
@@ -176,7 +176,7 @@ struct Balance<'a> {
 }
 
 impl Balance<'_> {
-    /// Load and configured elastic force beside the stiffness that is fitted, slip and creep \[N\].
+    /// Load and configured elastic force without the fitted stiffness, and slip and creep \[N\].
     fn held_n(&self, bin: &Bin, altered: Altered) -> f64 {
         let elastic_n = f64::from(self.chamber.force_n(0.0, bin.length_m as f32));
         let held_n = self.load_n * altered.load - elastic_n - self.stiffness_n_m * self.way_m(bin)
@@ -193,7 +193,7 @@ impl Balance<'_> {
         bin.pressure_pa - f64::from(self.config.ambient.pressure_pa)
     }
 
-    /// Pull of a gas with that gauge pressure, with the configured area \[N\].
+    /// Pull of gas at this gauge pressure, with the configured area \[N\].
     fn pull_n(&self, bin: &Bin, gauge_pa: f64) -> f64 {
         -gauge_pa * f64::from(self.chamber.volume_slope_m2(bin.length_m as f32))
     }
@@ -231,7 +231,7 @@ impl Fits {
         Some(Self { configured: fit(Altered::NOT)?, laws })
     }
 
-    /// With the errors of the scatter and of what is configured.
+    /// A measure with the errors of the scatter and of the configured quantities.
     fn measure(&self, of: impl Fn(&[f64; 4]) -> f64) -> Measure {
         let Measure { value, error } = self.configured.measure(&of);
         let off = |law: &Fit<4>| law.measure(&of).value - value;
@@ -243,7 +243,7 @@ impl Fits {
 /// Fits the balance of forces to the ramps.
 ///
 /// # Errors
-/// When there is too little even sliding, or friction does not exceed the scatter.
+/// If there is too little even sliding, or friction does not exceed the scatter.
 pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Refusal> {
     let (chamber, load_n) = configured(config)?;
     let stiffness_n_m = f64::from(match config.chamber {
@@ -252,7 +252,7 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
         ChamberConfig::Vessel(_) | ChamberConfig::Table(_) => 0.0,
     });
     let balance = Balance { config, chamber: &chamber, load_n, stiffness_n_m };
-    // Slip and creep remember all before the ramps.
+    // Slip and creep remember everything before the ramps.
     let mut bins = held_back(bins(records, f64::from(config.step_s)), config);
     bins.retain(|bin| plan.ramps_s.contains(&bin.time_s));
     let sliding = sliding(&bins, f64::from(chamber.rest_length_m()));
@@ -291,12 +291,12 @@ pub fn fit(records: &[Record], plan: &Plan, config: &Config) -> Result<Force, Re
     })
 }
 
-/// Mean size of slip and creep, which alone hold a muscle back that is configured without friction \[N\].
+/// Mean size of slip and creep, which alone hold back a muscle configured without friction \[N\].
 fn mean_held_n(sliding: &[(Bin, f64)]) -> f64 {
     sliding.iter().map(|(bin, _)| bin.hysteresis_n.abs()).sum::<f64>() / sliding.len() as f64
 }
 
-/// A value that is negative within its errors becomes 0.
+/// Sets a value to 0 that is negative within its errors.
 fn not_below_zero(found: Measure) -> Measure {
     let is_none = (-ERRORS * found.error..0.0).contains(&found.value);
     if is_none { Measure { value: 0.0, ..found } } else { found }
@@ -335,9 +335,8 @@ mod tests {
     use model_core::config::Load;
     use model_core::physics::hysteresis::Hysteresis;
 
-    /// Records of a muscle that slides evenly up and down, faster every second time, while its wall
-    /// warms to `hottest_k`; friction 12 N, softening by 1.5 %/K where the core is configured with
-    /// 1 %/K.
+    /// Records of a muscle that slides evenly up and down, faster every second time, while its wall warms to
+    /// `hottest_k`; friction is 12 N, softening 1.5 %/K where the core is configured with 1 %/K.
     fn records(plan: &Plan, config: &Config, hottest_k: f64) -> Vec<Record> {
         let (chamber, load_n) = configured(config).unwrap();
         let rest_m = f64::from(chamber.rest_length_m());

@@ -1,4 +1,4 @@
-//! Controller gains from what was identified.
+//! Controller gains from the identified values.
 //!
 //! Both loops close on gas mass, an integrator behind a delay
 //!
@@ -6,12 +6,11 @@
 //! theta = T/2 + d     half of a PWM period (a pulse acts in its middle, on average) and the valve's delay
 //! ```
 //!
-//! for which SIMC (Skogestad, J. Process Control 13, 2003) with its tightest robust choice tau_c =
-//! theta asks for K = 1/(tau_c + theta): an error is closed in 2 theta, at a gain margin of 3 and a
-//! phase margin of 61 degrees. The integrals only have to remove drifts (heat to the wall, the
-//! load), and are [`INTEGRAL`] times slower, where they cost 3 degrees of phase. The load
-//! disturbance estimate moves the length by the gas spring, which is stiffest near the rest length:
-//! it is designed for one reset time there.
+//! for which SIMC (Skogestad, J. Process Control 13, 2003) with its tightest robust choice tau_c = theta gives K =
+//! 1/(tau_c + theta): an error is closed in 2 theta, at a gain margin of 3 and a phase margin of 61 degrees. The
+//! integrals only have to remove drifts (heat to the wall, the load), and are [`INTEGRAL`] times slower, which costs 3
+//! degrees of phase. The load disturbance estimate moves the length by the gas spring, which is stiffest near the rest
+//! length: it is designed for one reset time there.
 
 use super::experiment::Record;
 use super::regression::Measure;
@@ -31,7 +30,7 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// From differences of neighbours, so that a drift does not count.
+    /// Computed from differences of neighbours, so that a drift does not count.
     pub fn new(resting: &[Record]) -> Self {
         let deviation = |of: fn(&Record) -> f64| {
             let pairs = resting.len().saturating_sub(1).max(1) as f64;
@@ -46,7 +45,7 @@ impl Noise {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Basis {
     pub delay_s: Measure,
-    /// Force area over the configured one; stiffness goes with it \[-\].
+    /// Force area over the configured one; stiffness scales with it \[-\].
     pub area_scale: Measure,
     pub noise: Noise,
     /// Smallest contraction of the tested stroke, where the gas spring is stiffest \[-\].
@@ -68,7 +67,7 @@ pub struct LoopGains {
 }
 
 impl LoopGains {
-    /// For the muscle and valves of `config`, which contains the tuned values.
+    /// Gains for the muscle and valves of `config`, which contains the tuned values.
     pub fn new(basis: &Basis, config: &Config, chamber: &AnyChamber) -> Self {
         let configured = &config.controller;
         let period_s = f64::from(config.pwm_period_steps) * f64::from(config.step_s);

@@ -6,8 +6,8 @@
 //!                                                  --gains--> controller     --check--> before, after
 //! ```
 //!
-//! Only telemetry is used, so that a board with a muscle of its own can be tuned like a simulated
-//! one. Only the core's configuration changes, never the plant. See `docs/background/tuning.md`.
+//! Only telemetry is used, so that a board with a real muscle can be tuned like a simulated one. Only the core's
+//! configuration changes, never the plant. See `docs/background/tuning.md`.
 
 pub(crate) mod check;
 mod experiment;
@@ -52,7 +52,7 @@ use valve::{Direction, Gas};
 
 /// Largest RMS error of the pressure on the ramps, as a fraction of its range.
 const LARGEST_ERROR: f64 = 0.05;
-/// The highest pressure counts as reached within this fraction of the range.
+/// Fraction of the range within which the highest pressure counts as reached.
 const REACHED: f64 = 0.05;
 /// Least motion, as a fraction of the rest length.
 const LEAST_MOTION: f64 = 0.05;
@@ -62,7 +62,7 @@ const WORSE: f64 = 1.5;
 /// See [`WORSE`]; RMS error of the sine in percent of the stroke.
 const WORSE_PERCENT: f64 = 1.0;
 
-/// The requested highest pressure lies outside of the limits.
+/// The requested highest pressure lies outside the limits.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
     "a highest pressure of {asked_pa:?} Pa: must be from {least_pa} Pa (ambient) to {most_pa} Pa (the supply, or \
@@ -91,7 +91,7 @@ pub(crate) fn refuse_without_pulses(config: &Config) -> Result<(), Refusal> {
     if config.valve_kind == ValveKind::Switching { Ok(()) } else { Err(Refusal::NoPulses) }
 }
 
-/// How an experiment gets the pressure that it needs.
+/// Hint how an experiment gets the pressure that it needs.
 fn more(needed_pa: f64, usable_pa: f64) -> String {
     // Rounded up to a tenth of a bar.
     let asked_bar = (needed_pa / 1e4).ceil() / 10.0;
@@ -165,7 +165,7 @@ pub enum Refusal {
          slid evenly: they are too few or too alike, or the configured load is 0"
     )]
     TooFew {
-        /// Intervals of even motion.
+        /// Number of intervals of even motion.
         points: usize,
     },
     #[error(
@@ -245,9 +245,9 @@ pub fn tune(
     tune_on(loaded, file, highest_pa, &mut Simulated { board, stopped: &|| false })
 }
 
-/// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. `file`
-/// names the scenario in messages. The board vents afterwards, with the tuned values, or with the
-/// former ones where the muscle follows less closely with the tuned ones.
+/// Runs the experiment for a scenario, up to `highest_pa`, fits the values and checks them. `file` names the scenario
+/// in messages. The board vents afterwards. It keeps the tuned values, or gets the former ones back if the muscle
+/// follows less closely with the tuned ones.
 pub fn tune_on(
     loaded: &Loaded,
     file: &Path,
@@ -277,8 +277,7 @@ pub fn tune_on(
     refuse_without_pulses(&config)?;
     let plan = Plan::new(&config, highest_pa)?;
     let result = tried(loaded, plan, (chamber.rest_length(), tunable), bench);
-    // Whatever happened, the muscle is not left under pressure, and values that were not found better
-    // are not left on the board.
+    // In any case the muscle is not left under pressure, and values that are no better are not left on the board.
     let vented = match &result {
         Ok(tuned) if tuned.findings.adopted => {
             bench.leave(Left::Found(&core_config(&tuned.scenario.believed)))
@@ -311,12 +310,12 @@ fn tried(
     };
     let [inlet, outlet] = [steps(Direction::In, "inlet")?, steps(Direction::Out, "outlet")?];
     let conductances = [inlet.conductance.value, outlet.conductance.value];
-    // Every other plant has ideal valves, and so has the core's configuration.
+    // All other plants have ideal valves, and so does the core's configuration.
     let switching = loaded.believed.plant.model == PlantModel::Full;
     let switch_time_s =
         switching.then(|| gas.switch_time_s(&records, &plan, conductances)).flatten();
-    // The outlet's delay: while the inlet opens, the supply behind the regulator falls, which looks
-    // like a shorter delay.
+    // The outlet's delay, since the supply behind the regulator falls while the inlet opens, which looks like a shorter
+    // delay.
     let delay_s = outlet.delay_s;
     let basis = Basis {
         delay_s,
@@ -365,7 +364,7 @@ fn good_enough(records: &[Record], plan: &Plan, rest_m: f64) -> Result<[f64; 2],
     if rms_pa > limit_pa {
         return Err(Refusal::LoopOpen { rms_pa, limit_pa });
     }
-    // On every ramp: a length that is stuck for part of the time would look like friction.
+    // Checked on every ramp: a length that is stuck for part of the time would look like friction.
     let needed_m = LEAST_MOTION * rest_m;
     for ramp in &plan.ramps {
         let [shortest_m, longest_m] = lengths_m(during(records, &ramp.time_s));

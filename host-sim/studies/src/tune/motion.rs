@@ -1,8 +1,7 @@
 //! `thermyo tune --plan motion`: slip and creep of the muscle on a board, from the experiment that
 //! `thermyo identify --plan motion` prints.
 //!
-//! Its record is the table that a user would have recorded, so that `thermyo identify` finds the same
-//! values in it.
+//! The record is the table that a user would have recorded, so that `thermyo identify` finds the same values in it.
 
 use super::experiment::{Left, Record, configured, record, usable_pa};
 use super::{Bench, Refusal, TuneError, reached};
@@ -18,15 +17,15 @@ use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 use thermyo_simulation::run::RunError;
 
-/// Steps of the core in a row of the record, their mean: 100 rows a second at 1 kHz.
+/// Number of steps of the core whose mean is a row of the record: 100 rows a second at 1 kHz.
 const STEPS_OF_A_ROW: u32 = 10;
 
 /// Runs the experiment up to `highest_pa`; the board vents afterwards, with its former configuration.
 /// Returns the record, `time_s,length_m,pressure_pa`. `file` names the scenario in messages.
 ///
 /// # Errors
-/// For another actuator than a muscle, a load that fixes the length, a fault on the way, and a pressure
-/// that is not reached.
+/// For an actuator other than a muscle, a load that fixes the length, a fault during the experiment, or a pressure that
+/// is not reached.
 pub fn motion_record(
     loaded: &Loaded,
     file: &Path,
@@ -40,7 +39,7 @@ pub fn motion_record(
     let (profile, _) = motion::profile(&loaded.believed, highest_pa);
     let most_pa = profile.iter().map(|point| point.1).fold(0.0, f64::max);
     let records = record(loaded, DriveKind::Pressure, profile, bench);
-    // Whatever happened, the muscle is not left under pressure.
+    // In any case the muscle is not left under pressure.
     let vented = bench.leave(Left::Former(&config));
     let records = records?;
     vented.map_err(RunError::Board)?;
@@ -63,8 +62,8 @@ fn table(records: &[Record]) -> String {
     text
 }
 
-/// Finds the values in a record that is called `record_file` in messages. The scenario found has them
-/// in the core's configuration alone.
+/// Finds the values in a record, which messages call `record_file`. The resulting scenario has them in the core's
+/// configuration only.
 pub fn motion_values(
     loaded: &Loaded,
     file: &Path,

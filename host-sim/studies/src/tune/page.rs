@@ -60,7 +60,7 @@ pub fn values(parameters: &[Parameter], error: &str) -> Section {
     Section::new("Values").table(Table::new("The core's configuration, in SI", &columns, rows))
 }
 
-/// Points of one direction and speed, fast from that share of the fastest on, in the order of their place.
+/// Points of one direction and speed, ordered by place; those above this share of the fastest speed count as fast.
 pub fn group<P: Copy>(
     points: &[P],
     (up, fast, share): (bool, bool, f64),
@@ -162,7 +162,7 @@ pub fn check_chart(tuned: &Tuned) -> Chart {
     FollowedBy::chart([&tuned.before, &tuned.after], quantity, |value| 100.0 * value)
 }
 
-/// A motion that is followed before and after tuning, on a page.
+/// A motion followed before and after tuning, on a page.
 pub struct FollowedBy<'a> {
     /// Heads of the figures' columns.
     pub columns: &'a [&'a str],
@@ -181,7 +181,7 @@ impl FollowedBy<'_> {
             .table(Table::new("The same motion with both", &columns, rows))
     }
 
-    /// Set point and values, and the errors within a range, in a unit that `shown` converts to.
+    /// Charts set point and values, and the errors within a range, in a unit to which `shown` converts.
     pub fn chart<F>(
         checked: [&Checked<F>; 2],
         (quantity, unit, range): (&str, &str, f64),

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use thermyo_fit::correlation_rows;
 
-/// Smallest eigenvalue of the scaled normal matrix: below it the measurements do not determine some
-/// combination of the coefficients.
+/// Smallest allowed eigenvalue of the scaled normal matrix: below it the measurements do not
+/// determine some combination of the coefficients.
 const SINGULAR: f64 = 1e-9;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -38,12 +38,12 @@ impl Measure {
 pub struct Fit<const N: usize> {
     coefficients: [f64; N],
     covariance: DMatrix<f64>,
-    /// Measured less fitted, row by row.
+    /// Measured minus fitted, row by row.
     pub residuals: Vec<f64>,
 }
 
-/// Fits y = sum of coefficient times column to rows of (columns, y); none where there are fewer
-/// rows than twice the coefficients, or the rows do not determine them all.
+/// Fits y = sum of coefficient times column to rows of (columns, y); none if there are fewer rows
+/// than twice the coefficients, or the rows do not determine them all.
 ///
 /// The covariance is s^2 t (X'X)^-1: s^2 the mean square of the residuals, t their integrated
 /// autocorrelation time in rows, since model errors persist from row to row.
@@ -60,7 +60,7 @@ pub fn least_squares<const N: usize>(rows: &[([f64; N], f64)]) -> Option<Fit<N>>
 pub struct Solution {
     pub coefficients: DVector<f64>,
     pub covariance: DMatrix<f64>,
-    /// Measured less fitted, row by row.
+    /// Measured minus fitted, row by row.
     pub residuals: Vec<f64>,
 }
 
@@ -90,7 +90,7 @@ pub fn solve(columns: &DMatrix<f64>, y: &DVector<f64>) -> Option<Solution> {
 }
 
 impl<const N: usize> Fit<N> {
-    /// A function `of` the coefficients, with its error by the gradient.
+    /// A function `of` the coefficients, with its error from the gradient.
     pub fn measure(&self, of: impl Fn(&[f64; N]) -> f64) -> Measure {
         let gradient = DVector::from_fn(N, |i, _| {
             let step = 1e-3 * self.covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE);

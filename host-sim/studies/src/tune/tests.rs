@@ -1,4 +1,4 @@
-//! The values that a board is left with.
+//! The values that are left on a board.
 
 use super::*;
 use model_core::Telemetry;
@@ -30,7 +30,7 @@ impl Bench for Shaken {
     }
 }
 
-/// Values with which the muscle follows less closely were left on the board.
+/// Values with which the muscle follows less closely used to be left on the board.
 #[test]
 fn values_that_are_worse_are_not_left_on_the_board() {
     let loaded =
@@ -47,8 +47,8 @@ fn values_that_are_worse_are_not_left_on_the_board() {
     }
 }
 
-/// A muscle by its preset has no friction but slip and creep, and no bladder that is a spring: it was refused for the
-/// one as too noisy, for the other as negative.
+/// A muscle from its preset has no friction except slip and creep, and a bladder that is no spring: it used to be
+/// refused as too noisy for the first, and as negative for the second.
 #[test]
 fn a_muscle_without_friction_is_tuned() {
     let rig = "[valve]\npreset = \"mhe2-class\"\n[sensor.pressure]\npreset = \"hsc-150psi-a\"\n[load]\nkind = \"mass\"\n";
@@ -66,7 +66,7 @@ fn a_muscle_without_friction_is_tuned() {
     }
 }
 
-/// The plant slips and creeps by other values than the core is configured with.
+/// The plant's slip and creep differ from the core's configuration.
 #[test]
 fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
     let text = "[plant]\nmodel = \"lumped\"\n[muscle]\npreset = \"dmsp-10\"\n\
@@ -97,7 +97,7 @@ fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
     }
 }
 
-/// A muscle that needs more than the usual 4 bar was refused without how to give it more.
+/// A muscle that needs more than the usual 4 bar used to be refused without a hint how to allow more.
 #[test]
 fn a_pressure_that_does_not_move_the_muscle_names_one_that_does() {
     let refused = |text: &str, most_pa: f64| {
@@ -115,7 +115,7 @@ fn a_pressure_that_does_not_move_the_muscle_names_one_that_does() {
     );
     let low = refused(&format!("{short}[supply]\npressure_pa = 5e5\n"), HIGHEST_PA);
     assert!(low.contains("at most 400 kPa are allowed: 85 % of supply.pressure_pa, and "), "{low}");
-    // Enough for the law, and too little for friction and valves: load and sensor were blamed.
+    // The pressure is enough for the law, and too little for friction and valves: load and sensor used to be blamed.
     let lifts = "[plant]\nmodel = \"full\"\n[load]\nkind = \"isotonic\"\nforce_n = 100\n";
     let stuck = refused(lifts, 1.7e5);
     assert!(

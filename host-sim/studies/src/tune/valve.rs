@@ -1,5 +1,5 @@
-//! Conductance and delay of the valves, from steps of the pressure that open them fully, and the
-//! switching time from the short pulses of the ramps.
+//! Conductance and delay of the valves, from steps of the pressure that open them fully, and the switching time, from
+//! the short pulses of the ramps.
 //!
 //! The gas mass by eq. (1), m = P V/(R T) with T estimated, has to match the flow by ISO 6358:
 //!
@@ -8,8 +8,8 @@
 //! m(end) - m(start) = C sum w o(pulse)   o: open time of a pulse, pulse^2/t_s below t_s
 //! ```
 //!
-//! The first gives C and the delay d: dead time, half of the switching time, and the lag of the
-//! pressure sensor. The second gives the switching time t_s, over whole ramps of short pulses.
+//! The first gives C and the delay d: dead time, half of the switching time, and the lag of the pressure sensor. The
+//! second gives the switching time t_s, from whole ramps of short pulses.
 
 use super::experiment::{Plan, Record, during};
 use super::regression::{Measure, least_squares};
@@ -18,14 +18,13 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 use model_core::physics::gas::Reservoir;
 use model_core::physics::valve::Valve;
 
-/// Time after the edge of the pin from which on the poppet is certainly open \[s\].
+/// Time after the edge of the pin after which the poppet is certainly open \[s\].
 const OPEN_S: f64 = 0.008;
 /// Longest delay of the search \[s\]: a longer one would be confused with a falling supply.
 const DELAY_UNTIL_S: f64 = 0.025;
 /// Least time for which a step has to keep its valve open \[s\].
 const LEAST_OPEN_S: f64 = 0.03;
-/// Least fraction of the pulses' length lost in switching from which a ramp determines the
-/// switching time \[-\].
+/// Least fraction of the pulses' length lost in switching at which a ramp determines the switching time \[-\].
 const LEAST_LOSS: f64 = 0.05;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,7 +46,7 @@ impl Direction {
 pub struct Steps {
     /// Sonic conductance, with tube and regulator \[m3/(s Pa)\].
     pub conductance: Measure,
-    /// From the pin to half of the opening, as the pressure sensor sees it \[s\].
+    /// Delay from the pin to half of the opening, as the pressure sensor senses it \[s\].
     pub delay_s: Measure,
 }
 
@@ -59,7 +58,7 @@ pub struct Gas<'a> {
 }
 
 impl<'a> Gas<'a> {
-    /// `chamber` has the tuned values.
+    /// Gas of a chamber; `chamber` has the tuned values.
     pub fn new(config: &'a Config, chamber: &'a AnyChamber) -> Self {
         Self { config, chamber }
     }
@@ -86,7 +85,7 @@ impl<'a> Gas<'a> {
         sign * f64::from(flow)
     }
 
-    /// Conductance and delay of the valve of that direction; none where no step kept it open.
+    /// Conductance and delay of the valve of this direction; none if no step kept it open.
     pub fn steps(&self, records: &[Record], plan: &Plan, direction: Direction) -> Option<Steps> {
         let records = during(records, &plan.steps_s);
         let step_s = f64::from(self.config.step_s);
@@ -118,8 +117,8 @@ impl<'a> Gas<'a> {
         })
     }
 
-    /// Switching time, from the ramps with short enough pulses; none where there are too few.
-    /// `conductances` are those of inlet and outlet.
+    /// Switching time, from the ramps with short enough pulses; none if there are too few. `conductances` are those of
+    /// inlet and outlet.
     pub fn switch_time_s(
         &self,
         records: &[Record],
@@ -156,7 +155,7 @@ impl<'a> Gas<'a> {
     }
 }
 
-/// Switching time \[s\] with which the pulses (length, flow) move that mass.
+/// Switching time \[s\] with which the pulses (length, flow) move this mass.
 fn switching_s(pulses: &[(f64, f64)], change_kg: f64, period_s: f64) -> Option<f64> {
     let moved_kg = |switch_s: f64| -> f64 {
         let opening = |pulse_s: f64| {
