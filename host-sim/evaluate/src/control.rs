@@ -22,8 +22,8 @@ const REST_S: f64 = 0.5;
 /// Centre of the sines \[-\].
 pub(super) const MIDDLE: f64 = 0.15;
 const BEFORE_S: f64 = 1.0;
-/// Of some 170 combinations, the one with the least error of the slow sine on the nominal muscle,
-/// among those that hunt by at most 1 % of the stroke at rest.
+/// The best of some 170 combinations: least error of the slow sine on the nominal muscle, among those that hunt by at
+/// most 1 % of the stroke at rest.
 pub const USUAL_GAINS: PidGains =
     PidGains { proportional_pa: 1.2e6, integral_pa_s: 6.0e7, derivative_pa_s: 2.0e4 };
 
@@ -33,13 +33,13 @@ pub(super) struct Point {
     pub time_s: f64,
     pub value: f64,
     driven: bool,
-    /// A valve is open for a whole period.
+    /// Whether a valve is open for a whole period.
     open: bool,
-    /// A valve is switched on that was shut at the end of the step before.
+    /// Whether a valve is switched on that was shut at the end of the step before.
     pub pulse: bool,
 }
 
-/// Whether a valve is switched on, by the commands of this step and of the one before: a valve that is open to
+/// Whether a valve is switched on, judged by the commands of this step and of the one before: a valve that is open to
 /// the end of its period and in the next one stays on.
 fn switches_on(now: Command, before: Command) -> bool {
     let on = |now: Duty, before: Duty| now > Duty::ZERO && now != before && before < Duty::FULL;
@@ -55,7 +55,7 @@ fn trace(
     stepped_trace(loaded, kind, profile, &[], board)
 }
 
-/// [`trace`], with steps of the load at these times \[s, N\].
+/// [`trace`] with steps of the load at these times \[s, N\].
 pub(super) fn stepped_trace(
     loaded: &Loaded,
     kind: DriveKind,
@@ -170,8 +170,7 @@ pub mod rest {
         Ok(holds.worst(&trace(loaded, DriveKind::Contraction, holds.profile(), board)?))
     }
 
-    /// [`hold`] on a muscle with another stroke, of which `reach` is left under load; contractions
-    /// \[-\].
+    /// [`hold`] on a muscle with another stroke, of which `reach` remains under load; contractions \[-\].
     pub fn hold_within(
         loaded: &Loaded,
         strokes: u32,
@@ -211,11 +210,11 @@ pub(super) struct SinePoint {
     pub time_s: f64,
     /// Contraction \[-\].
     pub value: f64,
-    /// Contraction less set point \[-\].
+    /// Contraction minus set point \[-\].
     pub error: f64,
-    /// A valve is open for a whole period.
+    /// Whether a valve is open for a whole period.
     pub open: bool,
-    /// A valve is switched on.
+    /// Whether a valve is switched on.
     pub pulse: bool,
 }
 
@@ -277,7 +276,7 @@ pub fn rms_mm(loaded: &Loaded, sine: &Sine) -> f64 {
 
 #[derive(Debug, Clone, Copy)]
 pub struct Step {
-    /// Time to stay within 2 % of the step, over that with the open valve \[-\].
+    /// Time to stay within 2 % of the step, over the time with the open valve \[-\].
     pub times_open_valve: f64,
     pub overshoot_percent: f64,
 }
@@ -285,11 +284,10 @@ pub struct Step {
 /// Pressures before and after a step \[Pa\].
 pub(super) const STEP_PA: [f64; 2] = [2.0e5, 4.0e5];
 
-/// Pressure over the time since a step, with the loop closed and with the valve simply open.
+/// Pressure over the time since a step, with the loop closed, and with the valve simply open.
 pub(super) type StepTraces = (Vec<(f64, f64)>, Vec<(f64, f64)>);
 
-/// A step of the pressure on a board, and on the same plant with the valve open, from the same
-/// rest.
+/// A step of the pressure on a board, and on the same plant with the valve open, both from the same rest.
 pub(super) fn pressure_step_traces(
     loaded: &Loaded,
     [low, high]: [f64; 2],
@@ -338,7 +336,7 @@ pub fn pressure_step_between(
     })
 }
 
-/// Sets the ambient temperature of plant and core; supply and muscle get it too.
+/// Sets the ambient temperature of plant and core, and with it that of supply and muscle.
 pub fn ambient(loaded: &Loaded, temperature_k: f64) -> Loaded {
     loaded.with(|scenario| {
         scenario.ambient.temperature_k = temperature_k;
@@ -351,25 +349,25 @@ pub(super) fn load(loaded: &Loaded, force_n: f64) -> Loaded {
     loaded.with(|scenario| scenario.load.force_n = force_n)
 }
 
-/// Change of a scenario: of the plant, or of what the core is configured with.
+/// Change of a scenario: of the plant, or of the core's configuration.
 pub type Change = fn(&mut Scenario);
 
-/// Holds after so many strokes, to errors of `most_percent`.
+/// Holds after this number of strokes, with errors up to `most_percent`.
 fn holds(loaded: &Loaded, strokes: u32, most_percent: f64) -> Result<Vec<Figure>, RunError> {
     let held = rest::hold(loaded, strokes, &mut CoreBoard::default())?;
-    // Creep goes on: 1.5 N/s after a way of 27 mm, 0.1 mm/s, for which a pulse is due every 2 to 4 s. A muscle
-    // that does not creep is left alone.
+    // Creep continues: 1.5 N/s after a way of 27 mm, 0.1 mm/s, which needs a pulse every 2 to 4 s. A muscle that does
+    // not creep is left alone.
     let muscle = &loaded.plant.muscle;
     let creeps = muscle.creep_fast_n_m > 0.0 || muscle.creep_slow_n_m > 0.0;
     let (ripple_percent, driven) = if creeps { (0.5, 0.12) } else { (0.2, 0.0) };
-    // The crept bladder holds 15 mm against 20 N and friction: the vented muscle does not come back.
+    // The crept bladder holds 15 mm against 20 N and friction: the vented muscle does not return.
     if load_n(&loaded.plant) < LIGHT_N && creeps {
         return Ok(vec![Figure::shown("error_percent", held.error_percent)]);
     }
     Ok(held_within(&held, [most_percent, ripple_percent, driven]))
 }
 
-/// Error and ripple at rest \[%\], and the fraction of it in which a valve may be driven.
+/// Error and ripple at rest \[%\], and the fraction of the rest in which a valve may be driven.
 pub(super) fn held_within(held: &rest::Held, [error, ripple, driven]: [f64; 3]) -> Vec<Figure> {
     vec![
         Figure::at_most("error_percent", held.error_percent, error),
@@ -385,7 +383,7 @@ pub(super) fn step_figures(step: &Step) -> Vec<Figure> {
     ]
 }
 
-/// Below this load, slip and creep hold the muscle where it was \[N\].
+/// Load below which slip and creep hold the muscle where it was \[N\].
 const LIGHT_N: f64 = 40.0;
 
 fn load_n(scenario: &Scenario) -> f64 {
@@ -395,7 +393,7 @@ fn load_n(scenario: &Scenario) -> f64 {
     }
 }
 
-/// Without slip and creep: what holds it is friction alone.
+/// The muscle without slip and creep: only friction holds it.
 pub(super) fn creepless(loaded: &Loaded) -> Loaded {
     loaded.with(no_creep)
 }
@@ -460,7 +458,7 @@ pub(super) fn volume(scenario: &mut Scenario, factor: f64) {
 /// Contractions of [`overshoot_percent`], held one after the other.
 const STEPS: [f64; 6] = [0.08, 0.16, 0.05, 0.2, 0.12, 0.08];
 
-/// Largest overshoot of steps of the contraction, of the step \[%\].
+/// Largest overshoot of steps of the contraction, relative to the step \[%\].
 pub fn overshoot_percent(loaded: &Loaded, board: &mut dyn Board) -> Result<f64, RunError> {
     let holds = rest::Holds { values: &STEPS, start_s: 0.0, full_scale: 1.0 };
     let points = trace(loaded, DriveKind::Contraction, holds.profile(), board)?;
@@ -507,7 +505,7 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
                 Figure::at_most("times_open_valve", step.times_open_valve, 1.3),
                 Figure::at_most("overshoot_percent", step.overshoot_percent, 2.0),
                 Figure::at_most("force_error_percent", held.error_percent, 1.0),
-                // 1.5 % of the last step, 2 bar, either way while the gas relaxes.
+                // 1.5 % of the last step, 2 bar, in either direction while the gas relaxes.
                 Figure::at_most("force_ripple_percent", held.ripple_percent, 2.0),
                 Figure::at_most("valves_driven", held.driven, 0.04),
             ])
@@ -516,8 +514,8 @@ fn other_loads(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
-/// Holds pressures at a fixed length; errors are those of the force, in percent of the largest.
-/// Force and gauge pressure are proportional but for the bladder's force, which is constant.
+/// Holds pressures at a fixed length; errors are those of the force, in percent of the largest. Force and gauge
+/// pressure are proportional except for the bladder's force, which is constant.
 fn force_hold(loaded: &Loaded, board: &mut dyn Board) -> Result<rest::Held, RunError> {
     let ambient_pa = loaded.plant.ambient.pressure_pa;
     let held_pa = [1.5e5, 3.0e5, 4.0e5, 3.0e5, 2.0e5];
@@ -567,7 +565,7 @@ fn moving(full: &Loaded) -> Vec<Job<'_>> {
     jobs
 }
 
-/// Friction as it is at the temperature of the room, whatever the wall does.
+/// Sets friction to its value at room temperature, whatever the wall does.
 pub(super) fn for_the_room(s: &mut Scenario) {
     let warmer_k = s.ambient.temperature_k - s.friction.reference_temperature_k;
     s.friction.force_n *= math::exp(-s.friction.softening_per_k * warmer_k);
@@ -592,9 +590,9 @@ fn compared(full: &Loaded) -> Vec<Job<'_>> {
                 let usual = rms(&loaded, &mut PidBoard::new(USUAL_GAINS, rest_m))?;
                 Ok(vec![
                     Figure::at_most("rms_percent", compensated, 2.0),
-                    // The load observer makes up for a friction that is believed not to soften.
+                    // The load observer compensates for a friction that is configured not to soften.
                     Figure::at_most("fixed_friction_times", uncompensated / compensated, 2.0),
-                    // A thermometer in the room does nearly the same as the estimated wall.
+                    // A thermometer in the room does nearly as well as the estimated wall.
                     Figure::shown("room_friction_times", by_thermometer / compensated),
                     Figure::at_least("pid_times", usual / compensated, 3.0),
                 ])

@@ -1,4 +1,4 @@
-//! A heavy load that follows a sine with other valves than those of 100 Hz, and from hosts whose set points come seldom
+//! A heavy load that follows a sine with valves other than those of 100 Hz, and from hosts whose set points come rarely
 //! or late.
 
 use super::Figure;
@@ -7,18 +7,18 @@ use model_core::{Config, Sample, SetPoint};
 use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, BoardError, BoardStep, CoreBoard};
 
-/// A board whose host sends one of so many set points, and each of them up to so many steps late.
+/// A board whose host sends one of `one_of` set points, each up to `latest_steps` steps late.
 pub struct Host {
     board: CoreBoard,
     one_of: u64,
     latest_steps: u64,
     sent: u64,
-    /// The next set point, and the steps after which it comes.
+    /// The next set point, and the number of steps after which it arrives.
     on_its_way: Option<(u64, SetPoint)>,
 }
 
 impl Host {
-    /// Where every set point comes and none is late, the board is the core alone.
+    /// Board of such a host. If every set point arrives and none is late, the board is the core alone.
     pub fn new(one_of: u64, latest_steps: u64) -> Self {
         Self { board: CoreBoard::default(), one_of, latest_steps, sent: 0, on_its_way: None }
     }
@@ -36,7 +36,7 @@ impl Board for Host {
     fn set(&mut self, set_point: SetPoint) -> Result<(), BoardError> {
         self.sent += 1;
         if self.sent.is_multiple_of(self.one_of) {
-            // Neighbours differ, and every lateness comes as often.
+            // Neighbours differ, and every delay occurs equally often.
             let late_steps = self.sent / self.one_of * 7 % (self.latest_steps + 1);
             self.on_its_way = Some((late_steps, set_point));
         }
@@ -56,7 +56,7 @@ impl Board for Host {
     }
 }
 
-/// The nominal muscle with 20 kg and valves of that frequency, all of which is believed.
+/// The nominal muscle with 20 kg and valves of this frequency, all of it configured.
 pub fn heavy(full: &Loaded, pwm_hz: f64) -> Loaded {
     full.with(|s| (s.load.mass_kg, s.valve.pwm_hz) = (20.0, pwm_hz))
 }

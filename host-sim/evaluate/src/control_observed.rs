@@ -1,5 +1,5 @@
-//! Loads, friction and masses that are not as configured, steps of the load, gas that relaxes: what the loops have
-//! to observe.
+//! Loads, friction and masses that are not as configured, steps of the load, gas that relaxes: disturbances that the
+//! loops have to observe.
 
 use super::control::rest::{self, Held};
 use super::control::{
@@ -13,7 +13,7 @@ use thermyo_setup::Loaded;
 use thermyo_simulation::board::{Board, CoreBoard};
 use thermyo_simulation::run::RunError;
 
-/// Friction, with its surplus at standstill, is so many times what is believed.
+/// Friction, with its surplus at standstill, is a multiple of the configured one.
 const TWICE: Change = |s| {
     s.friction.force_n *= 2.0;
     s.friction.stribeck_force_n *= 2.0;
@@ -27,7 +27,7 @@ const TWICE_THE_FLOW: Change = |s| s.valve.conductance_m3_s_pa *= 2.0;
 const HALF_THE_FLOW: Change = |s| s.valve.conductance_m3_s_pa *= 0.5;
 
 fn sines(full: &Loaded) -> Vec<Job<'_>> {
-    // Two frequencies, amplitudes as shares of the stroke: 13.5 and 4.5 mm.
+    // Two frequencies; amplitudes as shares of the stroke: 13.5 and 4.5 mm.
     let cases: [(&str, Change, f64, f64, f64); 6] = [
         ("as believed", |_| {}, 0.5, 0.15, 0.1),
         ("friction twice the believed", TWICE, 0.5, 0.15, 0.2),
@@ -61,11 +61,11 @@ const BACK_SHARE: f64 = 0.01;
 /// Worst of four load steps: 50 N more, back, 50 N less, back.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct LoadSteps {
-    /// Time until it stays within 1 % of the stroke \[s\].
+    /// Time until the error stays within 1 % of the stroke \[s\].
     pub back_s: f64,
     /// Error half a second before the next step \[%\] of the stroke.
     pub error_percent: f64,
-    /// Pulses per second later than a second after a step.
+    /// Pulses per second, from one second after a step on.
     pub late_pulses_per_s: f64,
 }
 
@@ -93,7 +93,8 @@ pub fn load_steps(loaded: &Loaded, board: &mut dyn Board) -> Result<LoadSteps, R
     Ok(worst)
 }
 
-/// Seeds of the noise: one moves a load step's end by up to half a second where friction holds the muscle.
+/// Seeds of the noise: a single seed shifts the end of a load step by up to half a second where friction holds the
+/// muscle.
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=6;
 
 /// Worst of [`load_steps`] over the seeds.
@@ -155,12 +156,12 @@ fn resting(full: &Loaded) -> Vec<Job<'_>> {
     jobs.collect()
 }
 
-/// Lengths in and beside a code that the converter makes too wide, 255.1 to 256.1 mm, from 253.5 mm on, and those from
-/// which they are come to by turns \[m\].
+/// Lengths in and beside a code that the converter makes too wide, 255.1 to 256.1 mm, starting at 253.5 mm; and lengths
+/// from which they are approached in turn \[m\].
 const WIDE_M: (f64, f64) = (0.2535, 0.0003);
 const AWAY_M: [f64; 2] = [0.245, 0.268];
 
-/// Holds in and beside a wide code: nothing there shows where the muscle is, and no valve cures that.
+/// Holds in and beside a wide code: there the position of the muscle is not visible, and no valve changes that.
 pub fn hold_across_a_wide_code(loaded: &Loaded, board: &mut dyn Board) -> Result<Held, RunError> {
     let (from_m, apart_m) = WIDE_M;
     let goals = (0..14).flat_map(|i| [AWAY_M[i % 2], from_m + apart_m * i as f64]);
@@ -180,7 +181,7 @@ fn across_a_wide_code(full: &Loaded) -> Vec<Job<'_>> {
             let held = hold_across_a_wide_code(&loaded, &mut CoreBoard::default())?;
             let stroke_mm = 1e3 * STROKE * loaded.plant.muscle.rest_length_m;
             Ok(vec![
-                // Half of the code, and the dead zone to either side.
+                // Half of the code, and the dead zone on either side.
                 Figure::at_most("error_mm", 0.01 * held.error_percent * stroke_mm, 0.75),
                 Figure::at_most("valves_driven", held.driven, 0.12),
             ])
@@ -189,7 +190,7 @@ fn across_a_wide_code(full: &Loaded) -> Vec<Job<'_>> {
     jobs.collect()
 }
 
-/// Pulses later than half a second after a step of the pressure from 2 to 4 bar, and after the one back, in 10 s.
+/// Pulses from half a second after a step of the pressure from 2 to 4 bar on, and after the step back, in 10 s.
 pub fn late_pulses(loaded: &Loaded, board: &mut dyn Board) -> Result<[usize; 2], RunError> {
     const STEPS_S: [f64; 3] = [2.0, 12.5, 23.0];
     let [low, high] = [2.0e5, 4.0e5];

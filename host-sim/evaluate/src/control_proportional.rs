@@ -1,4 +1,4 @@
-//! Control with proportional valves: the cases of switching ones, and a dead band that is not as believed.
+//! Control with proportional valves: the cases of the switching ones, and a dead band that is not as configured.
 
 use super::Figure;
 use super::control::{Job, held_within, job, pressure_step_between, rest, sine, step_figures};
@@ -8,13 +8,13 @@ use thermyo_simulation::board::CoreBoard;
 
 /// 10 and 90 % of the nominal supply's gauge pressure, absolute \[Pa\].
 pub const FROM_10_TO_90_PA: [f64; 2] = [1.612e5, 6.401e5];
-/// Dead band that the core believes, as a multiple of the true one.
+/// Configured dead band as a multiple of the true one.
 const BELIEVED: [f64; 3] = [0.7, 1.0, 1.3];
 
 /// Fraction of the rest in which a command may be given, as with switching valves.
 const DRIVEN: f64 = 0.12;
 
-/// The same muscle with proportional valves, whose dead band is believed to be that multiple of itself.
+/// The same muscle with proportional valves, whose configured dead band is a multiple of the true one.
 pub fn proportional(loaded: &Loaded, believed: f64) -> Loaded {
     let dead_band = believed * loaded.plant.valve.dead_band;
     let proportional = loaded.with(|s| s.valve.kind = ValveKind::Proportional);

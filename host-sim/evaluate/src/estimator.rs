@@ -19,7 +19,7 @@ use thermyo_simulation::run::RunError;
 
 /// Start of the errors' evaluation: the estimator needs time to learn \[s\].
 const SETTLED_S: f64 = 10.0;
-/// Start of the evaluation after a start that is wrong by 10 K \[s\].
+/// Start of the evaluation after an initial temperature that is wrong by 10 K \[s\].
 const RECOVERED_S: f64 = 15.0;
 
 /// A case: name, change, and bounds on the RMS error for `lumped` and `full` \[K\].
@@ -28,7 +28,8 @@ pub struct Case {
     pub name: &'static str,
     /// Change of the nominal scenario.
     pub change: fn(&mut Loaded),
-    /// None on a plant that lacks what the case changes: it would repeat the nominal case, and could not fail.
+    /// Bounds; none on a plant that lacks the effect that the case changes: it would repeat the nominal case, and could
+    /// not fail.
     bounds_k: [Option<f64>; 2],
     /// Bounds on the fraction of time within two stated standard deviations.
     within: (f64, f64),
@@ -39,8 +40,8 @@ pub struct Case {
 /// Largest error of the estimate, as a multiple of the smoother's error.
 const TIMES_SMOOTHER: f64 = 1.5;
 
-/// Range of the fraction of time within two stated deviations, in one run: strokes repeat their errors, so that it is
-/// the pooled fraction that can be held to that of a normal distribution.
+/// Range of the fraction of time within two stated deviations, in one run. Strokes repeat their errors, so only the
+/// pooled fraction can be compared with a normal distribution.
 const IN_ONE_RUN: (f64, f64) = (0.75, 1.0);
 
 pub fn cases() -> Vec<Case> {
@@ -117,13 +118,13 @@ pub fn cases() -> Vec<Case> {
         on_full("hose of 0.5 m", 0.4, |l| hose(l, 0.5)),
         on_full("hose of 1 m", 0.4, |l| hose(l, 1.0)),
         on_full("hose of 2 m", 0.4, |l| hose(l, 2.0)),
-        // 0.02 % of the gas a second, which a tight muscle loses.
+        // 0.02 % of the gas per second, the loss of a tight muscle.
         on_full("held at 3 bar, a leak not believed", 1.0, |l| {
             l.plant.drive.kind = DriveKind::Pressure;
             l.drive_profile = profile(&[(0.0, 3.0e5)]);
             l.plant.leak.conductance_m3_s_pa = 5.0e-13;
         }),
-        // Some 0.4 % of the gas a second either way.
+        // Some 0.4 % of the gas per second in either direction.
         on_full("contraction held, a leak not believed", 0.3, |l| {
             hold_contraction(l);
             l.plant.leak.conductance_m3_s_pa = 1.0e-11;
@@ -149,7 +150,7 @@ pub fn cases() -> Vec<Case> {
     ]
 }
 
-/// A constant coefficient for still gas \[W/(m2 K)\], believed rightly.
+/// A constant coefficient for still gas \[W/(m2 K)\], configured correctly.
 fn still(loaded: &mut Loaded, inner_w_m2_k: f64) {
     *loaded =
         loaded.with(|s| (s.heat.model, s.heat.inner_w_m2_k) = (HeatModel::Constant, inner_w_m2_k));
@@ -160,7 +161,7 @@ fn hold_contraction(loaded: &mut Loaded) {
     loaded.drive_profile = profile(&[(0.0, 0.1)]);
 }
 
-/// A hose of 4 mm between valves and muscle, believed rightly.
+/// A hose of 4 mm between valves and muscle, configured correctly.
 fn hose(loaded: &mut Loaded, length_m: f64) {
     *loaded = loaded.with(|s| (s.tube.length_m, s.tube.diameter_m) = (Some(length_m), Some(0.004)));
 }
@@ -222,7 +223,7 @@ struct Errors {
 }
 
 impl Errors {
-    /// The root of the mean of one of the sums \[K\].
+    /// Root of the mean of one of the sums \[K\].
     fn rms_k(&self, squares_k2: f64) -> f64 {
         (squares_k2 / self.steps as f64).sqrt()
     }
@@ -237,7 +238,7 @@ impl Errors {
     }
 }
 
-/// Errors of one run from `from_s` on; `seen` is called with every row.
+/// Errors of one run from `from_s` on; calls `seen` with every row.
 fn run(loaded: &Loaded, from_s: f64, mut seen: impl FnMut(&Row)) -> Result<Errors, RunError> {
     let mut errors = Errors::default();
     run::on_core(loaded, |row| {
@@ -323,26 +324,26 @@ pub fn evaluate(nominal: &Loaded, watch: &dyn Watch) -> Result<Vec<CaseFigures>,
 const MUSCLE_S: f64 = 60.0;
 /// Ranges of the random muscles.
 const SPREAD: Spread = Spread { loads_n: [20.0, 800.0], lags_s: [0.3, 8.0] };
-/// Largest RMS error on a random muscle, and in the mean over all, configured right and not \[K\].
+/// Largest RMS error on a random muscle, and the mean over all, configured correctly and wrongly \[K\].
 const RANDOM_K: [f64; 2] = [1.0, 2.0];
 const RANDOM_MEAN_K: [f64; 2] = [0.4, 0.8];
-/// Range of the fraction of time within two stated deviations, over all.
+/// Range of the fraction of time within two stated deviations, over all muscles.
 const POOLED: (f64, f64) = (0.93, 0.98);
-/// Ranges of what a muscle's air and sensor are: still gas \[W/(m2 K)\], factors on stirring and on the laws of air, the
-/// housing \[s\], the place of the foil along and across.
+/// Ranges of a muscle's air and sensor: still gas \[W/(m2 K)\], factors on stirring and on the laws of air, the housing
+/// \[s\], the position of the element along and across.
 const STILL_W_M2_K: [f64; 2] = [5.0, 150.0];
 const STIRRED: [f64; 2] = [0.3, 3.0];
 const HOUSINGS_S: [f64; 2] = [0.05, 0.6];
 const POSITIONS: [f64; 2] = [0.3, 0.7];
 const RADII: [f64; 2] = [0.0, 1.0];
-/// How far off a user's belief is: heat and stirring (a logarithm), lag (a share), position; and the housing that is
-/// believed \[s\].
+/// Errors of a user's configuration: heat and stirring (a logarithm), lag (a share), position; and the configured
+/// housing \[s\].
 const HEAT_OFF: f64 = 0.3;
 const LAG_OFF: f64 = 0.2;
 const POSITION_OFF: f64 = 0.1;
 const HOUSING_BELIEVED_S: f64 = 0.2;
 
-/// Gives a random muscle its air and its sensor; where they are not `known`, the core believes something else.
+/// Gives a random muscle its air and its sensor; if they are not `known`, the core's configuration differs.
 fn vary(seed: u64, number: u64, known: bool, loaded: &mut Loaded) {
     let mut draw = Draw::new(seed.wrapping_mul(7_919).wrapping_add(number));
     let laws = draw.sign() > 0.0;
@@ -391,8 +392,8 @@ pub fn random_muscle(seed: u64, number: u64) -> (String, Loaded) {
     (name, loaded)
 }
 
-/// `count` random muscles on `full`, in motion (without motion all models agree), configured right, and as a user
-/// would who does not know heat, lag, housing and place. When stopped, returns the finished lines.
+/// `count` random muscles on `full`, in motion (without motion all models agree), configured correctly, and as by a
+/// user who does not know heat, lag, housing and position. When stopped, returns the finished lines.
 pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let mut lines = Vec::new();
     let mut all = Pool::default();
@@ -430,7 +431,7 @@ pub fn random(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigure
     Ok(lines)
 }
 
-/// Sums over some muscles.
+/// Sums over several muscles.
 #[derive(Debug, Clone, Copy, Default)]
 struct Pool {
     runs: f64,

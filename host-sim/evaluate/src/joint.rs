@@ -1,5 +1,5 @@
-//! A joint of two muscles: tracking, steps, rest, loads and stiffness, configured right and wrong, light and heavy; and
-//! that both muscles vent in the same step.
+//! A joint of two muscles: tracking, steps, rest, loads and stiffness, configured correctly and wrongly, light and
+//! heavy; and that both muscles vent in the same step.
 
 use super::{CaseFigures, Figure};
 use model_core::Command;
@@ -17,7 +17,7 @@ use thermyo_scenario::{ChannelFault, FaultWindow, Scenario, ValveFault};
 use thermyo_studies::joint_tune::{self, BenchError, Simulated, TuneError};
 use thermyo_studies::tune::HIGHEST_PA;
 
-/// Stiffness of all cases but those that change it \[N m/rad\].
+/// Stiffness of all cases except those that change it \[N m/rad\].
 const STIFFNESS: f64 = 14.0;
 /// Rest before a motion begins \[s\].
 const BEFORE_S: f64 = 1.0;
@@ -27,13 +27,13 @@ const HEAVY_KG_M2: f64 = 0.145;
 const SETTLED_DEG: f64 = 0.5;
 /// External torque of the load step \[N m\].
 const LOAD_N_M: f64 = 2.0;
-/// How a pulley's radii vary: by 20 % over 60 deg \[1/rad\].
+/// Slope of a pulley's radii: 20 % over 60 deg \[1/rad\].
 const VARIES_PER_RAD: f64 = 0.191;
 /// Faults injected, in turn into muscle a and into muscle b.
 const FAULTS: u64 = 100;
 const LOCK_S: f64 = 3.0;
 
-/// Targets that depend on what is configured and on the arm.
+/// Targets that depend on the configuration and on the arm.
 #[derive(Debug, Clone, Copy)]
 struct Targets {
     sines_deg: [f64; 4],
@@ -54,7 +54,7 @@ pub fn nominal() -> Result<JointLoaded, InputError> {
     thermyo_joint::parse(shipped::text("joint.toml"), Path::new("scenarios/joint.toml"))
 }
 
-/// Everything wrong that a user does not know, with one sign: the plant differs, the core has the nominal one.
+/// Everything wrong that a user does not know, with one sign: the plant differs, the core keeps the nominal values.
 fn all_wrong(nominal: &JointLoaded, sign: f64) -> JointLoaded {
     let mut loaded = nominal.clone();
     for muscle in &mut loaded.muscles {
@@ -159,7 +159,7 @@ pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
     found.into_iter().collect()
 }
 
-/// Friction and slip that the core believes in, and that are not there.
+/// Removes friction and slip that the core is configured with.
 fn frictionless(loaded: &mut JointLoaded) {
     for muscle in &mut loaded.muscles {
         muscle.plant.friction.force_n = 0.0;
@@ -168,7 +168,7 @@ fn frictionless(loaded: &mut JointLoaded) {
     }
 }
 
-/// Runs a motion for a time; every step's row.
+/// Runs a motion for a time; returns the row of every step.
 fn run(
     loaded: &JointLoaded,
     duration_s: f64,
@@ -268,7 +268,7 @@ fn tracks_wrong(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     sines(loaded, 3.0, WRONG)
 }
 
-/// Figures of a pulley that the core does not know, which have no target.
+/// Figures of a pulley that the core is not configured with; they have no target.
 fn tracks_unknown(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     let figures = tracks_wrong(loaded)?.into_iter();
     Ok(figures.map(|figure| Figure::shown(figure.name, figure.value)).collect())
@@ -357,7 +357,7 @@ fn stable(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     let moving = after(&rows, 2.0).iter().filter(|row| row.time_s < 6.0);
     let last = after(&rows, 10.0).iter().map(|row| row.truth.angle_rad.to_degrees());
     let [low, high] = ends(last);
-    // By its mode: a loop may open both outlets too.
+    // Judged by the mode, since a loop may open both outlets too.
     let vented = rows.iter().any(|row| row.telemetry.mode == JointMode::Vent);
     Ok(vec![
         Figure::at_most("RMS 1 Hz deg", rms(moving.map(error_deg)), 0.8),
@@ -429,7 +429,7 @@ fn vents(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     Ok(vec![Figure::at_least("both vent in one step, of 100", share, FAULTS as f64)])
 }
 
-/// The arm is held out against gravity when its angle is lost, and locks for three seconds.
+/// The arm is held up against gravity when its angle is lost, and locks for three seconds.
 fn locked(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     let mut loaded = loaded.clone();
     loaded.believed.lock_s = LOCK_S;
@@ -448,7 +448,7 @@ fn locked(loaded: &JointLoaded) -> Result<Vec<Figure>, RunError> {
     ])
 }
 
-/// Both muscles vent from the first step on in which either of them, or the joint, has a venting fault.
+/// Whether both muscles vent from the first step in which either of them, or the joint, has a venting fault.
 fn together(rows: &[Row]) -> bool {
     let has_fault = |row: &Row| {
         row.telemetry.faults != JointFaults::NONE

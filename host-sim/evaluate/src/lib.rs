@@ -63,7 +63,7 @@ impl Figure {
         Self::within(name, value, (f64::NEG_INFINITY, f64::INFINITY))
     }
 
-    /// The value lies within the allowed range.
+    /// Whether the value lies within the allowed range.
     pub fn holds(&self) -> bool {
         (self.minimum..=self.maximum).contains(&self.value)
     }
@@ -116,7 +116,7 @@ pub fn figures(lines: &[CaseFigures]) -> Table {
     Table::new("Targets and figures", &["Case", "Figure", "Value", "Target", ""], rows)
 }
 
-/// Start of a page: number and names of the missed targets.
+/// Start of a page, with number and names of the missed targets.
 fn opened(page: Page, lines: &[CaseFigures]) -> Page {
     let (count, all) = missed(lines);
     let tile = Tile::new("Targets missed", count as f64, COUNT);

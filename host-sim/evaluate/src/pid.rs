@@ -14,7 +14,7 @@ pub struct PidGains {
     pub derivative_pa_s: f64,
 }
 
-/// A core that gets set points of pressure only.
+/// A core that gets only set points of pressure.
 #[derive(Debug)]
 pub struct PidBoard {
     core: CoreBoard,
@@ -48,7 +48,7 @@ impl PidBoard {
     fn pressure_pa(&mut self, contraction: f64) -> f64 {
         let PidGains { proportional_pa, integral_pa_s, derivative_pa_s } = self.gains;
         let error = self.contraction - contraction;
-        // On the measurement: a step of the set point gives no kick.
+        // Derivative of the measurement: a step of the set point gives no kick.
         let speed_s = (contraction - self.before) / self.period_s;
         self.before = contraction;
         let (low, high) = self.limits_pa;

@@ -26,13 +26,13 @@ const STEPS_S: [f64; 4] = [0.0, 2.0, 4.0, 6.0];
 const REST_S: f64 = 1.0;
 /// Largest relative error of the balances of mass and energy \[ppm\].
 const BOOKS_PPM: f64 = 1.0;
-/// An estimate is overconfident that errs by more than so many stated deviations for more than this share of the time
-/// in which it is valid; the share of plants on which it may be.
+/// Number of stated deviations, and share of the valid time, above which an estimate is overconfident; and the share of
+/// plants on which it may be.
 const BEYOND_SD: f64 = 3.0;
 const BEYOND: f64 = 0.05;
 const OVERCONFIDENT: f64 = 0.01;
-/// A loop is not at rest if it swings by more than so many dead zones, peak to peak, and crosses
-/// its mean so often within [`REST_S`].
+/// Swing in dead zones, peak to peak, and number of crossings of the mean within [`REST_S`], above which a loop is not
+/// at rest.
 const SWINGS_ZONES: f64 = 6.0;
 const CROSSINGS: usize = 8;
 
@@ -96,7 +96,8 @@ pub fn random(seed: u64, number: u64) -> (String, Result<(Loaded, usize), InputE
     (name, parsed)
 }
 
-/// Keys of a muscle, its force at its rest length \[N\], that length \[m\], and contractions that it may be asked for \[-\].
+/// Keys of a muscle, its force at its rest length \[N\], that length \[m\], and contractions that may be requested
+/// \[-\].
 fn muscle(draw: &mut Draw, volume_m3: f64, gauge_pa: f64) -> (String, f64, f64, [f64; 2]) {
     let slender = draw.between([10.0, 25.0]);
     let angle_deg = draw.between([21.0, 25.0]);
@@ -157,7 +158,7 @@ struct Outcome {
     swings: bool,
     warned: bool,
     false_alarm: bool,
-    /// Steps in which the estimate was valid, and of these in which it erred by more than [`BEYOND_SD`].
+    /// Steps in which the estimate was valid, and those of them in which it erred by more than [`BEYOND_SD`].
     valid_steps: u64,
     beyond_steps: u64,
 }
@@ -168,8 +169,7 @@ impl Outcome {
     }
 }
 
-/// Values of the last [`REST_S`] before a step of the set point swing; independent of the detector
-/// of a run.
+/// Whether values of the last [`REST_S`] before a step of the set point swing; independent of the detector of a run.
 fn swings(values: &[f64], dead_zone: f64) -> bool {
     let [least, most] = ends(values.iter().copied());
     let mean = 0.5 * (most + least);
@@ -244,11 +244,11 @@ fn figures(outcomes: &[Outcome]) -> Vec<Figure> {
     ]
 }
 
-/// `count` random plants: a line for each that misses a target, and one for all. When stopped,
-/// those of the finished plants.
+/// `count` random plants: a line for each that misses a target, and one for all. When stopped, returns the lines of the
+/// finished plants.
 ///
 /// # Errors
-/// The first run that failed for another reason than an invalid plant.
+/// Error of the first run that failed for a reason other than an invalid plant.
 pub fn evaluate(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigures>, RunError> {
     let numbers: Vec<u64> = (0..count).collect();
     let results = parallel::map_watched(&numbers, watch, |&number| {

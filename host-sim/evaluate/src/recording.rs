@@ -8,13 +8,13 @@ use thermyo_files::table::Table;
 use thermyo_record::measured::{TIME, check_distances, check_rising};
 use thermyo_scenario::schema::Limits;
 
-/// Column of the reference sensor, and one of its standard deviation, which it may have.
+/// Column of the reference sensor, and the optional one of its standard deviation.
 const REFERENCE: &str = "reference_gas_k";
 const REFERENCE_SD: &str = "reference_sd_k";
 const SETTLING_S: f64 = 10.0;
-/// Largest usual distance of rows, a fifth of the fastest stroke that is recorded \[s\].
+/// Largest usual distance of rows, a fifth of the fastest recorded stroke \[s\].
 const MOST_DISTANCE_S: f64 = 0.2;
-/// Rows with a reference that figures need: a share of rows is known to some per cent.
+/// Rows with a reference that figures require: they give a share of rows to within some per cent.
 const FEWEST_ROWS: u32 = 50;
 /// Largest RMS error \[K\], and least fraction of the rows within two stated deviations: the targets of
 /// the simulation. One record repeats its errors, so that all of its rows may lie within.
@@ -27,8 +27,8 @@ const POSSIBLE: Limits = Limits { min: 100.0, max: 1000.0, unit: "K" };
 /// sensor.
 ///
 /// # Errors
-/// When a column is missing or has impossible values, times are in another unit, or the reference has fewer than
-/// 50 values after the first ten seconds.
+/// If a column is missing or has impossible values, times are in another unit, or the reference has fewer than 50
+/// values after the first ten seconds.
 pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, InputError> {
     let times_s = recording.filled(TIME)?;
     check_rising(recording, &times_s)?;
@@ -98,7 +98,7 @@ pub fn evaluate(recording: &Table, reference_lag_s: f64) -> Result<CaseFigures, 
     })
 }
 
-/// Standard deviations of the reference, where the recording has them.
+/// Standard deviations of the reference, if the recording has them.
 fn of_reference(recording: &Table) -> Result<Vec<Option<f64>>, InputError> {
     let has_them = recording.columns().iter().any(|column| column.name == REFERENCE_SD);
     if !has_them {
@@ -111,8 +111,8 @@ fn of_reference(recording: &Table) -> Result<Vec<Option<f64>>, InputError> {
     }
 }
 
-/// Response of a sensor with that lag to values that are linear between rows, exact: it stays
-/// behind a ramp by its lag, and approaches this state as exp(-t/lag).
+/// Exact response of a sensor with this lag to values that are linear between rows: it stays behind a ramp by its lag,
+/// and approaches this state as exp(-t/lag).
 fn lagged(times_s: &[f64], values: &[f64], lag_s: f64) -> Vec<f64> {
     let mut reading = values[0];
     let mut readings = vec![reading];
@@ -155,7 +155,7 @@ mod tests {
         assert!((judged(&invalid, 0.0).unwrap()[1] - 2.0 / 3.0).abs() < 1e-12);
     }
 
-    /// Overconfident is a record of which too few rows lie within two deviations.
+    /// A record is overconfident if too few rows lie within two deviations.
     #[test]
     fn a_record_within_two_deviations_is_good_and_an_overconfident_one_is_not() {
         let missed = |sd_k: f64| {
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(missed(0.1), ["within_2sd"]);
     }
 
-    /// A ramp of 2 K/s is read 0.05 s late: 0.1 K less; a rest as it is.
+    /// A ramp of 2 K/s is read 0.05 s late: 0.1 K less; a rest is read as it is.
     #[test]
     fn the_reference_is_compared_with_what_it_would_read() {
         let rows: String = (0..3000)

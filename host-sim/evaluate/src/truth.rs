@@ -1,5 +1,5 @@
-//! Comparison with published measurements: every case with data at hand, and the best figure of
-//! others.
+//! Comparison with published measurements: every case whose data are available, and the best
+//! published figure.
 
 use super::control::{self, rest};
 use super::truth_motion::{self, tables};
@@ -56,7 +56,7 @@ pub enum TruthError {
 /// the lines of the finished cases.
 ///
 /// # Errors
-/// When there is no data at all, or a case cannot be used.
+/// If there are no data at all, or a case cannot be used.
 pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
     if !folder.is_dir() {
         let problem =
@@ -69,7 +69,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
     watch.parts(maps.len());
     let mut lines = Vec::new();
     let mut add = |more: Result<Vec<CaseFigures>, TruthError>| match more {
-        // A search that was stopped has no result.
+        // A stopped search has no result.
         _ if watch.stopped() => Ok(()),
         Ok(more) => {
             lines.extend(more);
@@ -97,7 +97,7 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
 /// Questions about static maps whose pressures may be absolute.
 ///
 /// # Errors
-/// When a map cannot be used.
+/// If a map cannot be used.
 pub fn doubts(folder: &Path) -> Result<Vec<InputError>, InputError> {
     let (loaded, _) = shipped("static_map.toml")?;
     let asked = |file: PathBuf| -> Result<Option<InputError>, InputError> {
@@ -149,7 +149,7 @@ fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
     Ok(vec![CaseFigures { case, figures }, of_control])
 }
 
-/// Largest error at rest, in percent of the stroke, for each load: the plant has the law of all
+/// Largest error at rest, in percent of the stroke, for each load: the plant follows the law of all
 /// readings, the core that of five.
 fn controlled(of_all: &Loaded, of_five: &Loaded) -> Result<Vec<Figure>, RunError> {
     let mut loaded = control::full(of_all);

@@ -1,5 +1,5 @@
-//! Muscles, seals and vessels that others recorded in motion or at rest, and a user's own records: each
-//! split before anything is fitted.
+//! Muscles, seals and vessels that others recorded in motion or at rest, and a user's own records: each is split before
+//! anything is fitted.
 
 use super::{CaseFigures, Figure};
 use crate::pair::pair;
@@ -14,30 +14,30 @@ use thermyo_files::table::{Table, read_whole};
 use thermyo_identify::motion::{LawLeft, laws};
 use thermyo_record::measured::{check_distances, check_pressures, check_rising};
 
-/// Smallest coefficient of determination of what a pair does, from the commanded force alone.
+/// Smallest coefficient of determination of a pair's response to the commanded force alone.
 const PAIR_R2: f64 = 0.97;
 const BORE_M: f64 = 0.0257;
 const AMBIENT_PA: f64 = 101_325.0;
-/// Share of a stroke at either end that is left out: there it turns \[-\].
+/// Share of a stroke that is left out at either end, where it turns \[-\].
 const ENDS: f64 = 0.25;
 /// Seals, and the pressures of their records \[bar\]: the line through the outer two is compared at the
 /// inner two.
 const SEALS: [&str; 2] = ["o-ring257", "x-ring257"];
 const BARS: [u32; 4] = [1, 3, 5, 7];
-/// Largest error of the O-ring's friction between the pressures that were fitted \[N\]. The X-ring's is no
-/// straight line.
+/// Largest error of the O-ring's friction at pressures between the fitted ones \[N\]. The X-ring's is not a straight
+/// line.
 const SEAL_N: f64 = 1.0;
-/// Until then a vessel is shut off, and its gas takes the temperature of the wall \[s\].
+/// Time for which a vessel is shut off, so that its gas takes the temperature of the wall \[s\].
 const SHUT_S: f64 = 15.0;
 /// Share of a vessel's record that is fitted \[-\].
 const FITTED: f64 = 0.6;
 const FEWEST: usize = 10;
-/// Largest distance of its rows \[s\].
+/// Largest distance of the record's rows \[s\].
 const MOST_S: f64 = 10.0;
-/// Largest error of a vessel's pressure in the rest, of the pressure at the start \[%\].
+/// Largest error of a vessel's pressure in the held-out part, relative to the pressure at the start \[%\].
 const VESSEL_PERCENT: f64 = 1.0;
 
-/// Every case below a folder of the layout in `docs/background/validation.md`.
+/// Every case below a folder in the layout of `docs/background/validation.md`.
 pub fn evaluate(folder: &Path) -> Result<Vec<CaseFigures>, InputError> {
     let dynamic = folder.join("dynamic");
     let mut lines = Vec::new();
@@ -191,7 +191,7 @@ fn vessel_of(file: &Path) -> Result<CaseFigures, InputError> {
     };
     let fitted =
         |leak: [f64; 2]| left(&leaked(&times[..cut], pressures[0], leak), &pressures[..cut]);
-    // None, and from a hundred thousandth to a tenth of the gas per second, in steps of 1 %.
+    // No leak, and from a hundred thousandth to a tenth of the gas per second, in steps of 1 %.
     let rates = iter::once(0.0).chain((0..926).map(|i| 1.0e-5 * 1.01_f64.powi(i)));
     let all: Vec<[f64; 2]> =
         rates.flat_map(|rate| [0.1, 0.2, 0.3, 0.4, 0.5].map(|critical| [rate, critical])).collect();
@@ -214,7 +214,7 @@ fn vessel_of(file: &Path) -> Result<CaseFigures, InputError> {
     })
 }
 
-/// A record of motion, with the scenario beside it, or that of a free DMSP-10.
+/// A record of motion, with the scenario beside it, or the scenario of a free DMSP-10.
 fn motion_of(file: &Path) -> Result<Vec<CaseFigures>, InputError> {
     let own = file.with_extension("toml");
     let shipped_path = Path::new("scenarios/motion.toml");
@@ -242,7 +242,7 @@ fn motion_of(file: &Path) -> Result<Vec<CaseFigures>, InputError> {
 mod tests {
     use super::*;
 
-    /// A piston of 25.7 mm at 2 bar, whose seal takes 5 N, and whose load cell is 3 N off.
+    /// A piston of 25.7 mm at 2 bar, whose seal takes 5 N, and whose load cell is off by 3 N.
     #[test]
     fn a_seal_is_half_of_its_loop() {
         let mut text = "time_s,length_m,pressure_pa,force_n\n".to_owned();

@@ -22,14 +22,14 @@ pub const CASES: [(&str, Change); 8] = [
     ALL_WRONG,
 ];
 
-/// Friction and volume low, conductance high.
+/// Friction and volume are too low, conductance too high.
 pub const ALL_WRONG: (&str, Change) = ("friction -30, volume -20, conductance +30 %", |s| {
     s.friction.force_n *= 0.7;
     volume(s, 0.8);
     s.valve.conductance_m3_s_pa *= 1.3;
 });
 
-/// The muscle with all effects that the core leaves out; the core's configuration is changed.
+/// The muscle with all effects that the core leaves out, and a changed configuration of the core.
 pub fn configured(nominal: &Loaded, change: Change) -> Loaded {
     full(nominal).believing(change)
 }
@@ -42,7 +42,7 @@ pub fn tuned(loaded: &Loaded) -> Result<Tuned, TuneError> {
 pub struct Off {
     /// Relative to the plant's value, with its sign \[%\].
     pub percent: f64,
-    /// Size, over the stated error \[-\].
+    /// Size over the stated error \[-\].
     pub stated: f64,
 }
 

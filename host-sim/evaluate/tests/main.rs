@@ -1,4 +1,4 @@
-//! The smoother, and work that is stopped.
+//! The smoother, and stopped work.
 
 mod smoother;
 mod stop;

@@ -83,7 +83,7 @@ fn it_sees_samples_and_duties_only() {
         telemetry.estimate = Estimate::default();
     }
     assert_eq!(recorded.smooth(), smoothed);
-    // 250 of 29 491 codes over 60 K: a foil that reads 0.5 K too high, without any contradiction.
+    // 250 of 29 491 codes over 60 K: an element that reads 0.5 K too high, without any contradiction.
     for telemetry in &mut recorded.telemetry {
         telemetry.sample.gas = AdcCode(telemetry.sample.gas.adc().0 + 250).into();
     }

@@ -12,7 +12,7 @@ use thermyo_simulation::board::CoreBoard;
 use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
-/// Stops after so many parts.
+/// Stops after this number of parts.
 struct After {
     parts: usize,
     done: AtomicUsize,
@@ -37,7 +37,7 @@ impl Watch for After {
 /// Steps after which a simulation is stopped.
 const STEPS: usize = 10_000;
 
-/// Stops when it has been asked so often.
+/// Stops after this number of questions.
 #[derive(Default)]
 struct AtQuestion(AtomicUsize);
 

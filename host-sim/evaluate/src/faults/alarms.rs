@@ -29,7 +29,7 @@ const WRONG: [f64; 2] = [0.5, 2.0];
 
 #[derive(Debug, Clone)]
 pub struct Healthy {
-    /// Name, for finding an alarm's cause.
+    /// Name, by which the cause of an alarm is found.
     pub name: String,
     pub loaded: Loaded,
 }
@@ -56,7 +56,7 @@ pub fn muscles() -> Vec<Healthy> {
     (0..MUSCLES).map(muscle).collect()
 }
 
-/// Random muscles on `lumped` with a wrong configuration, for so many hours in total.
+/// Random muscles on `lumped` with a wrong configuration, for `hours` in total.
 pub fn configured_wrong(hours: f64) -> Vec<Healthy> {
     let configured = |number| {
         let mut draw = Draw::new(0x0F00_0000 + number);

@@ -1,5 +1,5 @@
-//! All faults of the evaluation: size and place, the bits that count as found, the time limit, and
-//! the required reaction.
+//! All faults of the evaluation: size and location, the bits that count as detection, the time
+//! limit, and the required reaction.
 
 use super::muscle::{Draw, Task};
 use ChannelFault::{Drifting, Frozen, Noisy, Open, Shorted};
@@ -10,27 +10,28 @@ use thermyo_scenario::{ChannelFault, FaultWindow, LinkFault, Scenario, ValveFaul
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Reaction {
-    /// The muscle vents, latched: below 1.2 bar within [`super::VENTED_S`], and it stays there.
+    /// The muscle vents, latched: below 1.2 bar within [`super::VENTED_S`], and stays there.
     Vents,
-    /// It vents, latched, but the fault itself keeps gas in, or lets it in: all that software can
-    /// ensure is that the pressure stops rising.
+    /// The muscle vents, latched, but the fault itself keeps gas in, or lets it in: software can
+    /// only ensure that the pressure stops rising.
     VentsInVain,
-    /// It is shown, and control continues.
+    /// The fault is shown, and control continues.
     Shown,
-    /// It is shown, and control continues until it vents: the pressure stays below its limit.
+    /// The fault is shown, and control continues until the muscle vents: the pressure stays below
+    /// its limit.
     ShownOrVents,
     /// No requirement: the pressure may rise to the supply's, against which a relief valve
     /// protects.
     NotStated,
 }
 
-/// Slower motion counts as rest \[m/s\].
+/// Speed below which motion counts as rest \[m/s\].
 const MOVING_M_S: f64 = 0.001;
 
-/// Condition under which the time until detection counts: when the fault is visible.
+/// Condition under which the time until detection counts, namely when the fault is visible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Counted {
-    /// From the start of the fault.
+    /// Always, from the start of the fault.
     Always,
     /// While a valve is driven.
     Driven,
@@ -78,7 +79,7 @@ pub struct Fault {
     /// Tasks of the muscle during the fault.
     pub tasks: &'static [Task],
     pub inject: fn(&mut Draw, &Scenario, &mut FaultWindow),
-    /// Any of these bits counts as found.
+    /// Bits any of which counts as detection.
     pub found: Faults,
     pub counted: Counted,
     pub within_s: f64,
@@ -88,8 +89,8 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// Largest RMS error of the estimate while the fault is shown; infinite where nothing is stated
-    /// \[K\].
+    /// Largest RMS error of the estimate while the fault is shown; infinite if there is no
+    /// requirement \[K\].
     pub fn error_k(&self) -> f64 {
         match self.found {
             // A drifting reading pulls the estimate along until the fault is found.
@@ -121,10 +122,10 @@ const BURST: Faults = Faults::BURST;
 /// Gas flow that the valves do not explain.
 const FLOW: Faults =
     Faults::GAS_GAINED.with(Faults::NO_INFLOW).with(Faults::NO_OUTFLOW).with(BURST);
-/// Gas that leaves and is not replaced.
+/// Gas that leaves without being replaced.
 const LOST: Faults = Faults::LEAK.with(BURST).with(Faults::NO_INFLOW);
 
-/// A fault that is visible during every task, and at once; nothing is stated of it yet.
+/// A fault that is visible at once during every task; without requirements yet.
 fn fault(
     name: &'static str,
     size: &'static str,
@@ -148,7 +149,7 @@ impl Fault {
         Self { found, within_s, reaction, ..self }
     }
 
-    /// For a fault that is visible under a condition only, or later.
+    /// Makes a fault visible only under a condition, or later.
     fn seen(self, counted: Counted, tasks: &'static [Task], observed_s: f64) -> Self {
         Self { counted, tasks, observed_s, ..self }
     }

@@ -83,7 +83,7 @@ pub fn table(faults: &[Fault], runs: u64, watch: &dyn Watch) -> Result<Vec<CaseF
     Ok(lines)
 }
 
-/// Results of the `count` jobs of a line; none where they were stopped before the last.
+/// Results of the `count` jobs of a line; none if they were stopped before the last.
 fn whole<R>(results: Vec<Result<R, RunError>>, count: usize) -> Result<Option<Vec<R>>, RunError> {
     let results: Vec<R> = results.into_iter().collect::<Result<_, _>>()?;
     Ok(Some(results).filter(|results| results.len() == count))
@@ -97,7 +97,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// All faults, venting, and so many hours of healthy muscles.
+    /// All faults, venting, and this number of hours of healthy muscles.
     pub fn new(nominal: &Loaded, hours: f64) -> Self {
         Self {
             faults: cases::all(),

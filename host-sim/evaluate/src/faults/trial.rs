@@ -16,8 +16,8 @@ use thermyo_simulation::run::RunError;
 pub const VENTED_PA: f64 = 1.2e5;
 /// Range of the fault's start \[s\].
 pub const COMES_S: [f64; 2] = [4.0, 7.0];
-/// Largest pressure of a muscle that vents in vain, relative to that at detection: gas in the tube,
-/// and noise \[-\].
+/// Largest pressure of a muscle whose venting is blocked, over the pressure at detection: gas in
+/// the tube, and noise \[-\].
 const NO_RISE: f64 = 1.02;
 
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -32,7 +32,7 @@ pub struct Outcome {
     pub before: Faults,
     /// Faults shown after the start.
     pub shown: Faults,
-    /// The required reaction happened.
+    /// Whether the required reaction happened.
     pub reacted: bool,
     /// Highest pressure after the fault's start \[Pa\].
     pub highest_pa: f64,
@@ -127,13 +127,13 @@ impl<'a> Judge<'a> {
 #[derive(Debug, Clone)]
 pub struct Trial {
     pub fault: Fault,
-    /// The muscle, with the fault in its window.
+    /// The muscle's scenario, with the fault in its window.
     pub loaded: Loaded,
     pub from_s: f64,
 }
 
 impl Trial {
-    /// Run `number` with that fault, which starts within `comes_s`; every fourth is on `full`.
+    /// Run `number` with this fault, which starts within `comes_s`; every fourth run is on `full`.
     pub fn random(fault: &Fault, number: u64, comes_s: [f64; 2]) -> Self {
         let name = fault.name.bytes().fold(0, |sum, byte| (31 * sum + u64::from(byte)) % (1 << 40));
         let mut draw = Draw::new(name ^ (number << 40));
@@ -148,7 +148,7 @@ impl Trial {
         Self { fault: *fault, loaded, from_s }
     }
 
-    /// Runs it with the core in this process.
+    /// Runs the trial with the core in this process.
     pub fn run(&self) -> Result<Outcome, RunError> {
         self.run_on(&mut CoreBoard::default())
     }

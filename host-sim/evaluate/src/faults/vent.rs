@@ -1,4 +1,4 @@
-//! Time to vent from 5 bar to below 1.2 bar, and the valve that this needs.
+//! Time to vent from 5 bar to below 1.2 bar, and the valve that this requires.
 
 use super::muscle::{self, Draw, Task};
 use super::trial::VENTED_PA;
@@ -10,7 +10,7 @@ use thermyo_simulation::run;
 use thermyo_simulation::run::RunError;
 
 const FULL_PA: f64 = 5.0e5;
-/// Time of the emergency stop, when the muscle has filled \[s\].
+/// Time of the emergency stop, after the muscle has filled \[s\].
 const STOP_S: f64 = 3.0;
 
 /// The nominal muscle's valve is small for its volume, so it takes longer \[s\].
@@ -21,7 +21,7 @@ const NEEDED_S_MPA: f64 = 25.0;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Vented {
-    /// From the emergency stop until below 1.2 bar \[s\].
+    /// Time from the emergency stop until below 1.2 bar \[s\].
     pub time_s: f64,
     /// The valve's sonic conductance over the gas volume at 5 bar \[1/(s Pa)\].
     pub per_volume_s_pa: f64,

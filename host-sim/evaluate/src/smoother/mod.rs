@@ -1,18 +1,17 @@
 //! Best estimate of the core's model from a whole recorded run: the yardstick of the estimator on
 //! the board.
 //!
-//! An extended Kalman filter with the estimator's model and tuning, written separately in f64, runs
-//! forward in intervals of 20 steps; a Rauch-Tung-Striebel pass (AIAA J. 3, 1965) then carries
-//! later information back to every interval. In each, the steps are computed again from the
-//! smoothed state. It is preferred to a least-squares batch over the whole run because its noise is
-//! the core's, term by term, and its cost is that of one more run of the filter.
+//! An extended Kalman filter with the estimator's model and tuning, written separately in f64, runs forward in
+//! intervals of 20 steps; a Rauch-Tung-Striebel pass (AIAA J. 3, 1965) then carries later information back to every
+//! interval. In each, the steps are computed again from the smoothed state. This is preferred to a least-squares batch
+//! over the whole run because its noise is the core's, term by term, and it costs only one more run of the filter.
 //!
-//! Unlike the core, it has the future; pressure and length smoothed in both directions
-//! (`trend.rs`), pulse by pulse; an error of the housing; derivatives by differences instead of
-//! formulae. It has neither the plant's true values nor anything else that the core lacks. Where
-//! the plant does not follow the model, it is wrong too, possibly more than the core, because it
-//! assumes the model over the whole run. Its model has one zone and a constant coefficient of still
-//! gas: in air by the laws it errs by kelvins, and is a yardstick with `heat.model = "constant"` alone.
+//! Unlike the core, it has the future; pressure and length smoothed in both directions (`trend.rs`), pulse by pulse; an
+//! error of the housing; derivatives by differences instead of formulae. It has neither the plant's true values nor
+//! anything else that the core lacks. Where the plant does not follow the model, the smoother is wrong too, possibly
+//! more than the core, because it assumes the model over the whole run. Its model has one zone and a constant
+//! coefficient of still gas: in air by the laws it errs by kelvins, so it is a yardstick only with `heat.model =
+//! "constant"`.
 
 mod trend;
 
@@ -35,7 +34,7 @@ const WIDE_CODES: [f64; 4] = [512.0, 1536.0, 2560.0, 3584.0];
 /// One interval of the forward pass.
 #[derive(Debug, Clone)]
 struct Passed {
-    /// State at the start, from the readings before.
+    /// State at the start, from the earlier readings.
     state: State,
     covariance: Matrix,
     inflow_kg_s: f64,
@@ -47,13 +46,13 @@ struct Passed {
 /// Gas temperature \[K\] at every step of a recorded run, from its first step on.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Best {
-    /// The forward pass alone: uses earlier readings of the gas sensor.
+    /// Result of the forward pass alone, which uses earlier readings of the gas sensor.
     pub forward_k: Vec<f64>,
-    /// Uses the whole run.
+    /// Result of the whole run.
     pub smoothed_k: Vec<f64>,
 }
 
-/// Smooths a recorded run; only the samples and the duties of the telemetry are used.
+/// Smooths a recorded run, using only the samples and the duties of the telemetry.
 pub fn smooth(config: &Config, run: &[Telemetry]) -> Best {
     let Some(first) = run.first() else { return Best::default() };
     let model = Model::new(config);
@@ -124,7 +123,7 @@ fn backwards(model: &Model, known: &[Known], mut state: State, passed: &[Passed]
     for (start, passed) in starts(known).zip(passed).rev() {
         let carried = passed.covariance * passed.transition.transpose();
         let later = state - passed.predicted;
-        // The drift makes it positive definite.
+        // The drift makes the covariance positive definite.
         let smoothed = passed.predicted_covariance.cholesky().map(|c| carried * c.solve(&later));
         state = passed.state + smoothed.unwrap_or_default();
         let mut step = start;
@@ -152,14 +151,15 @@ fn initial_covariance(config: &Config) -> Matrix {
     Matrix::from_diagonal(&deviation.component_mul(&deviation))
 }
 
-/// Error of what the foil sees that lasts for a second, as the smoother, which has one zone, allows for it \[K\].
+/// Error of the gas temperature at the element that lasts for a second, as allowed for by the smoother, which has one
+/// zone \[K\].
 const FOIL_SD_K: f64 = 0.87;
 
-/// Variance of the mean reading of the gas sensor over so many steps: noise, and a bias that counts as equal in all
+/// Variance of the mean reading of the gas sensor over `steps` steps: noise, and a bias that counts as equal in all
 /// readings of a second \[K2\].
 fn reading_variance(config: &Config, steps: usize) -> f64 {
     let noise_k2 = f64::from(config.sensors.gas.noise_k).powi(2);
-    // The lag leaves that share of it.
+    // Share of the bias that the lag leaves.
     let left = 1.0 / (1.0 + f64::from(config.sensors.gas.time_constant_s));
     let bias_k2 = (FOIL_SD_K * left).powi(2);
     noise_k2 / (f64::from(OVERSAMPLING) * steps as f64)
@@ -184,7 +184,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     let noise_pa = f64::from(sensors.pressure.noise_pa);
     let pressure_code_pa = f64::from(sensors.pressure.resolution_pa());
     let pressure = Converter { code: pressure_code_pa, noise: noise_pa };
-    // The core's configuration has no noise of the length; the width of a code is larger than it.
+    // The core's configuration has no noise of the length; the width of a code exceeds it.
     let length_code_m = f64::from(sensors.length.resolution_m());
     let length = Converter { code: length_code_m, noise: 0.0 };
     let pressure_pa = smoothed(|t| t.pressure_pa, |t| t.sample.pressure.adc(), pressure);
@@ -204,7 +204,7 @@ fn known(config: &Config, run: &[Telemetry]) -> Vec<Known> {
     known
 }
 
-/// Gas may have passed the inlet, and the outlet, since the step before.
+/// Whether gas may have passed the inlet, and the outlet, since the step before.
 fn flowing(config: &Config, run: &[Telemetry]) -> Vec<(bool, bool)> {
     let (mut inlet_steps, mut outlet_steps) = (0, 0);
     // A pulse ends late, at most one PWM period after its duty.

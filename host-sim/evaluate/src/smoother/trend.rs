@@ -22,7 +22,7 @@ const CANDIDATES: i32 = 13;
 pub struct Reading {
     pub value: f64,
     pub variance: f64,
-    /// The rate after this reading is independent of the rate before it.
+    /// Whether the rate after this reading is independent of the rate before it.
     pub turns: bool,
     pub flowing: bool,
 }
@@ -50,8 +50,8 @@ pub fn smooth(readings: &[Reading]) -> Vec<f64> {
     backward(&passed)
 }
 
-/// The filter, with q without flow and with flow; returns the logarithms of the likelihood of the
-/// readings of each kind.
+/// Runs the filter, with q without flow and with flow; returns the logarithms of the likelihood of
+/// the readings of each kind.
 fn forward(readings: &[Reading], wander: [f64; 2], mut each: impl FnMut(Passed)) -> [f64; 2] {
     let Some(first) = readings.first() else { return [0.0; 2] };
     let least = readings.iter().map(|r| r.variance).fold(f64::INFINITY, f64::min);
