@@ -1,4 +1,4 @@
-//! The inverse of [`JointLoaded::config`]: a scenario for a configuration of the core, such as a board's.
+//! The inverse of [`JointLoaded::config`]: finds a scenario for a configuration of the core, such as a board's.
 
 use crate::load::{JointLoaded, parse};
 use crate::render::render;
@@ -63,7 +63,7 @@ fn other_sensor() -> Problem {
     }
 }
 
-/// A table of the scenario with the core's values, each as short as reads back to the same.
+/// A table of the scenario with the core's values, each in the shortest form that reads back to the same value.
 fn table<T: DeserializeOwned>(values: &impl Serialize, origin: &Path) -> Result<T, InputError> {
     let read = || -> serde_json::Result<T> {
         let Value::Object(values) = serde_json::to_value(values)? else {

@@ -18,27 +18,27 @@ use thermyo_scenario::{ChannelFault, Document, Load, LoadKind};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
 
-/// Shortest and longest interval to either side over which the motion of a profile is taken \[s\]: differences over single
-/// rows of 10 ms would turn the last digit of an angle into an acceleration.
+/// Shortest and longest interval on either side over which the motion of a profile is taken \[s\]: differences over
+/// single rows of 10 ms would turn the last digit of an angle into an acceleration.
 const DIFFERENCES_S: [f64; 2] = [0.02, 0.05];
-/// Largest acceleration of a profile's motion, in those that the reference's torque gives at rest: an assumption, beyond
-/// what muscles do \[-\].
+/// Largest acceleration of a profile's motion, as a multiple of the accelerations that the reference's torque gives at
+/// rest: an assumption, beyond what muscles achieve \[-\].
 const MOST_TIMES: f64 = 3.0;
-/// PWM period up to which a small pulse waits: longer ones give less than 100 pulses a second by themselves \[s\].
+/// PWM period up to which a small pulse waits: longer periods give less than 100 pulses a second anyway \[s\].
 const WAITS_UP_TO_S: f64 = 0.01;
-/// Largest gain by inertia: 35 rad/s, a period and a half of 100 Hz being half a radian. On `scenarios/joint.toml` with 4e-3
-/// kg m2 the default gain, 55 rad/s, swings by 1.1 deg at rest \[1/s2\].
+/// Largest gain from the inertia: 35 rad/s, where a period and a half at 100 Hz is half a radian. On
+/// `scenarios/joint.toml` with 4e-3 kg m2 the default gain, 55 rad/s, swings by 1.1 deg at rest \[1/s2\].
 const GAIN_PER_S2: f64 = 1200.0;
-/// Share of an error of the gas mass that a PWM period closes at most: as the default does at 100 Hz \[-\].
+/// Largest share of an error of the gas mass that a PWM period closes: as the default at 100 Hz \[-\].
 const CLOSES: f64 = 0.7;
-/// Time of sound in a metre of hose, at 343 m/s \[s/m\].
+/// Time of sound through a metre of hose, at 343 m/s \[s/m\].
 const SOUND_S_M: f64 = 0.0029;
 
 /// Scenario of a joint, checked, with every default filled in.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointLoaded {
     pub muscles: [Loaded; 2],
-    /// The mechanism; with a table of radii it has the cubic through them.
+    /// The plant's mechanism; with a table of radii it has the cubic through them.
     pub joint: Joint,
     /// The plant's radii over the angle, from `joint.radius_csv`.
     pub rows: Option<Rows>,
@@ -71,8 +71,7 @@ impl JointLoaded {
         arm(&self.joint, self.rows.as_ref())
     }
 
-    /// How far the core's radii are off those of the plant's table; `None` without one, and where other radii are
-    /// believed.
+    /// Deviation of the core's radii from the plant's table; `None` without a table, and if other radii are configured.
     pub fn radii_off(&self) -> Option<Off> {
         let rows = self.rows.as_ref().filter(|_| self.believed.radius_csv.is_some())?;
         Some(radii::off(&self.joint, rows, &self.believed))
@@ -91,7 +90,7 @@ impl JointLoaded {
         }
     }
 
-    /// The key of an angle of the drive beyond a joint's stops, and the message.
+    /// The key of a drive's angle beyond a joint's stops, and the message.
     pub fn beyond(&self, joint: &Joint) -> Option<(&'static str, Problem)> {
         let Joint { minimum_rad, maximum_rad, .. } = *joint;
         let JointDrive { angle_rad, amplitude_rad, .. } = self.drive;
@@ -141,8 +140,9 @@ fn arm(joint: &Joint, rows: Option<&Rows>) -> Arm {
     }
 }
 
-/// The set point of a profile at a time, with its derivatives over as much time as its rows are apart. Where it moves
-/// faster than the reference may \[rad/s\], it is a step, which has none; its acceleration is limited \[rad/s2\].
+/// The set point of a profile at a time, with its derivatives over an interval as long as its rows are apart. A motion
+/// faster than the reference may be \[rad/s\] is a step, which has no derivatives; the acceleration is limited
+/// \[rad/s2\].
 pub fn course(
     angle: &Profile,
     stiffness_n_m_rad: f64,
@@ -200,13 +200,13 @@ fn shaped(drive: &JointDrive, time_s: f64) -> Motion {
 /// Loads the scenario of a joint, if the file is one.
 ///
 /// # Errors
-/// In one line: file, line, key, what is there and what is allowed.
+/// In one line: file, line, key, the value and the allowed ones.
 pub fn load(path: &Path) -> Result<Option<JointLoaded>, InputError> {
     let text = read_text(path)?;
     if is_joint(&text) { parse(&text, path).map(Some) } else { Ok(None) }
 }
 
-/// The scenario of a joint from its text; `origin` is its name in messages.
+/// Parses the scenario of a joint; `origin` is its name in messages.
 ///
 /// # Errors
 /// As [`load`].
@@ -214,7 +214,7 @@ pub fn parse(text: &str, origin: &Path) -> Result<JointLoaded, InputError> {
     joint(&JointDocument::parse(text, origin)?)
 }
 
-/// As [`parse`], for a text whose sender must not read this machine's files.
+/// As [`parse`], for a text whose sender may not read this machine's files.
 ///
 /// # Errors
 /// As [`load`]; any key with a file's path is refused.
@@ -274,7 +274,7 @@ pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
     Ok(loaded)
 }
 
-/// Gives what the scenario leaves out of the controller's timing, and of its gain, as the core is configured.
+/// Derives the controller's timing and gain from the core's configuration if the scenario leaves them out.
 fn derive(controller: &mut JointController, document: &JointDocument, muscles: &[Loaded; 2]) {
     let given = |key: &str| document.has(&format!("joint.controller.{key}"));
     let [a, _] = muscles;
@@ -290,7 +290,7 @@ fn derive(controller: &mut JointController, document: &JointDocument, muscles: &
         controller.gain_n_m_rad = controller.gain_n_m_rad.min(GAIN_PER_S2 * inertia_kg_m2);
     }
     if !given("lead_s") {
-        // A pulse waits for the next period or does not: a quarter of one in the mean.
+        // A pulse waits for the next period or does not: 0.25 periods on average.
         let waits_s = if controller.waits_n_m > 0.0 { 0.25 * period_s } else { 0.0 };
         let [a_m, b_m] = muscles.each_ref().map(|Loaded { believed: s, .. }| {
             s.tube.line().filter(|_| s.moves_in_full()).map_or(0.0, |[length_m, _]| length_m)
@@ -299,7 +299,7 @@ fn derive(controller: &mut JointController, document: &JointDocument, muscles: &
     }
 }
 
-/// The path of a file that the scenario names, relative to the scenario's folder.
+/// The path of a file in the scenario, relative to the scenario's folder.
 fn beside(document: &JointDocument, path: &Path) -> PathBuf {
     let folder = document.muscles[0].origin.parent();
     folder.unwrap_or(Path::new("")).join(path)
@@ -323,11 +323,11 @@ fn absolute(document: &JointDocument) -> JointDrive {
     drive
 }
 
-/// A muscle held at that length, without a drive of its own.
+/// A muscle held at this length, without a drive of its own.
 fn muscle(joint: &JointDocument, own: &Document, length_m: f64) -> Result<Loaded, InputError> {
     let mut document = own.clone();
     let wrong = |problem| joint.blame("joint.mid_length_a_m", problem);
-    // Without force: the length is the mechanism's, and checked with it.
+    // The load has no force: the length is the mechanism's, and is checked with it.
     document.set("load.force_n", 0.0).map_err(wrong)?;
     document.set_word("drive.kind", "closed").map_err(wrong)?;
     let loaded = assemble(&document)?;
@@ -339,8 +339,7 @@ fn muscle(joint: &JointDocument, own: &Document, length_m: f64) -> Result<Loaded
     Ok(held)
 }
 
-/// Checks the mechanism by the core's rules, as the plant has it and as the core is configured, and set points against
-/// the stops.
+/// Checks the mechanisms of plant and core by the core's rules, and the set points against the stops.
 fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputError> {
     let [a, b] = &loaded.muscles;
     let of_plant = JointConfig {
@@ -364,7 +363,7 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
         config.check().map_err(|error| refused(document, prefix, &error))?;
         check_stiffness(document, prefix, config)?;
     }
-    // By the table itself, and not by the cubic through it.
+    // Checked with the table itself, not with the cubic through it.
     let Joint { minimum_rad, maximum_rad, .. } = loaded.joint;
     let arm = loaded.arm();
     for stop_rad in [minimum_rad, maximum_rad] {
@@ -399,8 +398,8 @@ fn check_stiffness(
     Err(InputError { file: document.muscles[0].origin.clone(), line, problem })
 }
 
-/// Checks that both muscles have the same kind of valve and the same period, in the words of the file: one loop drives
-/// them.
+/// Checks that both muscles have the same kind of valve and the same period, since one loop drives them; the message
+/// names the file's keys.
 fn check_alike(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputError> {
     for prefix in ["", "believed."] {
         let scenarios = loaded
@@ -434,7 +433,7 @@ fn check_alike(document: &JointDocument, loaded: &JointLoaded) -> Result<(), Inp
     Ok(())
 }
 
-/// Keys that limit another one, which the file need not have.
+/// Keys that limit another one, and that the file need not have.
 const PARTNERS: [(&str, &[&str]); 8] = [
     ("joint.radius_m", &["joint.radius_csv"]),
     ("joint.radius_a_per_rad", &SHAPES),
@@ -465,13 +464,13 @@ const LENGTHS: [&str; 8] = [
     "plant.kind",
 ];
 
-/// The core's refusal, in the words of the file.
+/// The core's refusal, in terms of the file.
 fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> InputError {
     let ConfigError { field, value, minimum, maximum } = *error;
     let (key, note) = field.split_once(' ').unwrap_or((field, ""));
     let note = if note.is_empty() { String::new() } else { format!(" {note}") };
     let partners = PARTNERS.iter().find(|(of, _)| *of == key).map_or(&[][..], |(_, keys)| *keys);
-    // Without what is believed, the core would have the plant's values, which have been checked.
+    // Without believed values, the core would have the plant's, which have been checked.
     let prefixes = [prefix, ""].into_iter();
     let paths = prefixes.flat_map(|prefix| {
         [key].into_iter().chain(partners.iter().copied()).map(move |key| format!("{prefix}{key}"))
@@ -494,7 +493,7 @@ fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> Input
 /// The columns of a profile: angle \[rad\], between the joint's stops, and stiffness \[N m/rad\].
 ///
 /// # Errors
-/// For a column that is missing, and a value that is not allowed.
+/// For a missing column, and a value that is not allowed.
 pub fn angle_and_stiffness(table: &Table, joint: &Joint) -> Result<[Profile; 2], InputError> {
     let between_stops = Limits { min: joint.minimum_rad, max: joint.maximum_rad, unit: "rad" };
     let angle = profile_in(table, "angle_rad", (between_stops, ""))?;
@@ -527,7 +526,7 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
     let profile = match &document.drive.profile_csv {
         Some(path) => {
             let (is, believed) = (&document.joint, &document.believed);
-            // Between the stops of both.
+            // Between the stops of both mechanisms.
             let joint = Joint {
                 minimum_rad: is.minimum_rad.max(believed.minimum_rad),
                 maximum_rad: is.maximum_rad.min(believed.maximum_rad),
@@ -623,7 +622,7 @@ mod tests {
                 "joint.toml:5: drive.angle_rad = 0.6: must be such that the angle, which reaches 0.6000, stays \
                  between the stops as configured, -0.8 to 0.5 rad",
             ),
-            // It named the end of the way as the amplitude.
+            // The message used to name the end of the way as the amplitude.
             (
                 "[joint]\n[drive]\nshape = \"sine\"\nangle_rad = 0.1\namplitude_rad = 0.95\n"
                     .to_owned(),
@@ -686,11 +685,11 @@ mod tests {
         assert_eq!(joint(&document).unwrap().controller.lead_s, 0.002);
     }
 
-    /// Of the default joint: 4 rad/s, and 2.5 N m for 0.02 kg m2.
+    /// Limits of the default joint: 4 rad/s, and 2.5 N m for 0.02 kg m2.
     const LIMITS: [f64; 2] = [4.0, 125.0];
 
     /// A sine of 20 deg at 1 Hz, in rows that are 10 to 50 ms apart, or rounded to the angle of an encoder's code: rows
-    /// of 20 ms gave twice the acceleration in every other sample, and none between them.
+    /// of 20 ms used to give twice the acceleration in every other sample, and none between them.
     #[test]
     fn a_table_of_a_motion_is_that_motion() {
         let (w, size) = (TAU, 0.349);

@@ -1,4 +1,4 @@
-//! Radii of a joint's pulley from a table, and the cubic through them that the core has.
+//! Radii of a joint's pulley from a table, and the core's cubic through them.
 
 use model_core::joint::JointConfig;
 use model_core::joint::allocation::Line;
@@ -15,11 +15,11 @@ use thermyo_setup::numbers_in;
 pub type Rows = Arc<[[f64; 3]]>;
 
 const COLUMNS: [&str; 3] = ["angle_rad", "radius_a_m", "radius_b_m"];
-/// Radii that there may be, as those of `joint.radius_m` \[m\].
+/// Allowed radii, as for `joint.radius_m` \[m\].
 const ALLOWED_M: [f64; 2] = [1.0e-3, 10.0];
-/// Share of a radius that is none: the rounding of a fit \[-\].
+/// Share of a radius that counts as zero: the rounding of a fit \[-\].
 const ROUNDING: f64 = 1.0e-9;
-/// Intervals of the way at whose ends a cubic is compared, and the joint's stiffness checked.
+/// Number of intervals of the way at whose ends a cubic is compared, and the joint's stiffness checked.
 const INTERVALS: u32 = 100;
 /// Nodes and weights of Gauss and Legendre that are exact up to the fifth power.
 const GAUSS: [(f64, f64); 3] = [
@@ -28,7 +28,7 @@ const GAUSS: [(f64, f64); 3] = [
     (0.774_596_669_241_483_4, 5.0 / 18.0),
 ];
 
-/// Where lengths are known: between the stops, and at angle 0, at which they are given \[rad\].
+/// Range in which lengths are known: between the stops, and at angle 0, where they are given \[rad\].
 fn way_rad(joint: &Joint) -> [f64; 2] {
     [joint.minimum_rad.min(0.0), joint.maximum_rad.max(0.0)]
 }
@@ -41,7 +41,7 @@ fn along([least, most]: [f64; 2]) -> impl Iterator<Item = f64> {
 /// The rows of a table.
 ///
 /// # Errors
-/// For a column that is missing, and the first cell that is not allowed.
+/// For a missing column, and the first cell that is not allowed.
 pub fn rows(table: &Table, joint: &Joint) -> Result<Rows, InputError> {
     let wrong = |rows: &[[f64; 3]]| wrong_cell(rows, way_rad(joint));
     numbers_in(table, COLUMNS, wrong).map(Rows::from)
@@ -77,7 +77,7 @@ fn wrong_cell(rows: &[[f64; 3]], [least, most]: [f64; 2]) -> Option<WrongCell> {
     None
 }
 
-/// Coefficients of the cubic with the least squares of its distance to a radius over the way, by rising powers: its
+/// Coefficients, by rising powers, of the cubic with the smallest squared distance to a radius over the way: its
 /// projection on Legendre's polynomials, exact for rows that are joined by lines \[m\].
 fn cubic(rows: &[[f64; 3]], column: usize, [least, most]: [f64; 2]) -> [f64; 4] {
     let (middle, half) = (0.5 * (least + most), 0.5 * (most - least));
@@ -125,7 +125,7 @@ pub fn fitted(joint: &Joint, rows: &[[f64; 3]]) -> Joint {
     let [a, b] = [1, 2].map(|column| cubic(rows, column, way_rad));
     let radius_m = a[0];
     let largest_rad = way_rad[0].abs().max(way_rad[1]);
-    // At the largest angle a power whose share is less than the rounding counts for nothing.
+    // A power whose share at the largest angle is below the rounding does not count.
     let share = |of: [f64; 4], power: usize| {
         let share = of[power] / radius_m;
         let at_end: f64 = std::iter::repeat_n(largest_rad, power).product();
@@ -145,7 +145,7 @@ pub fn fitted(joint: &Joint, rows: &[[f64; 3]]) -> Joint {
     }
 }
 
-/// The pulley of a mechanism: by its rows, or by its coefficients.
+/// The pulley of a mechanism: from its rows, or from its coefficients.
 pub fn pulley(joint: &Joint, rows: Option<&Rows>) -> Pulley {
     if let Some(rows) = rows {
         return Pulley::rows(joint.radius_m, rows.clone());
@@ -158,16 +158,16 @@ pub fn pulley(joint: &Joint, rows: Option<&Rows>) -> Pulley {
     Pulley::powers(joint.radius_m, [of_a, of_b])
 }
 
-/// Largest distance of a radius as the core has it from the plant's.
+/// Largest deviation of the core's radius from the plant's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Off {
-    /// Share of the plant's radius \[-\].
+    /// Deviation as a share of the plant's radius \[-\].
     pub share: f64,
     pub angle_rad: f64,
     pub muscle: &'static str,
 }
 
-/// How far the cubic of a mechanism is off the rows of another one.
+/// Deviation of a mechanism's cubic from the rows of another one.
 pub fn off(is: &Joint, rows: &Rows, believed: &Joint) -> Off {
     let [plants, cubics] = [pulley(is, Some(rows)), pulley(believed, None)];
     let mut off = Off { share: 0.0, angle_rad: 0.0, muscle: "a" };
@@ -186,7 +186,7 @@ pub fn off(is: &Joint, rows: &Rows, believed: &Joint) -> Off {
     off
 }
 
-/// An angle at which radii vary so fast that more pressure in both muscles makes the joint softer \[rad\].
+/// An angle, if any, at which radii vary so fast that more pressure in both muscles makes the joint softer \[rad\].
 pub fn softens(config: &JointConfig) -> Option<f64> {
     let chambers = config.muscles.each_ref().map(|muscle| AnyChamber::new(&muscle.chamber));
     let mechanism = &config.mechanism;
@@ -215,7 +215,7 @@ mod tests {
     const HEADER: &str = "angle_rad,radius_a_m,radius_b_m\n";
     const TABLE: &str = "[joint]\nradius_csv = \"radius.csv\"\n";
 
-    /// A scenario beside a table with these rows.
+    /// Loads a scenario beside a table with these rows.
     fn loaded(rows: &str, text: &str) -> Result<JointLoaded, String> {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("radius.csv"), rows).unwrap();
@@ -278,7 +278,7 @@ mod tests {
                 assert!((is - f64::from(believed)).abs() < 5e-6, "{is} {believed} at {angle_rad}");
             }
         }
-        // Two lines that meet are no cubic.
+        // Two lines that meet do not form a cubic.
         let folder = tempfile::tempdir().unwrap();
         let kinked = table(|q| [0.016 + 0.008 * q.abs(), 0.02]);
         fs::write(folder.path().join("radius.csv"), kinked).unwrap();
@@ -346,7 +346,7 @@ mod tests {
                 "radius_m = 0.02\n",
                 "./joint.toml:3: joint.radius_m = 0.02: must be left out",
             ),
-            // 70 mm of a muscle that has 300.
+            // 70 mm of a muscle that is 300 mm long.
             (
                 format!("{HEADER}-1,0.09,0.09\n1,0.09,0.09\n"),
                 "",

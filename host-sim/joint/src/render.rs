@@ -7,15 +7,15 @@ use thermyo_scenario::joint::{Joint, JointController, JointDrive, RADII};
 use thermyo_scenario::schema::Table;
 use thermyo_setup::Loaded;
 
-/// The scenario with all defaults filled in; reading it back gives the same joint. Lines that both muscles have are
-/// shared, each other one is of its muscle.
+/// The scenario with all defaults filled in; reading it back gives the same joint. Lines common to both muscles are
+/// shared, all others belong to one muscle.
 pub fn render(loaded: &JointLoaded) -> String {
     let mut text = String::new();
     let radii =
         |joint: &Joint| -> &[&str] { if joint.radius_csv.is_some() { &RADII } else { &[] } };
     push(&mut text, "joint", &Joint::TABLE, &loaded.joint, radii(&loaded.joint));
     if loaded.believed != loaded.joint {
-        // A table is the plant's: left out, the core has the cubic through it.
+        // A table belongs to the plant: if it is left out, the core has the cubic through it.
         let believed = Joint { radius_csv: None, ..loaded.believed.clone() };
         push(&mut text, "believed.joint", &Joint::TABLE, &believed, radii(&loaded.believed));
     }
@@ -54,7 +54,7 @@ impl Section {
     }
 }
 
-/// Tables of a muscle that the joint stands for.
+/// Tables of a muscle that the joint replaces.
 fn left_out(table: &str) -> bool {
     ["load", "drive", "identify", "believed.load"].contains(&table)
 }
@@ -89,19 +89,20 @@ fn both(section: &Section, others: &[Section]) -> Option<Section> {
     let other = Section::of(others, &section.name)?;
     let mut shared = section.clone();
     shared.lines.retain(|line| other.lines.contains(line));
-    // Only one of them may be unused.
+    // Only one of the tables may be unused.
     if other.meaning.len() < shared.meaning.len() {
         shared.meaning.clone_from(&other.meaning);
     }
     (!shared.lines.is_empty()).then_some(shared)
 }
 
-/// Lines with a value that are not shared. A comment would unset nothing.
+/// Lines with a value that are not shared. A comment would not unset anything.
 fn beyond(section: &Section, shared: &[Section]) -> Option<Section> {
     let have = Section::of(shared, &section.name).map_or(&[][..], |shared| &shared.lines);
     let mut own = section.clone();
     own.lines.retain(|line| Section::is_set(line) && !have.contains(line));
-    // A range of both is shared; others follow from the lengths of the muscles, when the scenario is read again.
+    // A range common to both is shared; other ranges follow from the lengths of the muscles when the scenario is read
+    // again.
     if section.name.ends_with("sensor.length") {
         own.lines.retain(|line| !line.starts_with("range_m = "));
     }
@@ -142,7 +143,7 @@ mod tests {
     const TUBE: &str = "length_m = 0.5\ndiameter_m = 0.004\n";
     const MULTI: &str = "pressure = \"drifting\"\npressure_drift_pa_s = ";
 
-    /// Tables that one muscle may have, with two texts.
+    /// Tables that one muscle may have, each with two texts.
     fn differing() -> Vec<(&'static str, [String; 2])> {
         let of = |text: &str, values: [&str; 2]| values.map(|value| text.replace('?', value));
         vec![
@@ -224,7 +225,7 @@ mod tests {
         }
     }
 
-    /// Every key by which the muscles may differ, as the plant has it and as the core is configured.
+    /// Every key by which the muscles may differ, for the plant and for the core's configuration.
     #[test]
     fn every_key_of_one_muscle_stays_its_own() {
         let defaults = toml::Table::try_from(thermyo_scenario::Scenario::default()).unwrap();

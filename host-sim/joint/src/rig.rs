@@ -19,7 +19,7 @@ use thermyo_simulation::faults::InjectedFaults;
 
 const MOST_CHECK_STEPS: u32 = 100_000;
 
-/// Why a run ended early.
+/// Reason why a run ended early.
 #[derive(Debug)]
 pub enum RunError {
     /// The plant cannot be built from the scenario.
@@ -67,10 +67,10 @@ pub struct Row {
     pub time_s: f64,
     /// The plant's state.
     pub truth: JointTruth,
-    /// Stiffness behind shut valves, by the plant's pressures \[N m/rad\].
+    /// Stiffness behind shut valves, from the plant's pressures \[N m/rad\].
     pub stiffness_n_m_rad: f64,
     pub inputs: Inputs,
-    /// Their set point as it is by now: a motion has gone on since it was given.
+    /// The inputs' set point at this step: a motion has continued since it was set.
     pub set_point: JointSetPoint,
     /// The core's output.
     pub telemetry: JointTelemetry,
@@ -82,7 +82,7 @@ pub struct Row {
 pub struct Rig {
     plant: Joint,
     adc: [VirtualAdc; 2],
-    /// Where one gives the angle.
+    /// The encoder, if one gives the angle.
     encoder: Option<VirtualEncoder>,
     faults: [InjectedFaults; 2],
     core: Core,
@@ -92,12 +92,12 @@ pub struct Rig {
     mechanism: Mechanism,
     step: u64,
     inputs: Inputs,
-    /// The step that the set point began with.
+    /// Step at which the set point began.
     set_step: u64,
 }
 
 impl Rig {
-    /// At rest, at the angle of the first set point.
+    /// A rig at rest, at the angle of the first set point.
     ///
     /// # Errors
     /// [`RunError`] for a scenario that cannot be run.
@@ -133,7 +133,7 @@ impl Rig {
     /// Takes over the numbers of another scenario: see [`Joint::retune`]. The core keeps its configuration.
     ///
     /// # Errors
-    /// [`RunError::Build`], and nothing has changed.
+    /// [`RunError::Build`]; then nothing has changed.
     pub fn retune(&mut self, loaded: &JointLoaded) -> Result<(), RunError> {
         let scenarios = scenarios(loaded);
         self.plant.retune(loaded.arm(), scenarios.each_ref()).map_err(RunError::Build)?;
@@ -146,13 +146,13 @@ impl Rig {
         &mut self.core
     }
 
-    /// Takes a set point, for the next sample on; faults that vent are in the telemetry.
+    /// Takes a set point, from the next sample on; the telemetry has faults that vent.
     ///
     /// # Errors
-    /// [`RunError::SetPoint`] for one that is refused; what held before goes on.
+    /// [`RunError::SetPoint`] if it is refused; the former set point then continues.
     pub fn set(&mut self, set_point: JointSetPoint) -> Result<(), RunError> {
         match self.core.set(set_point) {
-            // A board that has restarted knows neither the mechanism nor its stops.
+            // A board that has restarted has neither the mechanism nor its stops.
             Err(error) if self.core.is_configured() && !of_faults(&error) => {
                 Err(RunError::SetPoint(error))
             }
@@ -169,15 +169,15 @@ impl Rig {
         self.inputs.load_n_m = load_n_m;
     }
 
-    /// Codes of all sensors: what a board reads in a step, which ends with [`Self::advance`]. The angle goes through
-    /// the length channel of muscle a, over its range, or through an encoder in its place.
+    /// Codes of all sensors that a board reads in a step, which ends with [`Self::advance`]. The angle goes through the
+    /// length channel of muscle a, over its range, or through an encoder in its place.
     pub fn sample(&mut self) -> JointSample {
         let truth = self.plant.truth();
         let [least, most] = self.sensor_rad;
         let share = (truth.angle_rad - least) / (most - least);
         let mut samples = [0, 1].map(|i: usize| {
             let mut seen = self.faults[i].sensed(&truth.muscles[i]);
-            // A drift of the channel, in shares of its range.
+            // Drift of the channel, as a share of its range.
             let range_m = self.scenarios[i].sensor.length.range_m;
             let drift_m = seen.sensor_length_m - truth.muscles[i].sensor_length_m;
             let share = share + drift_m / range_m;
@@ -200,17 +200,17 @@ impl Rig {
         }
     }
 
-    /// One step; `next` acts from the one after it on.
+    /// Runs one step; `next` acts from the following step on.
     ///
     /// # Errors
-    /// [`RunError`] for a set point that is refused, or a plant that diverges.
+    /// [`RunError`] if a set point is refused, or the plant diverges.
     pub fn step(&mut self, next: Inputs) -> Result<Row, RunError> {
         let row = self.observe();
         self.proceed(row.telemetry.commands().map(Actuation::from), next)?;
         Ok(row)
     }
 
-    /// The core as a board has it that restarts and is not configured again: it recalls what was latched.
+    /// Resets the core as on a board that restarts and is not configured again: it recalls latched faults.
     fn restart(&mut self) {
         let (first, latched) = (self.core.first_failure(), self.core.latched());
         self.core = Core::unconfigured();
@@ -219,7 +219,7 @@ impl Rig {
         }
     }
 
-    /// The core's step for a sample of now, once between two calls of [`Self::proceed`].
+    /// Runs the core's step for a sample taken now, once between two calls of [`Self::proceed`].
     pub fn observe(&mut self) -> Row {
         let truth = self.plant.truth();
         if self.faults.iter().any(|faults| faults.board_restarts(truth.muscles[0].time_s)) {
@@ -317,7 +317,7 @@ impl Rig {
     }
 }
 
-/// Whether a set point is refused for now, and not for its value.
+/// Whether a set point is refused because of the state, and not for its value.
 fn of_faults(error: &JointError) -> bool {
     matches!(error, JointError::Faults(..) | JointError::NotArmed)
 }
@@ -326,13 +326,13 @@ fn of_faults(error: &JointError) -> bool {
 fn scenarios(loaded: &JointLoaded) -> [Scenario; 2] {
     let [a, b] = &loaded.muscles;
     let mut scenarios = [a.plant.clone(), b.plant.clone()];
-    // Another seed for the noise of the other muscle.
+    // The other muscle's noise has another seed.
     scenarios[1].run.seed = scenarios[1].run.seed.wrapping_add(1 << 32);
     scenarios
 }
 
 impl Row {
-    /// Set point of angle \[rad\] and stiffness \[N m/rad\], where it has them.
+    /// Set point of angle \[rad\] and stiffness \[N m/rad\], if the row has them.
     pub fn wanted(&self) -> Option<[f64; 2]> {
         match self.set_point {
             JointSetPoint::Angle(Motion { angle_rad, stiffness_n_m_rad, .. }) => {

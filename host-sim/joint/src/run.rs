@@ -12,7 +12,7 @@ pub const SET_POINT_INTERVAL_S: f64 = 0.01;
 /// Runs a scenario; `observer` gets one row per `[run] log_every` steps, the last step included.
 ///
 /// # Errors
-/// [`RunError`]; that of the observer as [`RunError::Output`].
+/// [`RunError`]; errors of the observer as [`RunError::Output`].
 pub fn run(
     loaded: &JointLoaded,
     observer: &mut dyn FnMut(&Row) -> io::Result<()>,
@@ -31,7 +31,7 @@ impl JointLoaded {
         Inputs { load_n_m, ..Inputs::of(self.motion(time_s)) }
     }
 
-    /// Changes inputs to those of a step: the load in each, the set point at intervals.
+    /// Updates the inputs for a step: the load in each step, the set point at intervals.
     pub fn follow(&self, inputs: &mut Inputs, step: u64) {
         let step_s = self.muscles[0].plant.run.step_s;
         let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
@@ -74,7 +74,7 @@ impl Run {
     /// Runs one step. Returns whether there is another one.
     ///
     /// # Errors
-    /// [`RunError`]; that of the observer as [`RunError::Output`].
+    /// [`RunError`]; errors of the observer as [`RunError::Output`].
     pub fn step(
         &mut self,
         observer: &mut dyn FnMut(&Row) -> io::Result<()>,
@@ -98,14 +98,14 @@ impl Run {
     /// on: see [`Rig::retune`]. The core receives only the set point.
     ///
     /// # Errors
-    /// [`RunError`] for an impossible plant; nothing has changed.
+    /// [`RunError`] for an impossible plant; then nothing has changed.
     pub fn retune(&mut self, loaded: &JointLoaded) -> Result<(), RunError> {
         self.rig.retune(loaded)?;
         self.loaded = loaded.clone();
         Ok(())
     }
 
-    /// Ends the run and returns its summary; `wall_clock_s` is the time that it took \[s\].
+    /// Ends the run and returns its summary; `wall_clock_s` is the time that the run took \[s\].
     pub fn finish(self, wall_clock_s: f64) -> Summary {
         self.accumulator.finish(wall_clock_s, self.rig.ledgers())
     }
@@ -117,7 +117,7 @@ mod tests {
     use crate::load::parse;
     use crate::trace::COLUMNS;
 
-    /// Rows of 1 s, with other lines in the scenario from half of it on.
+    /// Rows of 1 s, with other lines in the scenario from 0.5 s on.
     fn rows(model: &str, text: &str, later: Option<&str>) -> Vec<Vec<f64>> {
         let loaded = |text: &str| {
             let text = format!(

@@ -11,10 +11,10 @@ use thermyo_plant::joint::ArmLedger;
 
 /// Part of the run at its end that counts as rest \[s\].
 const REST_S: f64 = 0.5;
-/// An error is a share of stiffnesses above this one only \[N m/rad\].
+/// Stiffness above which an error counts as a share of it \[N m/rad\].
 const LEAST_STIFFNESS_N_M_RAD: f64 = 0.1;
 
-/// How a joint moved: of a run by its plant, of a board by its readings.
+/// Motion of a joint: from the plant in a run, from the readings on a board.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Figures {
     pub angle_rad: [f64; 2],
@@ -28,11 +28,11 @@ pub struct Figures {
     pub highest_pressure_pa: [f64; 2],
     /// Pulses of all four valves \[1/s\].
     pub pulses_per_s: f64,
-    /// Share of the time in which the set point had to give way to the limits of pressure \[-\].
+    /// Share of the time in which the limits of pressure limited the set point \[-\].
     pub limited: f64,
     /// Faults of muscle a, of muscle b, and of the joint, by name.
     pub faults: [Vec<&'static str>; 3],
-    /// Time of the first step in which both muscles vented for a fault \[s\].
+    /// Time of the first step in which both muscles vented because of a fault \[s\].
     pub vented_s: Option<f64>,
 }
 
@@ -64,7 +64,7 @@ pub struct Accumulator {
     squared_rad2: f64,
     tracked: f64,
     squared_stiffness: f64,
-    /// Steps with a wanted stiffness above 0.
+    /// Number of steps with a stiffness set point above 0.
     stiff: f64,
     highest_pa: [f64; 2],
     estimate_k2: [f64; 2],
@@ -74,13 +74,13 @@ pub struct Accumulator {
     found: [u32; 3],
     vented_s: Option<f64>,
     before: [Command; 2],
-    /// Errors of the angle at the end \[rad\], as many as rest lasts.
+    /// Errors of the angle during the last period of rest \[rad\].
     last: VecDeque<f64>,
     at_rest: usize,
 }
 
 impl Accumulator {
-    /// Of steps of that length \[s\].
+    /// Accumulator for steps of this length \[s\].
     pub fn new(step_s: f64) -> Self {
         Self {
             step_s,
@@ -150,7 +150,7 @@ impl Accumulator {
         (self.rows - 1.0).max(0.0) * self.step_s
     }
 
-    /// How the joint has moved so far.
+    /// Motion of the joint so far.
     pub fn figures(&self) -> Figures {
         let names = |faults: u32| model_core::Faults(faults).names().collect();
         let joint = model_core::joint::JointFaults(self.found[2] as u8).names().collect();
@@ -197,7 +197,7 @@ fn root(sum: f64, count: f64) -> f64 {
     (sum / count.max(1.0)).sqrt()
 }
 
-/// Valves that a step switches on; one that was open to the end of its period stays on.
+/// Number of valves that a step switches on; one that was open to the end of its period stays on.
 pub fn pulses(now: [Command; 2], before: [Command; 2]) -> u8 {
     let on = |now: Duty, before: Duty| {
         u8::from(now > Duty::ZERO && now != before && before < Duty::FULL)

@@ -96,10 +96,10 @@ const CELLS: [(&str, Cell); 70] = columns! {
     }
 };
 
-/// Their names.
+/// Names of the columns.
 pub const COLUMNS: [&str; CELLS.len()] = names(&CELLS);
 
-/// The angle \[rad\] and stiffness \[N m/rad\] that a row's set point asks for.
+/// The angle \[rad\] and stiffness \[N m/rad\] of a row's set point.
 fn wanted(row: &Row) -> [f64; 2] {
     row.wanted().unwrap_or([f64::NAN; 2])
 }
@@ -112,7 +112,7 @@ pub fn board_columns() -> Vec<&'static str> {
     [&COLUMNS[..], &BOARD_COLUMNS].concat()
 }
 
-/// Whether a column is the core's output, which a replay has to give again.
+/// Whether a column is the core's output, which a replay has to reproduce.
 pub fn is_output(column: &str) -> bool {
     CELLS.iter().any(|(name, (output, _))| *output && *name == column)
 }
@@ -139,7 +139,7 @@ fn kind_and_values(set_point: JointSetPoint) -> (u8, [f32; 4]) {
     }
 }
 
-/// The last number of a set point.
+/// Largest number of a set point.
 pub const LAST_KIND: u8 = 5;
 
 pub fn set_point(kind: u8, values: [f32; 4]) -> JointSetPoint {
@@ -200,7 +200,7 @@ impl Row {
 /// Writes one row of a board's record; an empty `status` leaves its columns empty.
 ///
 /// # Errors
-/// Of the file, or of what is recorded beside it.
+/// Error of the file, or of an output beside it.
 pub fn record<W: Write>(
     recorder: &mut Recorder<W>,
     config: &JointConfig,

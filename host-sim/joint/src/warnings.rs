@@ -13,16 +13,16 @@ use thermyo_scenario::DriveKind;
 use thermyo_scenario::joint::{JointDocument, JointDrive, JointShape, is_joint};
 use thermyo_setup::{Loaded, unused_in_joint, valves_and_line};
 
-/// How wrong an inertia may be believed: on `scenarios/joint.toml` twice and half of it step well, four times of it
-/// swings from stop to stop, a quarter overshoots by 39 % \[-\].
+/// Largest factor by which a believed inertia may be wrong: on `scenarios/joint.toml` twice and half of it step well,
+/// four times swings from stop to stop, a quarter overshoots by 39 % \[-\].
 const WRONG_INERTIA: f64 = 3.0;
-/// Below this frequency of the valves' pulses a joint swings: `scenarios/joint.toml` is followed within 0.35 deg at 40 Hz,
-/// within 1.2 at 37 Hz and not at all at 30 Hz \[Hz\].
+/// PWM frequency below which a joint swings: `scenarios/joint.toml` is followed within 0.35 deg at 40 Hz, within 1.2
+/// deg at 37 Hz and not at all at 30 Hz \[Hz\].
 const SLOW_PWM_HZ: f64 = 40.0;
-/// A stiffness that is missed by less is met: the controller leaves 2 % alone \[-\].
+/// Error below which a stiffness counts as met: the controller tolerates 2 % \[-\].
 const STIFFNESS_MET: f64 = 0.05;
 
-/// Radii of the core that are off by less are those of the table \[-\].
+/// Deviation below which the core's radii count as those of the table \[-\].
 const RADII_MET: f64 = 0.02;
 
 /// Key, value, and the consequence.
@@ -60,7 +60,7 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
     found.extend(slow_step(loaded));
     found.extend(late_course(loaded));
     found.extend(rough_radii(loaded));
-    // A stiffness that is not reached is none to swing on.
+    // A stiffness that is not reached cannot cause a swing.
     let beyond = beyond_the_muscles(loaded);
     if beyond.is_empty() {
         found.extend(swings(loaded));
@@ -78,7 +78,7 @@ pub fn warnings(document: &JointDocument, loaded: &JointLoaded) -> Vec<InputErro
     all
 }
 
-/// A muscle that is filled and vented; whether its own pressure would come to rest is no matter of a joint.
+/// A muscle that fills and vents; whether its own pressure would come to rest does not matter in a joint.
 fn driven(muscle: &Loaded) -> Loaded {
     let mut muscle = muscle.clone();
     for scenario in [&mut muscle.plant, &mut muscle.believed] {
@@ -139,7 +139,7 @@ fn rough_radii(loaded: &JointLoaded) -> Option<Warning> {
     Some(("joint.radius_csv".to_owned(), format!("{:?}", file.display().to_string()), why))
 }
 
-/// A step takes 2 sqrt(q I/torque) at the least, half of it to gain speed and half of it to brake.
+/// A step takes at least 2 sqrt(q I/torque), half of it to accelerate and half of it to brake.
 fn slow_step(loaded: &JointLoaded) -> Option<Warning> {
     let drive = &loaded.drive;
     if loaded.profile.is_some() || drive.shape != JointShape::Step {
@@ -165,10 +165,10 @@ fn late_course(loaded: &JointLoaded) -> Option<Warning> {
     Some(("drive.profile_csv".to_owned(), format!("{:?}", file.display().to_string()), why))
 }
 
-/// An arm that swings on its gas faster than a torque answers: only friction damps it.
+/// An arm that swings on its gas faster than a torque responds: only friction damps it.
 fn swings(loaded: &JointLoaded) -> Option<Warning> {
     let believed = &loaded.muscles[0].believed;
-    // Longer periods have a warning of their own.
+    // Longer periods have their own warning.
     if believed.valve.pwm_hz < SLOW_PWM_HZ {
         return None;
     }
@@ -225,7 +225,7 @@ fn asked(loaded: &JointLoaded) -> Vec<Asked> {
     }
 }
 
-/// Torque and stiffness that the muscles do not reach, each at the first set point that asks for it.
+/// Torque and stiffness that the muscles do not reach, each at the first set point that requires it.
 fn beyond_the_muscles(loaded: &JointLoaded) -> Vec<Warning> {
     let (mut torque, mut stiffness) = (None, None);
     for asked in asked(loaded) {
@@ -241,7 +241,7 @@ fn beyond_the_muscles(loaded: &JointLoaded) -> Vec<Warning> {
     [torque, stiffness].into_iter().flatten().collect()
 }
 
-/// The muscles as the core has them, at an angle.
+/// The configured muscles at an angle.
 struct Pair {
     angle_rad: f64,
     radius_m: f32,
@@ -432,7 +432,7 @@ mod tests {
         }
     }
 
-    /// Warnings of a drive beside a profile, `course.csv`, which ends with that row.
+    /// Warnings about a drive beside a profile, `course.csv`, which ends with this row.
     fn warned_beside_course(last_row: &str, drive: &str) -> Vec<InputError> {
         let folder = tempfile::tempdir().unwrap();
         let rows = format!("time_s,angle_rad,stiffness_n_m_rad\n0,0,14\n{last_row}\n");

@@ -40,7 +40,7 @@ fn a_step_arrives_with_its_stiffness_and_rests() {
 const HOSED: &str =
     "model = \"full\"\n[tube]\nlength_m = 0.5\ndiameter_m = 0.004\n[joint]\ngravity_n_m = 4.9\n";
 
-/// A sine of that angular frequency \[rad/s\] and size \[rad\], after half a second at rest.
+/// A sine of this angular frequency \[rad/s\] and size \[rad\], after half a second at rest.
 fn sine(w: f64, size: f64, time_s: f64) -> Inputs {
     let (sin, cos) = if time_s < 0.5 { (0.0, 0.0) } else { (w * (time_s - 0.5)).sin_cos() };
     Inputs::of(Motion {
@@ -51,7 +51,7 @@ fn sine(w: f64, size: f64, time_s: f64) -> Inputs {
     })
 }
 
-/// Without the time that gas takes through valve and hose in the reference it is 0.64 deg late.
+/// If the reference ignores the time that gas takes through valve and hose, the arm is 0.64 deg late.
 #[test]
 fn a_heavy_arm_is_followed_at_two_hertz() {
     let loaded = loaded(&format!("{HOSED}inertia_kg_m2 = 0.145\n"));
@@ -65,8 +65,8 @@ fn a_heavy_arm_is_followed_at_two_hertz() {
     assert!((0.05..0.35).contains(&rms_deg), "{rms_deg} deg");
 }
 
-/// Slow creep turns an arm that rests for minutes, by more than the zone in which it may be. Where a rest began anywhere
-/// within it, 17 and 8 pulses followed after 10 s.
+/// Slow creep turns an arm that rests for minutes, by more than the zone in which it may be. When a rest could begin
+/// anywhere within the zone, 17 and 8 pulses followed after 10 s.
 #[test]
 fn an_arm_at_rest_has_room_for_its_creep() {
     for inertia_kg_m2 in [0.02, 0.145] {
@@ -80,7 +80,7 @@ fn an_arm_at_rest_has_room_for_its_creep() {
     }
 }
 
-/// An arm that goes to an angle and rests there: its largest error from 2 s after the step on \[deg\].
+/// Largest error of an arm that moves to an angle and rests there, from 2 s after the step on \[deg\].
 fn worst_at_rest_deg(text: &str, goal_deg: f64, stiffness: f32, duration_s: f64) -> f64 {
     let loaded = loaded(text);
     let goal = |t: f64| still(if t < 1.0 { -0.4 * goal_deg } else { goal_deg }, stiffness);
@@ -89,8 +89,8 @@ fn worst_at_rest_deg(text: &str, goal_deg: f64, stiffness: f32, duration_s: f64)
     errors.fold(0.0, f64::max)
 }
 
-/// At rest the gas cools and friction holds the arm: the observer calls that a disturbance, and friction is led too. Both
-/// in the first pulse of a correction threw the arm by 1.7 deg.
+/// At rest the gas cools and friction holds the arm: the observer takes this for a disturbance, and friction is
+/// compensated too. Both in the first pulse of a correction threw the arm by 1.7 deg.
 #[test]
 fn a_correction_at_rest_does_not_throw_the_arm() {
     let text = "model = \"lumped\"\n[muscle]\npreset = \"dmsp-20\"\n[supply]\npressure_pa = 617000\n[valve]\n\
@@ -101,8 +101,8 @@ fn a_correction_at_rest_does_not_throw_the_arm() {
     assert!((0.02..0.5).contains(&worst_deg), "{worst_deg} deg");
 }
 
-/// Valves of 60 Hz that pass more than is believed turn a brief arm to and fro within the zone, each period the other way:
-/// where each had to be in the middle of it for a rest to begin there were 118 pulses a second for good.
+/// Valves of 60 Hz that pass more than is believed turn a light arm to and fro within the zone, in the other direction
+/// each period: when a rest could only begin in the middle of the zone, there were 118 pulses a second without end.
 #[test]
 fn pulses_within_the_zone_end() {
     let text = "model = \"lumped\"\n[muscle]\npreset = \"dmsp-20\"\n[supply]\npressure_pa = 713310\n[valve]\n\
@@ -117,8 +117,8 @@ fn pulses_within_the_zone_end() {
     assert!(moving < 200, "valves are open in {moving} of 4000 steps");
 }
 
-/// Beyond its goal an arm needs twice the friction to turn back. The integral's limit was less than that of a bearing of
-/// 2 N m: for good it stayed 2.5 deg off.
+/// Beyond its goal an arm needs twice the friction to turn back. The integral's limit used to be less than the friction
+/// of a bearing of 2 N m: the arm stayed 2.5 deg off for good.
 #[test]
 fn friction_does_not_keep_an_arm_beyond_its_goal() {
     let text = "model = \"full\"\n[muscle]\npreset = \"dmsp-20\"\n[supply]\npressure_pa = 640000\n[valve]\n\
@@ -131,7 +131,7 @@ fn friction_does_not_keep_an_arm_beyond_its_goal() {
     }
 }
 
-/// The integral kept the torque that friction held at rest, and took a step 0.3 deg too far.
+/// The integral used to keep the torque that friction held at rest, and took a step 0.3 deg too far.
 #[test]
 fn a_step_forgets_what_friction_held() {
     let loaded = loaded(HOSED);
@@ -151,7 +151,7 @@ fn sine_error_deg(loaded: &JointLoaded) -> f64 {
     (errors.map(|error| error.to_degrees().powi(2)).sum::<f64>() / moving.len() as f64).sqrt()
 }
 
-/// Radii that vary by 20 % over 60 deg, as the core has them and as it has not.
+/// Radii that vary by 20 % over 60 deg, as configured in the core and not.
 #[test]
 fn a_pulley_that_varies_is_followed_as_a_round_one() {
     let varies = "radius_a_per_rad = 0.19\nradius_b_per_rad = -0.19\n";
@@ -164,13 +164,13 @@ fn a_pulley_that_varies_is_followed_as_a_round_one() {
     assert!((1.2 * known..3.0).contains(&unknown), "{unknown} deg where {known}");
 }
 
-/// 20 deg at 1 Hz by a host that sends 100 set points a second, whatever the valves' period: the reference stood still
-/// between two of them (0.3 deg), at 50 Hz a small pulse waited for 20 ms (0.8 deg), and at 200 Hz gas masses took 14 ms
-/// to follow (0.6 deg). At 60 Hz the plant's valves took up each duty a period late, and it swung from stop to stop; 0.40
-/// deg are left there.
+/// 20 deg at 1 Hz by a host that sends 100 set points a second, at every PWM period. Earlier, the reference stopped
+/// between two set points (0.3 deg), at 50 Hz a small pulse waited for 20 ms (0.8 deg), and at 200 Hz gas masses took
+/// 14 ms to follow (0.6 deg). At 60 Hz the plant's valves took up each duty a period late, and the joint swung from
+/// stop to stop; 0.40 deg remain there.
 #[test]
 fn a_host_leads_the_joint_at_every_pwm_frequency() {
-    // The period of 60 Hz is no whole number of steps.
+    // The period of 60 Hz is not a whole number of steps.
     for pwm_hz in [50, 60, 100, 200, 400] {
         let loaded = loaded(&format!(
             "{HOSED}[valve]\npwm_hz = {pwm_hz}\n[run]\nduration_s = 4\n[drive]\nkind = \"joint\"\n\
@@ -190,7 +190,7 @@ fn a_host_leads_the_joint_at_every_pwm_frequency() {
     }
 }
 
-/// Rests wherever it stops.
+/// Checks that the arm rests at every goal.
 fn rests(text: &str, goals_deg: &[f64]) {
     let loaded = loaded(text);
     for goal_deg in goals_deg {
@@ -203,14 +203,15 @@ fn rests(text: &str, goals_deg: &[f64]) {
     }
 }
 
-/// With an observer that is as fast for the disturbance as for the speed it swings by 1 deg, with 90 pulses a second.
+/// With an observer that is as fast for the disturbance as for the speed, the arm swings by 1 deg, with 90 pulses a
+/// second.
 #[test]
 fn an_inertia_believed_twice_does_not_hunt_at_rest() {
     let text = format!("{HOSED}[believed.joint]\ninertia_kg_m2 = 0.04\n");
     rests(&text, &[-23.0, 6.0, 16.0, 27.0]);
 }
 
-/// With the gain of a heavier arm it swings by 1 to 5 deg, with 100 pulses a second.
+/// With the gain of a heavier arm, it swings by 1 to 5 deg, with 100 pulses a second.
 #[test]
 fn a_light_arm_does_not_hunt_at_rest() {
     for inertia_kg_m2 in [0.001, 0.004] {
@@ -218,8 +219,8 @@ fn a_light_arm_does_not_hunt_at_rest() {
     }
 }
 
-/// Two inlets that pass as much fill pressures that have different ways to go: the stiffness waits for the slower one, or
-/// the arm is thrown by 3 to 4 deg.
+/// Two equal inlets fill pressures that have different ways to go: the stiffness must wait for the slower one, or the
+/// arm is thrown by 3 to 4 deg.
 #[test]
 fn another_stiffness_does_not_throw_the_arm() {
     for goal_deg in [-30.0, 20.0] {
@@ -232,8 +233,8 @@ fn another_stiffness_does_not_throw_the_arm() {
     }
 }
 
-/// Arms that swing at 10 Hz on their gas, with valves that are late: from the step at 4 s on, every 4 s another angle.
-/// Returns the worst swing of the last second before the next one, and error there \[deg\].
+/// Arms that swing at 10 Hz on their gas, with late valves: from the step at 4 s on, another angle every 4 s. Returns
+/// the worst swing in the last second before the next angle, and the error there \[deg\].
 fn swings_deg(text: &str, stiffness: f32, angles_deg: &[f64]) -> [f64; 2] {
     let text = format!("[plant]\nmodel = \"full\"\ninitial_pressure_pa = 220000\n{text}");
     let loaded = parse(&text, "joint.toml".as_ref()).unwrap_or_else(|error| panic!("{error}"));
@@ -253,8 +254,8 @@ fn swings_deg(text: &str, stiffness: f32, angles_deg: &[f64]) -> [f64; 2] {
 const SMALL: &str =
     "[muscle]\npreset = \"dmsp-10\"\n[joint]\nmid_length_a_m = 0.23375\nmid_length_b_m = 0.23375\n";
 
-/// The error was predicted by its present speed, which the gas turns round before the torque is there: valves that were
-/// open to and fro drove the arm by 11 to 23 deg.
+/// The error used to be predicted from its present speed, which the gas reverses before the torque acts: valves that
+/// opened to and fro drove the arm by 11 to 23 deg.
 #[test]
 fn a_small_arm_behind_late_valves_comes_to_rest() {
     for (text, stiffness, angles_deg) in [
@@ -285,8 +286,8 @@ fn a_small_arm_behind_late_valves_comes_to_rest() {
     }
 }
 
-/// Muscles of 8.7 mm that their valves fill in 0.24 s move an arm of 0.01 kg m2: what was asked to answer its swing was
-/// more than the open valves gave before it turned, and drove it from stop to stop.
+/// Muscles of 8.7 mm that their valves fill in 0.24 s move an arm of 0.01 kg m2: the response to its swing used to ask
+/// for more than the open valves gave before it turned, and drove it from stop to stop.
 #[test]
 fn small_valves_do_not_drive_a_swing() {
     let text = "[muscle]\nrest_length_m = 0.113\ndiameter_m = 0.00874\nbraid_angle_deg = 24.4\n\
@@ -301,8 +302,8 @@ fn small_valves_do_not_drive_a_swing() {
     assert!((1e-3..0.6).contains(&off_deg), "{off_deg} deg");
 }
 
-/// Whether a stiffness gives way is judged by the torque at rest, not by the last one of the motion: at 27 deg it rested
-/// with 4.8 % less than was wanted, at 33 deg with 4.7 %.
+/// Whether a stiffness gives way depends on the torque at rest, not on the last torque of the motion: the joint used to
+/// rest with 4.8 % too little at 27 deg, with 4.7 % at 33 deg.
 #[test]
 fn a_stiffness_that_pressures_give_is_waited_for() {
     let loaded = loaded(HOSED);
@@ -315,7 +316,7 @@ fn a_stiffness_that_pressures_give_is_waited_for() {
     }
 }
 
-/// A supply below the muscles' limit: at its pressure no gas flows. The joint asked for more, and swung by 1 deg.
+/// A supply below the muscles' limit: at its pressure no gas flows. The joint used to ask for more, and swung by 1 deg.
 #[test]
 fn a_low_supply_limits_the_stiffness() {
     let text = HOSED.replace("[joint]", "[supply]\npressure_pa = 500000\n[joint]");
@@ -331,13 +332,13 @@ fn a_low_supply_limits_the_stiffness() {
     assert!(shut > 0.9, "shut for {shut} of the time");
 }
 
-/// With small pulses that wait it swings by 1.2 deg at half of the angles.
+/// With small pulses that wait, it swings by 1.2 deg at half of the angles.
 #[test]
 fn slow_valves_do_not_hunt_at_rest() {
     rests(&format!("{HOSED}[valve]\npwm_hz = 50\n"), &[-30.0, -20.0, 15.0, 25.0]);
 }
 
-/// More stiffness than both pressures give: the angle is held, and it says so.
+/// More stiffness than both pressures give: the angle is held, and the telemetry reports the limit.
 #[test]
 fn torque_wins_over_stiffness() {
     let loaded = loaded("model = \"lumped\"\n[joint]\n");
@@ -353,13 +354,13 @@ fn a_torque_is_that_of_the_tendons() {
         "model = \"lumped\"\n[joint]\n[joint.a.friction]\nforce_n = 0\n[joint.b.friction]\nforce_n = 0\n",
     );
     let set_point = JointSetPoint::Torque { torque_n_m: 3.0, stiffness_n_m_rad: 14.0 };
-    // It pushes against its stop.
+    // The arm pushes against its stop.
     let rows = run(&loaded, 2.0, |_| Inputs { set_point, ..still(0.0, 14.0) });
     let last = rows.last().unwrap();
     assert!((last.truth.torque_n_m / 3.0 - 1.0).abs() < 0.1, "{last:?}");
 }
 
-/// Tubes of a and b exchanged, by the signs of the mechanism: found within 5 deg, and both vent.
+/// Tubes of a and b exchanged, by the signs of the mechanism: detected within 5 deg, and both vent.
 #[test]
 fn an_angle_that_goes_the_wrong_way_is_found_within_five_degrees() {
     let mut swapped = loaded("model = \"lumped\"\n[joint]\n");
@@ -374,7 +375,7 @@ fn an_angle_that_goes_the_wrong_way_is_found_within_five_degrees() {
     assert_eq!(found.telemetry.commands(), [Command::VENT; 2]);
 }
 
-/// Its drift was injected into a channel that was then overwritten.
+/// The sensor's drift used to be injected into a channel that was then overwritten.
 #[test]
 fn an_angle_that_drifts_vents() {
     for sensor in ["", "sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n"] {
@@ -391,14 +392,14 @@ fn an_angle_that_drifts_vents() {
 fn a_torn_tendon_vents_both() {
     let loaded = loaded("model = \"lumped\"\n[joint]\n");
     let rows = run(&loaded, 2.0, |t| Inputs { torn: [t > 1.0, false], ..still(0.0, 14.0) });
-    // It also goes the wrong way, if it has not moved before.
+    // An angle that has not moved before also goes the wrong way.
     let vented = rows.iter().find(|row| row.telemetry.faults != JointFaults::NONE);
     let vented = vented.unwrap_or_else(|| panic!("{:?}", rows.last()));
     assert!((1.0..1.2).contains(&vented.time_s), "{}", vented.time_s);
     assert_eq!(vented.telemetry.commands(), [Command::VENT; 2]);
 }
 
-/// A lost angle: without a lock the arm falls, with one it stays where it was for that time. Another fault vents.
+/// A lost angle: without a lock the arm falls, with a lock it stays for that time. Another fault vents.
 #[test]
 fn a_lock_holds_the_arm_where_the_angle_is_lost() {
     let at_two_seconds = |lock_s: f64, fault: &str| {
@@ -409,7 +410,7 @@ fn a_lock_holds_the_arm_where_the_angle_is_lost() {
         let rows = run(&loaded, 4.0, |_| still(-20.0, 14.0));
         let moved =
             |row: &Row| (row.truth.angle_rad - rows[990].truth.angle_rad).to_degrees().abs();
-        // By the mode: a loop may open both outlets too.
+        // Judged by the mode, since a loop may open both outlets too.
         let vents = rows.iter().position(|row| row.telemetry.mode == JointMode::Vent);
         assert!(
             rows[vents.unwrap()..].iter().all(|row| row.telemetry.commands() == [Command::VENT; 2])
@@ -426,7 +427,7 @@ fn a_lock_holds_the_arm_where_the_angle_is_lost() {
     assert!(vents_s < 1.02, "{vents_s} s");
 }
 
-/// The arm fell by 26 deg within the lock, until its time was over.
+/// The arm used to fall by 26 deg within the lock, until its time was over.
 #[test]
 fn a_leak_ends_a_lock() {
     let loaded = loaded(
@@ -440,8 +441,8 @@ fn a_leak_ends_a_lock() {
     assert!(vents_s.is_some_and(|vents_s| (1.6..3.5).contains(&vents_s)), "{vents_s:?}");
 }
 
-/// A board that has restarted vents both muscles, whatever it is asked for: the default stops are not this joint's.
-/// Time \[s\] from the lock until it vents, of a joint whose angle is lost at 1.5 s and that may lock for 8 s.
+/// A board that has restarted vents both muscles for any set point: the default stops are not this joint's. Returns the
+/// time \[s\] from the lock until it vents, of a joint whose angle is lost at 1.5 s and that may lock for 8 s.
 fn lock_s(text: &str, inputs: impl Fn(f64) -> Inputs) -> f64 {
     let lost = format!("{HOSED}lock_s = 8\n{text}");
     let rows = run(&loaded(&lost), 10.5, inputs);
@@ -451,7 +452,7 @@ fn lock_s(text: &str, inputs: impl Fn(f64) -> Inputs) -> f64 {
     first(JointMode::Vent).unwrap() - locks_s
 }
 
-/// Without the angle there is no balance of the gas: by both pressures.
+/// Without the angle there is no balance of the gas: the leak shows in both pressures.
 #[test]
 fn a_leak_ends_a_lock_without_an_angle() {
     let lost = "[joint.a.faults]\nlength = \"open\"\nfrom_s = 1.5\n";
@@ -467,7 +468,7 @@ fn a_leak_ends_a_lock_without_an_angle() {
     }
 }
 
-/// Gas that a fast change has warmed, muscles that creep, and an arm that is pushed about.
+/// Gas that a fast change has warmed, creeping muscles, and an arm that is pushed about.
 #[test]
 fn a_lock_of_tight_muscles_lasts() {
     let lost = "[joint.a.faults]\nlength = \"open\"\nfrom_s = 1.5\n";
@@ -499,8 +500,8 @@ fn a_board_that_restarts_is_not_configured() {
     }
 }
 
-/// 12 bits in a turn, a step late: the angle is held as with a potentiometer. Without magnet, wires or readings both
-/// muscles vent, and without a jump of the reading before.
+/// 12 bits per turn, one step late: the angle is held as with a potentiometer. Without magnet, wires or readings both
+/// muscles vent, without a jump of the reading before.
 #[test]
 fn an_encoder_gives_the_angle_until_it_is_lost() {
     const ENCODER: &str = "model = \"full\"\n[joint]\ngravity_n_m = 4.9\nsensor_kind = \"as5600\"\n\

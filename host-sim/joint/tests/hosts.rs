@@ -1,4 +1,4 @@
-//! Hosts that send angles alone: the core goes on between them.
+//! Hosts that send only angles: the core continues the motion between them.
 
 use model_core::joint::Motion;
 use std::f64::consts::TAU;
@@ -13,11 +13,12 @@ fn loaded(inertia_kg_m2: f64) -> JointLoaded {
     parse(&text, "joint.toml".as_ref()).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Times of a host: when each value comes, and the one for which it is \[s\].
+/// Times of a host: arrival of each value, and the time to which the value belongs \[s\].
 struct Host(Vec<(f64, f64)>);
 
 impl Host {
-    /// So many values a second, each late by up to `jitter_s`; one in `lost_of` is lost, where that is not 0.
+    /// A host that sends `per_s` values a second, each late by up to `jitter_s`; one in `lost_of` is lost, unless that
+    /// is 0.
     fn new(per_s: f64, jitter_s: f64, lost_of: u32) -> Self {
         let mut state = 0x9E37_79B9_u32;
         let mut next = || {
@@ -37,7 +38,7 @@ impl Host {
         Self(times)
     }
 
-    /// Values that come in these intervals wait for their end, and come together.
+    /// Holds up values that come in these intervals until their end, when they come together.
     fn held_up(mut self, every_s: f64, for_s: f64) -> Self {
         for (comes_s, _) in &mut self.0 {
             let since_s = *comes_s % every_s;
@@ -48,7 +49,7 @@ impl Host {
         self
     }
 
-    /// The arm under this course of angles alone \[rad\].
+    /// The arm's angles under this course of angles alone \[rad\].
     fn leads(
         &self,
         loaded: &JointLoaded,
@@ -66,7 +67,7 @@ impl Host {
     }
 }
 
-/// A sine of 1 Hz and that size, after a second at rest.
+/// A sine of 1 Hz and this size, after a second at rest.
 fn sine(size_deg: f64) -> impl Fn(f64) -> f64 {
     move |time_s| size_deg.to_radians() * (TAU * (time_s - 1.0).max(0.0)).sin()
 }
@@ -80,7 +81,7 @@ fn rms_deg(rows: &[Row], angle_rad: impl Fn(f64) -> f64) -> f64 {
     (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()
 }
 
-/// Inertia of the brief arm and of the heavy one \[kg m2\].
+/// Inertia of the light arm and of the heavy one \[kg m2\].
 const ARMS_KG_M2: [f64; 2] = [0.02, 0.145];
 
 /// RMS error of 10 deg at 1 Hz, of both arms \[deg\].
@@ -91,7 +92,7 @@ fn sine_errors_deg(host: &Host) -> [f64; 2] {
     })
 }
 
-/// Where each angle was a set point at rest the arms were 4.4 and 5.5, 4.0 and 3.9, 3.6 and 3.6 deg off.
+/// With each angle as a set point at rest, the arms were 4.4 and 5.5, 4.0 and 3.9, 3.6 and 3.6 deg off.
 #[test]
 fn angles_alone_are_followed() {
     for (per_s, most) in [(20.0, [0.9, 1.5]), (50.0, [0.5, 0.75]), (100.0, [0.35, 0.5])] {
@@ -102,7 +103,8 @@ fn angles_alone_are_followed() {
     }
 }
 
-/// One value in ten lost, or all of 90 ms at once: no worse than without a course, 3.9 and 4.1, 4.0 and 4.5 deg.
+/// One value in ten lost, or all of 90 ms at once: no worse than without a course, which gave 3.9 and 4.1, 4.0 and 4.5
+/// deg.
 #[test]
 fn values_that_are_lost_or_held_up_do_no_harm() {
     let lost = sine_errors_deg(&Host::new(50.0, 0.003, 10));
@@ -120,7 +122,7 @@ fn a_slow_host_sends_steps() {
     }
 }
 
-/// How far an arm goes beyond the end of a course, by a host that sends 50 angles a second \[deg\].
+/// Way of an arm beyond the end of a course, with a host that sends 50 angles a second \[deg\].
 fn beyond_deg(inertia_kg_m2: f64, end_deg: f64, course_deg: impl Fn(f64) -> f64) -> f64 {
     let angle_rad = |time_s: f64| course_deg(time_s).to_radians();
     let rows = Host::new(50.0, 0.003, 0).leads(&loaded(inertia_kg_m2), 3.0, angle_rad);
@@ -138,15 +140,15 @@ fn a_step_stays_a_step() {
     }
 }
 
-/// 50 deg/s, and a hold from one value to the next: 2.6 and 2.8 deg too far. An interval is 1 deg, and the course goes on
-/// for up to one and a quarter.
+/// 50 deg/s, and a hold from one value to the next: 2.6 and 2.8 deg too far. An interval is 1 deg, and the course
+/// continues for up to one and a quarter.
 #[test]
 fn a_ramp_ends_in_its_hold() {
     for inertia_kg_m2 in ARMS_KG_M2 {
         let ramp = |time_s: f64| (50.0 * (time_s - 1.0)).clamp(0.0, 20.0);
         let beyond_deg = beyond_deg(inertia_kg_m2, 20.0, ramp);
         assert!((1.3..3.0).contains(&beyond_deg), "{inertia_kg_m2} kg m2: {beyond_deg} deg");
-        // One that slows down by 13 rad/s2, and then is at rest.
+        // A course that slows down by 13 rad/s2, and then rests.
         let eases = |time_s: f64| {
             let share = (2.5 * (time_s - 1.0)).clamp(0.0, 1.0);
             20.0 * share * share * (3.0 - 2.0 * share)
