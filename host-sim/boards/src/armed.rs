@@ -2,8 +2,8 @@ use model_core::{SetPoint, SetPointError};
 use thermyo_protocol::{Answer, Refusal};
 use thermyo_simulation::board::BoardError;
 
-/// Set point of the first step. While a fault vents, only `Vent` is accepted; the telemetry has the
-/// reason.
+/// Returns the set point of the first step. While a fault vents, only `Vent` is accepted; the
+/// telemetry states the reason.
 pub(super) fn if_armed(
     armed: Result<Answer, BoardError>,
     set_point: SetPoint,

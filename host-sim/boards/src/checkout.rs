@@ -1,6 +1,6 @@
 //! Builds from the checkout that this program was built from: firmware, playground, shared library.
 //!
-//! Each build adds the compiler target that it needs, and prints progress while it takes minutes.
+//! Each build adds the compiler target that it needs, and prints progress if it takes minutes.
 
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
@@ -15,7 +15,7 @@ use thermyo_simulation::board::BoardError;
 
 /// Interval of the progress messages.
 const SIGN_OF_LIFE: Duration = Duration::from_secs(10);
-/// Interval at which a lock is looked at.
+/// Polling interval of a lock.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Folder of this crate; empty in a release build, whose bytes must not depend on where it was
@@ -40,7 +40,7 @@ pub enum NotBuilt {
     #[error("the compiler's target {target} is missing, and {reason}")]
     NoTarget {
         target: String,
-        /// Includes how to fix it.
+        /// Reason, with the remedy.
         reason: String,
     },
     /// Cargo failed, or cannot be run.
@@ -54,15 +54,15 @@ impl From<NotBuilt> for BoardError {
     }
 }
 
-/// A call of cargo, which itself decides what is stale.
+/// A call of cargo, which decides itself what is stale.
 #[derive(Debug)]
 pub struct Build<'a> {
-    /// Shown in messages.
+    /// Name in messages.
     pub name: &'a str,
-    /// Cargo runs here, so that this folder's `.cargo/config.toml` applies.
+    /// Folder in which cargo runs, so that its `.cargo/config.toml` applies.
     pub folder: PathBuf,
     pub target_folder: &'a Path,
-    /// `None` builds for this machine.
+    /// Target; `None` builds for this machine.
     pub target: Option<&'a str>,
     pub command: &'a str,
     pub arguments: &'a [&'a str],
@@ -85,7 +85,7 @@ impl Build<'_> {
                 cargo.env_remove(&name);
             }
         }
-        // These are flags of this machine, and would replace those of the target's configuration.
+        // These flags are for this machine, and would replace those of the target's configuration.
         if self.target.is_some() {
             cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
         }
@@ -104,7 +104,7 @@ impl Build<'_> {
     }
 }
 
-/// Adds a target to the compiler that builds in a folder, if it is missing there.
+/// Adds a target to the compiler used in a folder, if it is missing there.
 pub fn add_target(target: &str, folder: &Path) -> Result<(), NotBuilt> {
     if has_target(target, folder) {
         return Ok(());
@@ -159,7 +159,7 @@ fn output(program: OsString, arguments: &[&str], folder: &Path) -> Result<String
     if output.status.success() { Ok(text(&output.stdout)) } else { Err(text(&output.stderr)) }
 }
 
-/// Waits until no other process and no other thread holds this lock. A message reports a wait that lasts.
+/// Waits until no other process and no other thread holds this lock. A message reports a long wait.
 pub fn alone(lock: &Path, doing: &str) -> io::Result<File> {
     alone_by(lock, doing, SIGN_OF_LIFE, &mut say)
 }
@@ -186,17 +186,17 @@ fn alone_by(
     }
 }
 
-/// When the work of a program begins.
+/// Condition at which a program's work begins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Begins {
-    /// As soon as it runs.
+    /// As soon as the program runs.
     AtOnce,
     /// With cargo's first line about stale code; often there is none.
     WhenStale,
 }
 
-/// Runs a program that may take minutes. If it has work to do, messages report when it begins, goes
-/// on and ends. Returns its standard error too.
+/// Runs a program that may take minutes. If it has work to do, messages report its start, progress and end. Returns its
+/// standard error too.
 pub fn watched(
     command: &mut Command,
     doing: &str,
@@ -237,7 +237,7 @@ fn watched_by(
     let (began, mut sign_due, mut message) = (Instant::now(), interval, String::new());
     // The latest line about work, if any.
     let mut working: Option<String> = None;
-    // Another build holds the lock, often for a moment only.
+    // Another build holds the lock, often only for a moment.
     let mut blocked = false;
     let begin = format!("{doing}; this can take minutes");
     if begins == Begins::AtOnce {
@@ -278,7 +278,7 @@ fn watched_by(
     Ok((status, message))
 }
 
-/// Whether cargo prints this line when it works.
+/// Whether cargo prints this line when it has work to do.
 fn is_work(line: &str) -> bool {
     let work = ["Compiling", "Downloading", "Updating"];
     work.iter().any(|word| line.trim_start().starts_with(word))

@@ -1,9 +1,9 @@
 //! The firmware's image on an emulated RP2040: `rp2040js` in a process of Node.js, one exchange per
 //! millisecond of its time.
 //!
-//! Only the firmware's pins and protocol are known here: samples go to the ADC, the valves get the
-//! duties in the PWM's registers, and telemetry is read from the UART or from USB. At 921600 baud a
-//! frame takes most of a millisecond: the telemetry of a step arrives with the next step.
+//! Only the firmware's pins and protocol are used here: samples go to the ADC, the valves get the duties in the PWM's
+//! registers, and telemetry is read from the UART or from USB. At 921600 baud a frame takes most of a millisecond: the
+//! telemetry of a step arrives with the next step.
 
 use super::armed::if_armed;
 use super::image;
@@ -21,16 +21,16 @@ use thermyo_simulation::board::{Board, BoardError, BoardStep};
 
 /// One exchange, a step of the board \[ns\].
 pub const STEP_NS: u32 = 1_000_000;
-/// The first exchange ends here: the firmware has copied itself into RAM and listens, which takes 18 ms. The time is
-/// a tenth of a step before the next one, because inputs change between two steps.
+/// End of the first exchange: the firmware has copied itself into RAM and listens, which takes 18 ms. The time is a
+/// tenth of a step before the next step, because inputs change between two steps.
 const START_NS: u32 = 22_900_000;
 /// Exchanges after which an unanswered request fails.
 const PATIENCE: u32 = 200;
 /// Steps between two keep-alive messages of an idle host.
 const ALIVE_STEPS: u32 = 100;
-/// Bytes that the UART's line carries.
+/// Bytes per millisecond that the UART carries.
 const BYTES_PER_MS: u64 = BAUD as u64 / 10_000;
-/// Most bytes handed to the USB host at once; it sends them as fast as the board accepts them.
+/// Largest number of bytes handed to the USB host at once; it sends them as fast as the board accepts them.
 const USB_BYTES: usize = 4096;
 
 /// Healthy inputs, used until others are set.
@@ -39,24 +39,24 @@ const IDLE: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757)
 /// Faults of the board that tests inject.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Injection {
-    /// The converter stops finishing its conversions, or goes on.
+    /// The converter stops or resumes its conversions.
     AdcStalled(bool),
     /// An instruction becomes an endless loop, once.
     Hang {
         place: Place,
-        /// Counts the instructions executed there from now on: 1 is the next.
+        /// Number of the instruction, counting those executed there from now on: 1 is the next.
         instruction: u32,
     },
-    /// A fault of the processor, now.
+    /// An immediate fault of the processor.
     Fault,
-    /// The stack overflows, now.
+    /// An immediate overflow of the stack.
     StackOverflow,
     /// Sets or clears a fault of a digital sensor.
     Part(PartFault),
     /// Power fails once during an operation of the flash, and returns at once.
     PowerCut {
-        /// Counts the operations that begin from now on, each an erased sector or a programmed
-        /// page: 1 is the next; `u32::MAX`: at once, whatever the flash does.
+        /// Number of the operation, counting those that begin from now on, each an erased sector or a programmed page:
+        /// 1 is the next; `u32::MAX` means at once, whatever the flash does.
         operation: u32,
         /// Fraction of the operation's time that has passed.
         done: f32,
@@ -69,7 +69,7 @@ pub enum PartFault {
     None,
     /// The wires of the MAX31865 are off.
     GasUnplugged,
-    /// The MAX31865 converts nothing more: its DRDY stays high.
+    /// The MAX31865 stops converting: its DRDY stays high.
     GasSilent,
     /// The wires of the MPR are off.
     PressureUnplugged,
@@ -79,8 +79,8 @@ pub enum PartFault {
     AngleUnplugged,
     /// DRDY of the MAX31865 stays low.
     GasReadyStuck,
-    /// A message of the AS5600 was interrupted, now or before the board started: it holds SDA low until it has sent its
-    /// byte.
+    /// A message of the AS5600 was interrupted, now or before the board started: the chip holds SDA low until it has
+    /// sent its byte.
     AngleInterrupted,
 }
 
@@ -126,7 +126,7 @@ pub struct Exchange {
     pub inlet_duty: f64,
     /// Duty set for the outlet's coil.
     pub outlet_duty: f64,
-    /// The same four of a joint's muscle b.
+    /// The same four values of a joint's muscle b.
     pub b: [f64; 4],
     /// Cycles in which the core did not sleep.
     pub busy_cycles: u32,
@@ -143,14 +143,14 @@ pub struct Exchange {
     /// Reads of flash while it was written, which return nothing on silicon, and operations with a
     /// wrong argument. Must be 0.
     pub flash_violations: u32,
-    /// Bytes of the stack that nothing has used since the last start.
+    /// Bytes of the stack that have not been used since the last start.
     pub stack_unused: u32,
     pub fault_output: bool,
     pub led: bool,
-    /// An injected hang has not happened yet.
+    /// Whether an injected hang has not happened yet.
     pub hang_to_come: bool,
     pub boot_loader: bool,
-    /// The brake of a joint has power.
+    /// Whether the brake of a joint has power.
     pub brake_released: bool,
 }
 
@@ -178,7 +178,7 @@ impl Exchange {
     }
 }
 
-/// Reading that stands for an encoder without its magnet.
+/// Reading that represents an encoder without its magnet.
 const NO_MAGNET: u16 = u16::MAX;
 
 /// Inputs of the board's pins.
@@ -232,10 +232,10 @@ pub struct EmulatedBoard {
     stack_overflow: bool,
     power_cut: Option<(u32, f32)>,
     restarts: u32,
-    /// A restart was requested since the last start.
+    /// Whether a restart was requested since the last start.
     restarted: bool,
     shown: Option<Exchange>,
-    /// Steps since the start during which the core is in its startup check.
+    /// Steps since the start in which the core is in its startup check.
     startup_steps: u16,
     started: Exchange,
     /// Steps since the last keep-alive message.
@@ -243,19 +243,19 @@ pub struct EmulatedBoard {
 }
 
 impl EmulatedBoard {
-    /// A board with the firmware of this program or its checkout.
+    /// Starts a board with the firmware of this program or its checkout.
     pub fn new() -> Result<Self, BoardError> {
         let scripts = image::prepare_emulator()?;
         Self::start_up(&scripts, &image::firmware(image::Variant::Standard)?, None)
     }
 
-    /// A board with an image, whose flash content is kept in a file; a missing file is created.
-    /// The emulator's scripts are prepared.
+    /// Starts a board with an image, whose flash content is kept in a file; a missing file is created. The emulator's
+    /// scripts must be prepared.
     pub fn with_flash(scripts: &Path, image: &Path, file: &Path) -> Result<Self, BoardError> {
         Self::start_up(scripts, image, Some(file))
     }
 
-    /// A board with an image, ELF or UF2, right after power-up.
+    /// Starts a board with an image, ELF or UF2, which has just been powered up.
     pub fn with_image(path: &Path) -> Result<Self, BoardError> {
         Self::start_up(&image::prepare_emulator()?, path, None)
     }
@@ -311,8 +311,7 @@ impl EmulatedBoard {
         Ok(board)
     }
 
-    /// Runs one millisecond with these inputs. If the host is heard in the sample,
-    /// keep-alive messages are sent.
+    /// Runs one millisecond with these inputs. Sends keep-alive messages if the sample allows the host to be heard.
     pub fn exchange(&mut self, inputs: impl Into<Inputs>) -> Result<Exchange, BoardError> {
         let inputs = inputs.into();
         self.quiet_steps = if inputs.heard { self.quiet_steps + 1 } else { 0 };
@@ -333,23 +332,23 @@ impl EmulatedBoard {
         self.shown
     }
 
-    /// Selects the link that is used from now on. The other one keeps running: its bytes are kept.
+    /// Selects the link to use from now on. The other one keeps running: its bytes are kept.
     pub fn use_port(&mut self, port: Port) {
         self.port = port;
     }
 
-    /// Plugs or unplugs the USB cable, with the next exchange.
+    /// Plugs or unplugs the USB cable at the next exchange.
     pub fn plug(&mut self, plugged: bool) {
         self.plugged = plugged;
         self.enumerated &= plugged;
     }
 
-    /// Opens or closes the USB port, with the next exchange.
+    /// Opens or closes the USB port at the next exchange.
     pub fn open(&mut self, open: bool) {
         self.open = open;
     }
 
-    /// The program at the USB port does not read, or does, with the next exchange.
+    /// Stops or resumes reading by the program at the USB port, at the next exchange.
     pub fn stop_reading(&mut self, deaf: bool) {
         self.deaf = deaf;
     }
@@ -392,7 +391,7 @@ impl EmulatedBoard {
         self.wire().to_board.extend_from_slice(bytes);
     }
 
-    /// Bytes that wait for the line to the board.
+    /// Number of bytes that wait for the link to the board.
     pub fn waiting(&self) -> usize {
         self.wires[self.port as usize].to_board.len()
     }
@@ -402,7 +401,7 @@ impl EmulatedBoard {
         self.wire().to_board.clear();
     }
 
-    /// Sends a request; its answer is not waited for.
+    /// Sends a request without waiting for its answer.
     pub fn send(&mut self, command: HostCommand) {
         self.request(command);
     }
@@ -414,7 +413,7 @@ impl EmulatedBoard {
         sequence
     }
 
-    /// The answer to the request of that number, if it has arrived.
+    /// The answer to the request with this number, if it has arrived.
     pub fn take_answer(&mut self, sequence: u8) -> Option<Answer> {
         self.wire().link.take_answer(sequence)
     }
@@ -430,7 +429,7 @@ impl EmulatedBoard {
         std::iter::from_fn(|| link.take_telemetry()).collect()
     }
 
-    /// The same of a joint.
+    /// Telemetry of a joint since the last call, or since the last step.
     pub fn take_joint_telemetry(&mut self) -> Vec<JointTelemetry> {
         let link = &mut self.wire().link;
         std::iter::from_fn(|| link.take_joint_telemetry()).collect()
@@ -540,7 +539,7 @@ impl EmulatedBoard {
         Ok(exchange)
     }
 
-    /// Reads a response; the coils' fractions are still nanoseconds in it.
+    /// Reads a response, in which the coils' fractions are still nanoseconds.
     fn response(&mut self) -> Result<Exchange, BoardError> {
         match self.read_response() {
             Ok(exchange) => Ok(exchange),
@@ -677,7 +676,7 @@ impl Board for EmulatedBoard {
     }
 
     fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
-        // The inherent method, not this one.
+        // Calls the inherent method, not this one.
         Self::timing(self).map(Some)
     }
 }

@@ -20,13 +20,13 @@ const FETCHING: &str = "fetching Node.js packages";
 pub enum Variant {
     /// The firmware that users flash.
     Standard,
-    /// The same for the Pico 2.
+    /// The firmware that users flash, for the Pico 2.
     Pico2,
-    /// Samples come from the host.
+    /// Firmware that gets its samples from the host.
     Hil,
-    /// For a joint.
+    /// The firmware for a joint.
     Joint,
-    /// For a joint, on the Pico 2.
+    /// The firmware for a joint, on the Pico 2.
     JointPico2,
 }
 
@@ -74,7 +74,7 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
     if let Some(folder) = inside::emulator()? {
         return Ok(folder.join(variant.file()));
     }
-    // A separate folder: the cargo of a test holds the lock of the usual one.
+    // A separate folder, since the cargo of a test holds the lock of the usual one.
     let target_folder = checkout::target_folder().join("firmware");
     let mut arguments = vec!["--release"];
     arguments.extend(variant.arguments());
@@ -86,8 +86,8 @@ pub fn firmware(variant: Variant) -> Result<PathBuf, BoardError> {
         command: "build",
         arguments: &arguments,
     };
-    // The variants share a target folder, and so their dependencies, and the name of the image. Each is copied to a
-    // name of its own, and appears there complete; another one is built only then.
+    // The variants share a target folder, and so their dependencies, and the name of the image. Each image is copied to
+    // a name of its own, and appears there complete; only then is another one built.
     let lock = alone(&target_folder.join("images.lock"), &format!("building {}", variant.name()))
         .map_err(|error| build.failed(&format!("{}: {error}", target_folder.display())))?;
     build.run()?;
@@ -130,7 +130,7 @@ pub fn prepare_node(folder: &Path) -> Result<(), BoardError> {
     let _one_at_a_time = alone(&checkout::target_folder().join("node.lock"), FETCHING)
         .map_err(|error| npm_error(error.to_string()))?;
     let lock = fs::read(folder.join("package-lock.json")).map_err(|e| npm_error(e.to_string()))?;
-    // npm keeps no copy of the lock file that it installed from; this is one.
+    // npm keeps no copy of the lock file from which it installed; this is one.
     let installed = folder.join("node_modules").join(".installed-lock.json");
     if fs::read(&installed).is_ok_and(|content| content == lock) {
         return Ok(());

@@ -12,10 +12,10 @@ pub(super) const ALIVE: Duration = Duration::from_millis(100);
 /// Steps per telemetry frame when nothing is recorded.
 pub const VIEW_DIVIDER: u16 = 10;
 
-/// A request without an answer fails after this time; an emulated board may be slow.
+/// Time after which a request without an answer fails; an emulated board may be slow.
 const PATIENCE: Duration = Duration::from_secs(3);
 
-/// The version is requested from the emulated board for this long.
+/// Time for which the version is requested from the emulated board.
 const PATIENCE_WITH_EMULATED: Duration = Duration::from_secs(5);
 
 /// A port and the protocol over it.
@@ -48,8 +48,8 @@ impl Line {
             match line.ask(HostCommand::Version, "version") {
                 Ok(Answer::Version(version)) => return Ok((line, version)),
                 Ok(_) => return Err(BoardError::Silent { asked: "version" }),
-                // The emulated board accepts one client and closes the next connection: on a busy
-                // machine even when the earlier client has left. It may also take long to start.
+                // The emulated board accepts one client and closes further connections: on a busy
+                // machine even after the earlier client has left. It may also take long to start.
                 Err(BoardError::Line(_) | BoardError::EmulatedSilent { .. })
                     if name == port::EMULATED && began.elapsed() < PATIENCE_WITH_EMULATED => {}
                 Err(BoardError::Line(_)) if name == port::EMULATED => {

@@ -14,7 +14,7 @@ pub struct Link {
     telemetry: VecDeque<Telemetry>,
     joint_telemetry: VecDeque<JointTelemetry>,
     status: Option<Status>,
-    /// The step count starts again after the answer to this request.
+    /// Request after whose answer the step count starts again.
     start: Option<u8>,
 }
 
@@ -46,7 +46,7 @@ impl Link {
             match self.decoder.push(byte) {
                 Some(Message::Telemetry(telemetry)) => self.telemetry.push_back(telemetry),
                 Some(Message::Reply(reply)) => {
-                    // Taken once: the number repeats after 256 requests.
+                    // Taken once, since the number repeats after 256 requests.
                     if self.start.take_if(|start| *start == reply.sequence).is_some() {
                         // Earlier telemetry is from the old core.
                         self.telemetry.clear();

@@ -14,7 +14,7 @@ use thermyo_simulation::board::BoardError;
 
 pub struct LiveBoard {
     live: Live,
-    /// Result of the last request for it.
+    /// Result of the last request for the configuration.
     config: Option<Config>,
 }
 
@@ -30,7 +30,7 @@ impl LiveBoard {
         Err(BoardError::Pressure { pressure_pa, least_pa, most_pa })
     }
 
-    /// A refused pressure names the ambient one, below which the core would vent.
+    /// Adds the ambient pressure to a refused one, since the core would vent below it.
     fn refused(&self, set_point: SetPoint, error: BoardError) -> BoardError {
         match (set_point, error, self.config) {
             (
@@ -199,7 +199,7 @@ mod tests {
     use std::io::{self, Read, Write};
     use thermyo_protocol::{Decoder, Message, PROTOCOL, Reply, Request, encode};
 
-    /// Step of the board when it is read again.
+    /// Step of the board when its telemetry is read again.
     const NOW: u32 = 3_000;
 
     /// A board whose telemetry has not been read for a while.

@@ -38,7 +38,7 @@ impl LiveJoint {
         Ok(())
     }
 
-    /// A refused pressure names the ambient one, below which the core would vent.
+    /// Adds the ambient pressure to a refused one, since the core would vent below it.
     fn refused(&mut self, error: BoardError) -> BoardError {
         let BoardError::Refused(Refusal::JointSetPoint(JointError::Range {
             field: JointField::Pressure,
@@ -192,7 +192,7 @@ mod tests {
     use std::sync::{Arc, Mutex};
     use thermyo_protocol::{Decoder, Request};
 
-    /// A line on which every answer is lost.
+    /// A link on which every answer is lost.
     struct Deaf {
         requests: Decoder,
         heard: Arc<Mutex<Vec<HostCommand>>>,

@@ -1,4 +1,4 @@
-//! Plugging in the emulated board, where no other program has an earlier one open.
+//! Plugs in the emulated board, if no other program has an earlier one open.
 
 use super::image::Variant;
 use super::line::Line;
@@ -10,7 +10,7 @@ use thermyo_simulation::board::BoardError;
 /// Plugs in a board with an image and the muscle or joint of a scenario file, replacing an earlier one.
 ///
 /// # Errors
-/// [`BoardError::Taken`] for an earlier one that another program has open; if the board does not start.
+/// [`BoardError::Taken`] for an earlier one that another program has open; other errors if the board does not start.
 pub fn plug(image: Variant, scenario: Option<&Path>) -> Result<(), BoardError> {
     refuse_taken()?;
     service::plug(image, scenario).map(drop)

@@ -25,7 +25,7 @@ impl PtyBoard {
         Self::with(board, move || move |board| board.exchange(&sample))
     }
 
-    /// The same, with what `make` makes at the board's pins, which runs one millisecond at each call.
+    /// As [`Self::new`], with the plant that `make` creates at the board's pins; each call of it runs one millisecond.
     pub fn with<R>(
         mut board: EmulatedBoard,
         make: impl FnOnce() -> R + Send + 'static,
@@ -45,7 +45,7 @@ impl PtyBoard {
         let in_boot_loader = Arc::new(AtomicBool::new(false));
         let left = Arc::clone(&in_boot_loader);
         let thread = thread::spawn(move || {
-            // Open as long as the board lives: without it the master's reads fail.
+            // Kept open as long as the board lives: otherwise the master's reads fail.
             let _slave = slave;
             let (mut buffer, mut run) = ([0; 512], make());
             while !stopped.load(Ordering::Relaxed) {

@@ -23,15 +23,15 @@ pub fn open(port: &str) -> Result<Box<dyn SerialPort>, BoardError> {
             _ => BoardError::NoPort { port, reason },
         }
     })?;
-    // Without it a board at USB assumes that there is no reader; a pseudo-terminal has no such
-    // line.
+    // Without this signal a board at USB assumes that there is no reader; a pseudo-terminal has no
+    // such line.
     let _ = opened.write_data_terminal_ready(true);
     // Ends a frame that an earlier program may have left half sent.
     opened.write_all(&[0])?;
     Ok(opened)
 }
 
-/// Reads the bytes that are there; none after the port's timeout.
+/// Reads the available bytes; none after the port's timeout.
 pub fn read<R: Read + ?Sized>(port: &mut R, buffer: &mut [u8]) -> io::Result<usize> {
     use io::ErrorKind::{Interrupted, TimedOut, UnexpectedEof, WouldBlock};
     match port.read(buffer) {

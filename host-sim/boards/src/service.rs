@@ -2,11 +2,10 @@
 //! its pins, in real time if the machine is fast enough, for every program that opens the port
 //! "emulated".
 //!
-//! A file in the folder for temporary files holds its local port. The first program that opens it
-//! plugs it in; removing that file unplugs it. Without a client its time stops, after the time that
-//! a board needs to notice that its host is gone; unused for long, it ends. A second file beside
-//! the first holds the content of its flash, which survives the loss of power, a third one what is at its
-//! pins.
+//! A file in the folder for temporary files holds its local port. The first program that opens the port plugs the board
+//! in; removing the file unplugs it. Without a client the board's time stops, once it has had time to notice that its
+//! host is gone; if unused for long, the process ends. A second file beside the first holds the content of its flash,
+//! which survives the loss of power, a third one describes the hardware at its pins.
 
 use super::emulated::{EmulatedBoard, Exchange, Port, STEP_NS};
 use super::image::{self, Variant};
@@ -22,26 +21,26 @@ use thermyo_setup::{Loaded, hardware};
 use thermyo_simulation::board::BoardError;
 use thermyo_simulation::rig::Rig;
 
-/// The hidden command that serves.
+/// The hidden command that runs the service.
 pub const TASK: &str = "emulated-board";
 
 const STEP: Duration = Duration::from_nanos(STEP_NS as u64);
-/// Steps that are run after the last client has left.
+/// Steps to run after the last client has left.
 const STEPS_ALONE: u32 = 2_000;
-/// The process ends if there is no client for this long.
+/// Time without a client after which the process ends.
 const LONGEST_IDLE: Duration = Duration::from_secs(600);
-/// A second client is refused after this time: the first one may be leaving.
+/// Time after which a second client is refused: the first one may be leaving.
 const LONGEST_WAIT: Duration = Duration::from_millis(300);
-/// Interval at which clients are looked for.
+/// Polling interval for clients.
 const LOOK: Duration = Duration::from_millis(20);
 /// Steps between two checks that the board is still plugged in.
 const PLUGGED_STEPS: u32 = 500;
-/// A board that is further behind than this does not catch up.
+/// Delay beyond which a board does not catch up.
 const FURTHEST_BEHIND: Duration = Duration::from_millis(50);
-/// The start fails after this time; it is long because machines may be slow.
+/// Time after which the start fails; it is long because machines may be slow.
 const LONGEST_START: Duration = Duration::from_secs(900);
 
-/// Extension of the file beside it that has what is at the board's pins.
+/// Extension of the file beside it that describes the hardware at the board's pins.
 const AT_PINS: &str = "pins";
 
 /// The file that holds the port, one for each user. Only on Unix do users share the folder.
@@ -53,14 +52,14 @@ fn file() -> PathBuf {
     env::temp_dir().join(name)
 }
 
-/// Identifies this build: another one does not use its board.
+/// Identifies this build: another build does not use its board.
 fn build() -> String {
     let built = env::current_exe().and_then(fs::metadata).and_then(|exe| exe.modified());
     let built = built.ok().and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok());
     format!("{PROTOCOL} {}", built.unwrap_or_default().as_nanos())
 }
 
-/// Connects with the board, plugging it in if necessary.
+/// Connects to the board, plugging it in if necessary.
 pub fn connect() -> Result<TcpStream, BoardError> {
     match plugged_in() {
         Some(stream) => Ok(stream),
@@ -157,7 +156,7 @@ pub fn muscle(
     })
 }
 
-/// Hardware at the pins of the board that is plugged in, as [`hardware`] has it; nothing of a joint.
+/// Hardware at the pins of the board that is plugged in, in the form of [`hardware`]; empty for a joint.
 pub fn at_pins() -> Option<String> {
     address()?;
     fs::read_to_string(file().with_extension(AT_PINS)).ok()
@@ -168,9 +167,9 @@ pub fn serve_muscle(files: [&Path; 3], loaded: &Loaded) -> Result<(), BoardError
     serve(files, (Port::Uart, &hardware(loaded)), muscle(loaded)?)
 }
 
-/// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged
-/// or has been idle for long. Clients are behind its `port`, and read what is [`at_pins`]. Each call of
-/// `run` runs a millisecond of the board and of the plant at its pins.
+/// Runs the board, with the emulator's scripts and an image of the firmware, until it is unplugged or has been idle for
+/// long. Clients connect to its `port`, and read its hardware by [`at_pins`]. Each call of `run` runs a millisecond of
+/// the board and of the plant at its pins.
 pub fn serve<R>(
     [scripts, image, file]: [&Path; 3],
     (port, at_pins): (Port, &str),
@@ -232,14 +231,14 @@ where
     Ok(())
 }
 
-/// Listens at a port that the file names from now on, beside the file of what is at the pins; returns the first one's
-/// content too.
+/// Listens at a port, which the file states from now on, beside the file of the hardware at the pins; also returns the
+/// content of the first file.
 fn announced(file: &Path, at_pins: &str) -> io::Result<(TcpListener, String)> {
     fs::write(file.with_extension(AT_PINS), at_pins)?;
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?;
     listener.set_nonblocking(true)?;
     let card = format!("{} {}", listener.local_addr()?.port(), build());
-    // Renamed when complete.
+    // Renamed once it is complete.
     let part = file.with_extension(std::process::id().to_string());
     fs::write(&part, &card)?;
     fs::rename(&part, file)?;
@@ -281,7 +280,7 @@ impl<R: FnMut(&mut EmulatedBoard) -> Result<Exchange, BoardError>> Emulated<R> {
     }
 }
 
-/// Whether the operation would only have to wait.
+/// Whether the error only means that the operation has to wait.
 fn waits(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted)
 }
@@ -291,7 +290,7 @@ mod tests {
     use super::*;
     use std::os::unix::fs::MetadataExt;
 
-    /// Two names that differ behind a dot had one flash, and all users whose name is unset had one board.
+    /// Two names that differ after a dot used to share one flash, and all users whose name is unset shared one board.
     #[test]
     fn every_user_has_a_board_and_a_flash_of_their_own() {
         let mine = tempfile::NamedTempFile::new().unwrap();

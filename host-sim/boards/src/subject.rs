@@ -1,4 +1,4 @@
-//! A board of one muscle or of a joint, as programs for both need it.
+//! A board of one muscle or of a joint, for programs that handle both.
 
 use super::line::{ALIVE, Line, VIEW_DIVIDER};
 use super::link::Link;
@@ -7,7 +7,7 @@ use std::time::Instant;
 use thermyo_protocol::{Answer, Event, HostCommand, LastReset, Status, Timing, Version};
 use thermyo_simulation::board::BoardError;
 
-/// The line to a board. The board is vented when this is dropped while it drives.
+/// The link to a board. Dropping it while it drives vents the board.
 pub struct Live {
     pub(super) line: Line,
     pub(super) version: Version,
@@ -22,7 +22,7 @@ impl Live {
         Self { line, version, last_sent: Instant::now(), driving: false, every: VIEW_DIVIDER }
     }
 
-    /// Sends a request that is carried out or refused; returns the step from which on it holds.
+    /// Sends a request that is carried out or refused; returns the step from which it holds.
     pub(super) fn done(
         &mut self,
         command: HostCommand,
@@ -44,13 +44,13 @@ impl Live {
 impl Drop for Live {
     fn drop(&mut self) {
         if self.driving {
-            // If the line is gone, the board vents by its own timeout.
+            // If the link is gone, the board vents by its own timeout.
             let _ = self.line.ask(HostCommand::Stop, "stop");
         }
     }
 }
 
-/// A live board, and what its telemetry states.
+/// A live board, and the contents of its telemetry.
 pub trait Subject: Sized + Send + 'static {
     type Config: Copy + PartialEq + Send;
     type Telemetry: Copy + Send;
@@ -70,10 +70,10 @@ pub trait Subject: Sized + Send + 'static {
         Ok(board)
     }
 
-    /// Whether the board has the image.
+    /// Whether the board has the image for this subject.
     ///
     /// # Errors
-    /// [`BoardError`] that names the other one.
+    /// [`BoardError`] that names the other image.
     fn fits(version: Version) -> Result<(), BoardError>;
 
     fn of(live: Live) -> Self;
@@ -133,22 +133,22 @@ pub trait Subject: Sized + Send + 'static {
         self.live_mut().done(HostCommand::Forget, "forget").map(drop)
     }
 
-    /// Arms up to this absolute pressure \[Pa\], in either muscle, or as far as configured.
+    /// Arms up to this absolute pressure \[Pa\] in either muscle, or up to the configured limit.
     ///
     /// # Errors
-    /// [`BoardError::Refused`]; [`BoardError::Pressure`] outside of what the configuration allows.
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`] outside the limits of the configuration.
     fn arm(&mut self, most_pa: Option<f32>) -> Result<(), BoardError>;
 
-    /// Refuses a set point that the board would refuse, however far it is armed.
+    /// Refuses a set point that the board would refuse, whatever the pressure for which it is armed.
     ///
     /// # Errors
-    /// As of [`Self::set`].
+    /// As for [`Self::set`].
     fn check_set_point(&mut self, set_point: Self::SetPoint) -> Result<(), BoardError>;
 
-    /// Sends a set point; returns the step from which on it holds.
+    /// Sends a set point; returns the step from which it holds.
     ///
     /// # Errors
-    /// [`BoardError::Refused`]; [`BoardError::Pressure`], also below ambient, where it would vent.
+    /// [`BoardError::Refused`]; [`BoardError::Pressure`], also below ambient, where the board would vent.
     fn set(&mut self, set_point: Self::SetPoint) -> Result<u32, BoardError>;
 
     /// Clears the latched faults whose cause is gone, without reading telemetry.
@@ -212,7 +212,7 @@ pub trait Subject: Sized + Send + 'static {
         Ok(Self::take_telemetry(&mut live.line.link))
     }
 
-    /// The present telemetry, however much older telemetry is unread.
+    /// The present telemetry, skipping unread older telemetry.
     fn fresh_telemetry(&mut self) -> Result<Self::Telemetry, BoardError> {
         self.fresh(|_| true)
     }
@@ -233,7 +233,7 @@ pub trait Subject: Sized + Send + 'static {
         fresh
     }
 
-    /// Whether unread telemetry has arrived: what was read is not the latest.
+    /// Whether unread telemetry has arrived: then the last telemetry read is not the latest.
     fn is_behind(&self) -> bool {
         self.live().line.is_behind()
     }
@@ -245,7 +245,7 @@ pub trait Subject: Sized + Send + 'static {
         Ok(())
     }
 
-    /// Vents; returns when it is confirmed.
+    /// Vents; returns once this is confirmed.
     fn stop(&mut self) -> Result<(), BoardError>;
 
     fn step(telemetry: &Self::Telemetry) -> u32;

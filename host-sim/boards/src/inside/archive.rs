@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use std::{fs, io, process};
 use zip::ZipArchive;
 
-/// Node.js needs these as files.
+/// Prefix of the files that Node.js needs unpacked.
 pub(super) const UNPACKED: &str = "emulator/";
 
 pub(super) fn file(archive: &[u8], name: &str) -> io::Result<Vec<u8>> {

@@ -2,7 +2,7 @@
 //! firmware's images (`emulator/`), the browser's module, the shared library of a unit.
 //!
 //! Feature `release` embeds the archive that `THERMYO_INSIDE` names at compile time; `.ci/dist.py`
-//! makes it. Without the feature there is no archive, and the checkout is used.
+//! creates it. Without the feature there is no archive, and the checkout is used.
 
 #[cfg(any(test, feature = "release"))]
 mod archive;
