@@ -5,15 +5,15 @@ use serde::Serialize;
 use std::time::{Duration, Instant};
 use thermyo_boards::subject::Subject;
 
-/// Steps from one row to the next: 100 rows per second.
+/// Steps between two rows: 100 rows per second.
 const EVERY: u32 = 10;
 const PARCEL: Duration = Duration::from_millis(33);
 
-/// A board whose steps a page gets.
+/// A board whose steps a page receives.
 pub trait Shown: Subject<SetPoint: Serialize> {
-    /// A step as the page gets it.
+    /// A step as the page receives it.
     type Row: Serialize + Send;
-    /// Whether the estimate of each gas temperature is to be relied on.
+    /// Whether the estimate of each gas temperature is reliable.
     type Valid: Serialize;
 
     fn muscles(config: &Self::Config) -> &[Config];
@@ -45,7 +45,7 @@ pub struct Frames<S: Shown> {
     rows: Vec<S::Row>,
     /// Time \[s\] and number of the last step.
     last: Option<(f64, u32)>,
-    /// When the link was lost.
+    /// Time at which the link was lost.
     interrupted: Option<Instant>,
     /// The last step that became a row.
     shown: Option<u32>,
@@ -53,7 +53,7 @@ pub struct Frames<S: Shown> {
 }
 
 impl<S: Shown> Frames<S> {
-    /// Time counts from the first step.
+    /// Empty frames; time counts from the first step.
     pub fn new() -> Self {
         Self {
             sent: Instant::now(),
@@ -65,7 +65,7 @@ impl<S: Shown> Frames<S> {
         }
     }
 
-    /// The link was lost: until it is back, time follows the clock of this machine.
+    /// Marks the link as lost: until it is back, time follows the clock of this machine.
     pub fn interrupted(&mut self) {
         self.interrupted.get_or_insert_with(Instant::now);
     }
@@ -110,7 +110,7 @@ impl<S: Shown> Frames<S> {
     }
 }
 
-/// A time as a row has it \[s\].
+/// A time as in a row \[s\].
 pub fn rounded(time_s: f64) -> f64 {
     (time_s * 1e4).round() / 1e4
 }

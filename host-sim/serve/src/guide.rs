@@ -16,7 +16,7 @@ pub enum Guided {
 pub struct Calibration {
     sensor: Sensor,
     guide: Guide,
-    /// Earlier messages, a line each.
+    /// Earlier messages, one per line.
     notes: String,
     reads: bool,
 }
@@ -60,7 +60,7 @@ impl Calibration {
         calibrated.map_or(Step::Goes, |(config, by)| Step::Calibrated(Box::new(config), off(by)))
     }
 
-    /// The outcome of the task; `chooses` where the board has another calibration.
+    /// The outcome of the task; `chooses` if the board has another calibration.
     pub fn outcome(&self, text: &str, chooses: bool) -> Guided {
         let text = format!("{text}\n{}", self.notes);
         Guided::Over(state::Guide { chooses, ..state::Guide::over(title(self.sensor), text) })

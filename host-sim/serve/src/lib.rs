@@ -9,10 +9,9 @@
 //!                 sockets (one async thread) <--> pages: the first steers, the others watch
 //! ```
 //!
-//! One thread owns the link, because all that talks to a board waits for its answers: driving,
-//! tuning, calibrating. It sends every step to the recording, and a thinned stream to the pages. A
-//! page confirms what it has received; one that falls behind gets no more for a while and loses
-//! frames, so that it delays no other.
+//! One thread owns the link, because all tasks with a board wait for its answers: driving, tuning, calibrating. It
+//! sends every step to the recording, and a thinned stream to the pages. A page confirms the messages that it has
+//! received; one that falls behind gets no more for a while and loses frames, so that it delays no other page.
 
 mod frames;
 mod guide;
@@ -44,7 +43,7 @@ use std::{io, thread};
 /// The end of a server.
 #[derive(Debug)]
 pub struct Ended {
-    /// The board has taken the vent; without a link to it that is unknown.
+    /// Whether the board has confirmed the vent; false if there is no link to it.
     pub vents: bool,
     /// Folders of the results.
     pub results: Vec<PathBuf>,

@@ -17,7 +17,7 @@ use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
 use thermyo_studies::drive::{ConfigOf, Record, TelemetryOf};
 
-/// Rows are flushed to the file at least at this interval.
+/// Longest interval at which rows are flushed to the file.
 const HAND_OVER: Duration = Duration::from_millis(500);
 
 pub struct Recording<R: Record> {
@@ -38,7 +38,7 @@ impl<R: Record> Recording<R> {
     /// Starts a recording in a folder of `out` and at `logs`, with the board's configuration.
     ///
     /// # Errors
-    /// If no file can be created, or no scenario expresses the configuration.
+    /// If a file cannot be created, or no scenario can express the configuration.
     pub fn begin(
         out: &Path,
         logs: &Logs,
@@ -65,7 +65,7 @@ impl<R: Record> Recording<R> {
         let _ = self.parts.send(Part::Step(status, *telemetry));
     }
 
-    /// Rows and time so far.
+    /// Number of rows, and time, so far.
     pub fn recorded(&self) -> Recorded {
         let time_s = (self.began.elapsed().as_secs_f64() * 10.0).round() / 10.0;
         Recorded { rows: self.rows.load(Ordering::Relaxed), time_s }
@@ -76,7 +76,7 @@ impl<R: Record> Recording<R> {
         self.thread.is_finished()
     }
 
-    /// Ends the recording. Its thread writes the report, and is returned.
+    /// Ends the recording. Its thread, which writes the report, is returned.
     pub fn end(self, status: Status, timing: Timing) -> JoinHandle<()> {
         let _ = self.parts.send(Part::End(status, timing));
         self.thread
@@ -101,7 +101,7 @@ impl<R: Record> Writer<R> {
                 Ok(Part::Step(status, telemetry)) => self.write(status.as_ref(), &telemetry),
                 Ok(Part::End(status, timing)) => return self.finish(&status, &timing, shared),
                 Err(RecvTimeoutError::Timeout) => self.recorder.hand_over(),
-                // The operator is gone: the files stay in their working folder.
+                // The operator has ended: the files stay in their working folder.
                 Err(RecvTimeoutError::Disconnected) => return drop(self.files.leave()),
             };
             if let Err(error) = written {

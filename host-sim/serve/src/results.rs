@@ -25,7 +25,7 @@ pub struct Outcome {
     pub folder: PathBuf,
     /// Description on the page.
     pub text: String,
-    /// It has a muscle's record, `trace.csv`.
+    /// Whether it has a muscle's record, `trace.csv`.
     pub trace: bool,
 }
 

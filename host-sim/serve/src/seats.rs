@@ -1,4 +1,4 @@
-//! Decides which page steers: the one that has been open longest, or took over last. The others watch.
+//! Decides which page steers: the page that has been open longest, or took over last. The others watch.
 
 use tokio::sync::watch;
 

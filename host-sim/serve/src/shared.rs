@@ -12,7 +12,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use tokio::sync::{broadcast, watch};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
-/// Frames that are kept for a page: a second. It loses older ones.
+/// Frames kept for a page: one second. The page loses older ones.
 const MOST_FRAMES: usize = 32;
 const MOST_EVENTS: usize = 100;
 
@@ -53,7 +53,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Shared {
-    /// Of a board of this kind.
+    /// State of a board of this kind.
     pub fn of(kind: Kind) -> Self {
         Self { kind, ..Self::default() }
     }

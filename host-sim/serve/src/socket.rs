@@ -16,8 +16,8 @@ use tokio_tungstenite::tungstenite::{Message, Utf8Bytes};
 
 type WebSocket = WebSocketStream<TokioIo<Upgraded>>;
 
-/// Messages that a page may lag behind. Beyond, it loses frames; its view is never older than a
-/// second.
+/// Messages by which a page may lag behind. Beyond that it loses frames; its view is never older
+/// than a second.
 const WINDOW: u64 = 32;
 /// A steering page that leaves messages unconfirmed for this long, and confirms none, counts as gone.
 const LONGEST_SILENT: Duration = Duration::from_secs(2);
@@ -28,7 +28,7 @@ const LOOK: Duration = Duration::from_millis(100);
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 struct Own {
     kind: &'static str,
-    /// This page steers; others only watch.
+    /// Whether this page steers; others only watch.
     steers: bool,
     pages: usize,
     /// Frames dropped because the page was too slow.
@@ -118,7 +118,7 @@ async fn attend(socket: &mut WebSocket, shared: &Shared, seat: u64) -> &'static 
                     Some(Ok(Message::Text(text))) => {
                         read(text.as_bytes(), shared, seat, &mut refused, &mut sent);
                     }
-                    // A program of a lab may send its JSON so, and a vent among it.
+                    // A program of a lab may send its JSON in this form, including a vent.
                     Some(Ok(Message::Binary(bytes))) => {
                         read(&bytes, shared, seat, &mut refused, &mut sent);
                     }
@@ -179,7 +179,7 @@ fn hear(word: Word, shared: &Shared, seat: u64, refused: &mut Refused) {
         }
         Word::Steer if shared.seats.steers(seat) => return,
         Word::Steer => {
-            // The other user may have had the muscle in view: it does not go on by itself.
+            // The other user may have been watching the muscle: it does not continue by itself.
             shared.vent("another page took over");
             return shared.seats.take_over(seat);
         }

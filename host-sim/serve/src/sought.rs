@@ -11,7 +11,7 @@ use thermyo_setup::{Loaded, from_config};
 
 /// Name of the configuration in messages.
 pub const BOARDS: &str = "the board's configuration";
-/// Keys that a record of the gas's temperature can determine, the usual ones first.
+/// Keys that a record of the gas temperature can determine, the usual ones first.
 const HEAT: [&str; 5] = [
     "heat.inner_w_m2_k",
     "sensor.gas.time_constant_s",
@@ -19,11 +19,11 @@ const HEAT: [&str; 5] = [
     "heat.inner_per_flow",
     "wall.heat_capacity_j_k",
 ];
-/// Scenario whose muscle is a start for any other.
+/// Scenario whose muscle serves as a start for any other.
 const USUAL_MUSCLE: &str = "static_map.toml";
 /// Number of keys that are searched for unless the user chooses others.
 const USUAL: usize = 3;
-/// Keys of a record of motion that only such a record has: slip and creep.
+/// Number of keys that only a record of motion determines: slip and creep.
 const OF_MOTION: usize = 7;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ pub struct Offer {
     /// Data that it needs.
     pub hint: &'static str,
     pub keys: Vec<&'static str>,
-    /// So many of the keys are proposed.
+    /// Number of the keys that are proposed.
     pub usual: usize,
 }
 
@@ -77,10 +77,10 @@ impl Sought {
         }
     }
 
-    /// The scenario of a configuration that asks for these keys.
+    /// The scenario of a configuration that requests these keys.
     ///
     /// # Errors
-    /// For a configuration that no scenario can give, and for a key that cannot be identified.
+    /// For a configuration that no scenario can express, and for a key that cannot be identified.
     pub fn scenario(self, config: &Config, keys: &[String]) -> Result<Loaded, InputError> {
         let mut loaded = from_config::to_scenario(config)?.scenario;
         if self == Self::Force {
@@ -106,8 +106,8 @@ impl Sought {
     }
 }
 
-/// The bladder of a usual muscle, by its diameter, where the configuration has none that fills: the
-/// search needs a start.
+/// Uses the bladder of a usual muscle, scaled by diameter, if the configuration has none that
+/// saturates: the search needs a start.
 fn start_from_usual(loaded: &mut Loaded) {
     let text = shipped::text(USUAL_MUSCLE);
     let Ok(usual) = thermyo_setup::parse(text, Path::new(USUAL_MUSCLE)) else { return };

@@ -1,4 +1,4 @@
-//! State of the page besides the measured values: one message, complete every time.
+//! State of the page apart from the measured values: one message, always complete.
 
 use super::sought::Offer;
 use model_core::Config;
@@ -13,7 +13,7 @@ pub enum Link {
     Connected,
     /// The port is open, and no telemetry arrives.
     Silent,
-    /// The port is lost; opening it is tried again and again.
+    /// The port is lost; opening it is retried.
     Lost,
     Ended,
 }
@@ -31,7 +31,7 @@ pub struct State {
     /// Highest absolute pressure of set points \[Pa\]; none if the board is not armed.
     pub armed_pa: Option<f32>,
     pub faults: Vec<String>,
-    /// Whether one of them vents.
+    /// Whether one of the faults vents.
     pub vents: bool,
     pub timing: Option<Timing>,
     /// Steps whose telemetry did not arrive.
@@ -64,7 +64,7 @@ pub struct Configuration {
     pub name: String,
     pub checksum: u32,
     pub source: ConfigSource,
-    /// False while the core runs on its defaults.
+    /// Whether the core is configured; otherwise it runs on its defaults.
     pub configured: bool,
     /// Name of the muscle or joint behind an emulated board.
     pub own: Option<String>,
@@ -87,7 +87,7 @@ pub enum Part {
         contractions: [f32; 2],
         rest_length_m: Option<f64>,
         braid: Option<Braid>,
-        /// Identifications that suit it.
+        /// Identifications that suit the configuration.
         offers: Vec<Offer>,
     },
     Joint {
@@ -99,7 +99,7 @@ pub enum Part {
 pub struct JointPart {
     pub minimum_rad: f32,
     pub maximum_rad: f32,
-    /// Longest time of a lock \[s\]; 0: it never locks.
+    /// Longest time of a lock \[s\]; 0 if it never locks.
     pub lock_s: f32,
 }
 
@@ -112,7 +112,7 @@ pub struct Braid {
 }
 
 impl Configuration {
-    /// Of muscles with these configurations; limits are those of every one of them.
+    /// Configuration of muscles; its limits hold for every one of them.
     pub fn new(muscles: &[Config], part: Part, status: &Status, own: Option<String>) -> Self {
         let least = |of: fn(&Config) -> f32| muscles.iter().map(of).fold(f32::INFINITY, f32::min);
         let ambients = muscles.iter().map(|muscle| muscle.ambient.pressure_pa);
@@ -132,7 +132,7 @@ impl Configuration {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Recorded {
-    /// Steps so far.
+    /// Number of steps so far.
     pub rows: u64,
     pub time_s: f64,
 }
@@ -140,10 +140,10 @@ pub struct Recorded {
 /// A result that the page can open.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct ResultLink {
-    /// Name of its folder, and of its address.
+    /// Name of the result's folder, and of its address.
     pub name: String,
     pub text: String,
-    /// It has a record, `trace.csv`.
+    /// Whether it has a record, `trace.csv`.
     pub trace: bool,
 }
 
@@ -155,7 +155,8 @@ pub struct Guide {
     pub text: String,
     /// Values in rows of name, before and after.
     pub table: Vec<[String; 3]>,
-    /// The board has new values: the user keeps them, or goes back to the former configuration.
+    /// Whether the board has new values that the user may keep, or replace by the former
+    /// configuration.
     pub chooses: bool,
     /// SI symbol of the quantity that the user must enter.
     pub asks: Option<&'static str>,
@@ -176,30 +177,31 @@ impl Guide {
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct Study {
     pub title: String,
-    /// Progress or outcome, and what the data leave open.
+    /// Progress or outcome, and the values that the data leave open.
     pub text: String,
     /// Heads of the table's columns.
     pub head: Vec<String>,
     pub rows: Vec<Vec<String>>,
-    /// Finished fraction \[-\], while it goes on.
+    /// Finished fraction \[-\], while the study is under way.
     pub progress: Option<f64>,
     /// Name of the result that the page can open.
     pub result: Option<String>,
-    /// File of the result with a drawing.
+    /// File of the result that contains a drawing.
     pub plot: Option<&'static str>,
-    /// File of the result with the scenario found.
+    /// File of the result that contains the scenario found.
     pub scenario: Option<&'static str>,
-    /// The values may be applied to the board.
+    /// Whether the values may be applied to the board.
     pub applies: bool,
-    /// The board has the values: the user keeps them, or goes back to the former configuration.
+    /// Whether the board has the values, which the user may keep, or replace by the former
+    /// configuration.
     pub chooses: bool,
-    /// Reason why the last order about it was refused.
+    /// Reason why the last order about the study was refused.
     pub refused: Option<String>,
     pub over: bool,
 }
 
 impl Study {
-    /// One that ended without a result.
+    /// A study that ended without a result.
     pub fn failed(title: &str, text: String) -> Self {
         Self { title: title.to_owned(), text, over: true, ..Self::default() }
     }
@@ -207,7 +209,7 @@ impl Study {
 
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Event {
-    /// Milliseconds since 1970.
+    /// Time in milliseconds since 1970.
     pub at_ms: u64,
     pub weight: Weight,
     pub text: String,

@@ -1,4 +1,4 @@
-//! Work on records beside the board: an identification or a comparison, on a thread of its own.
+//! Work on records in parallel to the board: an identification or a comparison, in its own thread.
 //!
 //! ```text
 //! order --> Study --thread--> table --identify or compare--> folder, and what the page shows
@@ -61,7 +61,7 @@ pub struct Fit {
     pub after: Config,
 }
 
-/// Parts of the work, and whether it is to stop.
+/// Number of finished parts, and whether the work should stop.
 #[derive(Debug, Default)]
 struct Progress {
     parts: AtomicUsize,
@@ -82,7 +82,7 @@ impl Watch for Progress {
         self.stopped.load(Ordering::Relaxed)
     }
 
-    /// One core is left to the board and its page.
+    /// Number of threads: one core is left for the board and its page.
     fn threads(&self) -> usize {
         thread::available_parallelism().map_or(1, |cores| cores.get() - 1).max(1)
     }
@@ -211,7 +211,7 @@ impl Study {
         (self.works, self.over) = (Some(Works { title, progress, thread }), None);
     }
 
-    /// Asks the work to stop, or closes its result.
+    /// Stops the work, or closes its result.
     pub fn close(&mut self) {
         match &self.works {
             Some(works) => works.progress.stopped.store(true, Ordering::Relaxed),
@@ -219,7 +219,7 @@ impl Study {
         }
     }
 
-    /// Takes the result when the work has ended.
+    /// Takes the result once the work has ended.
     pub fn poll(&mut self, shared: &Shared) {
         let Some(works) = self.works.take_if(|works| works.thread.is_finished()) else { return };
         let title = works.title;
@@ -246,14 +246,14 @@ impl Study {
         self.over.as_ref().and_then(|over| over.fit.as_ref())
     }
 
-    /// The board has the values.
+    /// Notes that the board has the values.
     pub fn applied(&mut self) {
         let Some(over) = &mut self.over else { return };
         over.fit = None;
         (over.shown.applies, over.shown.chooses, over.shown.refused) = (false, true, None);
     }
 
-    /// Shows why something was refused, beside the result if there is one.
+    /// Shows the reason for a refusal, beside the result if there is one.
     pub fn refused(&mut self, title: &str, why: String) {
         match &mut self.over {
             Some(over) => over.shown.refused = Some(why),
@@ -279,11 +279,11 @@ impl Study {
     }
 }
 
-/// On Linux this thread, and those that it starts, get the time that the link, the page and an
+/// On Linux this thread, and those that it starts, get only the time that the link, the page and an
 /// emulated board leave.
 fn yield_to_the_board() {
     #[cfg(target_os = "linux")]
-    // A refusal only makes the work as urgent as the rest.
+    // If this is refused, the work is only as urgent as the rest.
     let _ = rustix::process::nice(LEAST_URGENT);
 }
 
@@ -326,7 +326,7 @@ fn fit(
     Ok(Done { shown, outcome, fit: failed.is_none().then_some(Fit { before: config, after }) })
 }
 
-/// A table of static readings determines the force and nothing else.
+/// Refuses a mismatch: a table of static readings determines the force and nothing else.
 fn check(sought: Sought, table: &Table, data: &Content) -> Result<(), NotDone> {
     if sought == Sought::Force {
         return Ok(Readings::of(table).map(drop)?);
@@ -338,7 +338,7 @@ fn check(sought: Sought, table: &Table, data: &Content) -> Result<(), NotDone> {
     Ok(())
 }
 
-/// Outcome, and what the data leave open.
+/// Outcome, and the values that the data leave open.
 fn verdict(found: &Found, name: &str, damage: Option<String>) -> String {
     let failed = found.failed();
     let first = match &failed {

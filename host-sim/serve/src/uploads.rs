@@ -6,10 +6,10 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Largest file \[bytes\]: four minutes of every step.
 pub const LARGEST: usize = 64 << 20;
-/// Files that are kept; a further one replaces the oldest.
+/// Number of files that are kept; a further one replaces the oldest.
 const MOST_FILES: usize = 4;
 
-/// The last files, in memory: none is written where a page says.
+/// The last files, in memory: none is written to a path from a page.
 #[derive(Debug, Default)]
 pub struct Uploads(Mutex<Kept>);
 
@@ -37,7 +37,7 @@ impl Uploads {
         number
     }
 
-    /// The file of that number, while it is kept.
+    /// The file with this number, while it is kept.
     pub fn get(&self, number: u64) -> Option<Bytes> {
         let kept = self.kept();
         kept.files.iter().find(|(known, _)| *known == number).map(|(_, bytes)| bytes.clone())

@@ -1,8 +1,8 @@
 //! The local web server: access and addresses.
 //!
-//! Three locks: it listens on the loopback only; every address begins with a secret that is printed
-//! once; and a request must name this server (`Host`) and come from its own page (`Origin`), so
-//! that no other page in the browser can reach the muscle.
+//! Access has three barriers: the server listens on the loopback only; every address begins with a
+//! secret that is printed once; and a request must name this server (`Host`) and come from its own
+//! page (`Origin`), so that no other page in the browser can reach the muscle.
 
 use super::page;
 use super::results::Outcome;
@@ -35,9 +35,9 @@ use tokio_tungstenite::tungstenite::protocol::{Role, WebSocketConfig};
 
 type Response = hyper::Response<Full<Bytes>>;
 
-/// A message of a page is short, a scenario's text included.
+/// Longest message of a page, including a scenario's text.
 const LONGEST_MESSAGE: usize = 1 << 18;
-/// Connections that have not sent the secret yet: a browser opens six.
+/// Largest number of connections that have not sent the secret yet: a browser opens six.
 const MOST_STRANGERS: usize = 64;
 /// Time limit for the headers of a request, and for an idle connection.
 const HEADERS: Duration = Duration::from_secs(10);
@@ -113,7 +113,7 @@ async fn accept(listener: tokio::net::TcpListener, site: Site) {
             tokio::time::sleep(LOOK).await;
             continue;
         };
-        // Frames are small, and none waits for the receipt of the one before.
+        // Frames are small, and none waits for the acknowledgement of the one before.
         let _ = stream.set_nodelay(true);
         let known = Known::default();
         let (site, entered) = (site.clone(), known.clone());
@@ -161,7 +161,7 @@ async fn door(site: Site, known: &Known, request: Request<Incoming>) -> Response
     response
 }
 
-/// The path begins with the secret.
+/// Routes a request, whose path begins with the secret.
 async fn route(site: Site, request: Request<Incoming>) -> Response {
     let path = request.uri().path().to_owned();
     let parts: Vec<&str> = path.split('/').skip(2).collect();
@@ -223,7 +223,7 @@ fn may_enter(address: &Address, path: &str, headers: &HeaderMap) -> Result<(), &
     Ok(())
 }
 
-/// In constant time, which does not reveal how many bytes are right.
+/// Compares in constant time, so that it does not reveal how many bytes are right.
 fn same(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len() && a.iter().zip(b).fold(0, |differ, (a, b)| differ | (a ^ b)) == 0
 }
@@ -252,7 +252,7 @@ fn file(name: &str) -> Response {
 async fn keep(site: &Site, request: Request<Incoming>) -> Response {
     let stated = request.body().size_hint().lower();
     if stated <= LARGEST as u64 {
-        // Without a stated length it is read up to the limit.
+        // A body without a stated length is read up to the limit.
         match Limited::new(request.into_body(), LARGEST).collect().await {
             Ok(body) => {
                 let number = site.shared.uploads.put(body.to_bytes());
@@ -277,7 +277,7 @@ async fn result(site: &Site, name: &str, file: &str) -> Response {
     let Some((path, kind)) = found.and_then(|outcome| Outcome::file(outcome, file)) else {
         return not_found();
     };
-    // A trace of an hour is large: it is read on a blocking thread.
+    // A trace of an hour is large, so it is read on a blocking thread.
     let text = tokio::task::spawn_blocking(move || std::fs::read(path)).await;
     let Ok(Ok(text)) = text else {
         return answer(StatusCode::NOT_FOUND, PLAIN, "it is no longer where it was\n");
@@ -349,7 +349,7 @@ mod tests {
         }
     }
 
-    /// A server of no board, which ends with this.
+    /// A server without a board, which ends when this is dropped.
     struct Serving {
         host: String,
         path: String,
@@ -372,7 +372,7 @@ mod tests {
 
         fn connect(&self) -> TcpStream {
             let stream = TcpStream::connect(&self.host).unwrap();
-            // It bounds hanging, and is no figure.
+            // A limit against hanging, not a target.
             stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
             stream
         }
@@ -402,7 +402,8 @@ mod tests {
         let mut strangers: Vec<TcpStream> = (0..STRANGERS).map(|_| serving.connect()).collect();
         let text = serving.page(&format!("Host: {}\r\n", serving.host));
         assert!(text.starts_with("HTTP/1.1 200"), "{text}");
-        // The page connected last: by now the server has closed all but the latest strangers.
+        // The page connected last: by now the server has closed all but the latest connections
+        // without the secret.
         for stranger in &mut strangers[..=STRANGERS - MOST_STRANGERS] {
             assert!(matches!(stranger.read(&mut [0]), Ok(0)), "it was kept");
         }

@@ -1,4 +1,4 @@
-//! Messages from a page. A key that is not known is refused: the one that was meant would be left out.
+//! Messages from a page. An unknown key is refused, since the intended key would be missing.
 
 use super::sought::Sought;
 use model_core::SetPoint;
@@ -24,7 +24,7 @@ pub enum Word {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Order {
-    /// Arms up to this absolute pressure \[Pa\]; `None`: the configuration's limit.
+    /// Arms up to this absolute pressure \[Pa\]; `None` means the configuration's limit.
     Arm {
         most_pa: Option<f32>,
     },
@@ -34,8 +34,7 @@ pub enum Order {
     SetJoint(JointSetPoint),
     /// Clears latched faults whose cause is gone.
     Clear,
-    /// Sends the configuration of a scenario's text; without one, that of the emulated board's own
-    /// muscle.
+    /// Sends the configuration of a scenario's text; without a text, that of the emulated board's own muscle.
     Configure(Option<ScenarioText>),
     /// Sends the configuration that the board had before the last change.
     Back,
@@ -65,7 +64,7 @@ pub enum Order {
     Compare([Source; 2]),
     /// Sends the configuration with the identified values.
     Apply,
-    /// Cancels the identification, or closes the result of it or of a comparison.
+    /// Cancels the identification, or closes the result of an identification or comparison.
     Close,
 }
 
@@ -74,16 +73,16 @@ pub enum Order {
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Source {
     File {
-        /// Number that the answer to its sending has.
+        /// Number in the answer to its upload.
         number: u64,
         name: String,
     },
-    /// By the name of the result.
+    /// A record of the result with this name.
     Result(String),
 }
 
 impl Order {
-    /// Whether the order may move what the board drives.
+    /// Whether the order may move the driven muscle or joint.
     pub fn moves(&self) -> bool {
         matches!(
             self,
@@ -144,7 +143,7 @@ mod tests {
             "{\"order\":{\"set\":7}}",
             "{\"order\":{\"fire\":null}}",
             "{\"seen\":-1}",
-            // Without its key it would arm up to the configuration's limit.
+            // Without its key the order would arm up to the configuration's limit.
             "{\"order\":{\"arm\":{\"max_pa\":150000}}}",
             "{\"order\":{\"tune\":{\"most_pa\":150000,\"hold_s\":1}}}",
             "{\"order\":{\"configure\":{\"name\":\"a.toml\",\"text\":\"\",\"save\":true}}}",

@@ -32,15 +32,15 @@ use thermyo_studies::tune::OutOfReach;
 const SILENCE: Duration = Duration::from_millis(500);
 /// Interval of attempts to open a lost port.
 const RETRY: Duration = Duration::from_millis(300);
-/// Interval of looks at a port that is being opened.
+/// Polling interval of a port that is being opened.
 const LOOK: Duration = Duration::from_millis(20);
 /// Interval of state messages when nothing is urgent.
 const STATE: Duration = Duration::from_millis(250);
-/// Interval of orders. A board carries out 250 requests a second and drops the others, whose answers
-/// would be waited for in vain; an order takes eleven requests at most.
+/// Interval of orders. A board carries out 250 requests a second and drops the others, so the wait for their answers
+/// would time out; an order takes eleven requests at most.
 const BETWEEN_ORDERS: Duration = Duration::from_millis(50);
 
-/// `S` is the board: of one muscle, or of a joint.
+/// Operator of a board. `S` is the board: of one muscle, or of a joint.
 pub struct Operator<S: Served> {
     target: Target,
     out: PathBuf,
@@ -48,7 +48,7 @@ pub struct Operator<S: Served> {
     shared: Arc<Shared>,
     board: Option<S>,
     known: Known<S>,
-    /// The part of it that the page needs.
+    /// The part of the configuration that the page needs.
     configuration: Configuration,
     /// Configuration and name before the last change.
     former: Option<(S::Config, String)>,
@@ -59,22 +59,22 @@ pub struct Operator<S: Served> {
     writers: Vec<JoinHandle<()>>,
     tasks: S::Tasks,
     faults: Held,
-    /// The set point of the last step; none before it.
+    /// The set point of the last step; none before the first.
     set_point: Option<S::SetPoint>,
     next_step: Option<u32>,
     lost_steps: u64,
     heard: Instant,
-    /// When the last order or vent was carried out, and whether it was a vent.
+    /// Time of the last order or vent, and whether it was a vent.
     carried_out: Instant,
     vented: bool,
     tried: Instant,
-    /// An attempt to open the port that was lost. It waits for a silent board, and neither a vent nor the end waits for it.
+    /// An attempt to open the lost port. It waits for a silent board, but neither a vent nor the end waits for it.
     opening: Option<Opening<S>>,
     reopen: fn(&Target) -> Result<S, BoardError>,
     shown: Option<Instant>,
 }
 
-/// A port that is being opened, and what its board answers then.
+/// A port that is being opened, with the answers of its board.
 type Opening<S> = JoinHandle<Result<(S, Known<S>), BoardError>>;
 
 /// Answers of the board.
@@ -115,7 +115,7 @@ const RECORDS: NotDone =
     NotDone::NotNow("a recording runs, and a record has one configuration: end it first");
 
 impl<S: Served> Operator<S> {
-    /// For a board that has been opened; recordings go to folders in `out`, and to `logs`.
+    /// Operator of an opened board; recordings go to folders in `out`, and to `logs`.
     pub fn new(target: Target, mut board: S, out: &Path, logs: Logs) -> Result<Self, BoardError> {
         let known = learn(&mut board)?;
         let now = Instant::now();
@@ -156,8 +156,8 @@ impl<S: Served> Operator<S> {
         Arc::clone(&self.shared)
     }
 
-    /// Operates until `wanted` returns true; then vents, and ends a recording. Returns whether the
-    /// board has taken the vent.
+    /// Operates until `wanted` returns true; then vents, and ends a recording. Returns whether the board has confirmed
+    /// the vent.
     pub fn run(mut self, wanted: &dyn Fn() -> bool) -> bool {
         while !wanted() && !self.shared.ended() {
             // Telemetry that arrived while an order waited for its answer is read before the next
@@ -246,7 +246,7 @@ impl<S: Served> Operator<S> {
                 let (target, reopen) = (self.target.clone(), self.reopen);
                 self.opening = Some(thread::spawn(move || {
                     let mut board = reopen(&target)?;
-                    // It may still be driven by what was asked before, and these questions would keep it so.
+                    // An earlier set point may still drive the board, and these requests would keep it so.
                     board.vent()?;
                     let known = learn(&mut board)?;
                     Ok((board, known))
@@ -259,7 +259,7 @@ impl<S: Served> Operator<S> {
         }
     }
 
-    /// Reports once that another board, or the other image, is at the port that was lost.
+    /// Reports once that another board, or the other image, is at the lost port.
     fn refused(&mut self, refusal: Refusal) {
         let text = format!(
             "the link stays lost: {refusal}. Started again, `thermyo serve` shows the board that is there"
@@ -271,7 +271,7 @@ impl<S: Served> Operator<S> {
     }
 
     fn lost(&mut self, error: &BoardError) {
-        // A board that was driven is asked to stop as it is dropped, and a silent one is waited for.
+        // Dropping a driven board requests a stop, and waits for a silent board.
         let board = self.board.take();
         thread::spawn(move || drop(board));
         self.tried = Instant::now();
@@ -443,7 +443,7 @@ impl<S: Served> Operator<S> {
         self.board.as_mut().ok_or(NO_LINK)
     }
 
-    /// Keeps the known configuration as the former one: the board has just got another.
+    /// Keeps the known configuration as the former one: the board has just received another.
     fn remember(&mut self) {
         let Known { config, status, .. } = &self.known;
         if status.config_source != ConfigSource::Defaults {
@@ -520,13 +520,13 @@ impl<S: Served> Operator<S> {
     }
 }
 
-/// Requests what the page shows, and the telemetry of every step.
+/// Requests the values that the page shows, and the telemetry of every step.
 fn learn<S: Served>(board: &mut S) -> Result<Known<S>, BoardError> {
     board.telemetry_every(1)?;
     Ok(Known { config: board.config()?, status: board.status()?, timing: board.timing()? })
 }
 
-/// Whether one of these faults holds anywhere.
+/// Whether one of these faults holds in a muscle or the joint.
 fn among(held: Held, faults: Faults) -> bool {
     held.iter().any(|held| held.intersects(faults))
 }

@@ -1,5 +1,5 @@
-//! The page of one muscle: calibration, tuning, stops, identification and comparison beside what
-//! every page has.
+//! The page of one muscle: calibration, tuning, stops, identification and comparison, in addition
+//! to the common parts.
 
 use super::served::{Held, Served, Tasks};
 use super::tuning;
@@ -300,7 +300,7 @@ impl Operator<LiveBoard> {
         Ok(done)
     }
 
-    /// Shows a refusal where the study is shown.
+    /// Shows a refusal in the place of the study.
     fn said(&mut self, title: &str, done: Result<(), NotDone>) -> Result<(), NotDone> {
         if let Err(error) = &done {
             self.tasks.study.refused(title, error.to_string());
@@ -330,7 +330,7 @@ impl Operator<LiveBoard> {
         Ok(())
     }
 
-    /// Gives the board the identified values.
+    /// Sends the identified values to the board.
     fn apply(&mut self) -> Result<(), NotDone> {
         let Fit { before, after } = self.tasks.study.fit().cloned().ok_or(NO_FIT)?;
         self.records_nothing()?;

@@ -1,4 +1,4 @@
-//! One muscle or a joint, as the page has it.
+//! One muscle or a joint behind a page.
 
 use super::{NotDone, Operator};
 use crate::frames::Shown;
@@ -17,29 +17,30 @@ pub type Held = [Faults; 3];
 pub(super) const VENTS: Faults =
     VENTING.with(Faults::JOINT_ANGLE).with(Faults::JOINT_WRONG_WAY).with(Faults::JOINT_TORQUE);
 
-/// A board of one muscle or of a joint. What both have is the operator's.
+/// A board of one muscle or of a joint. Parts common to both are the operator's.
 pub trait Served: Shown {
     /// Tasks that only this board's page offers.
     type Tasks: Tasks;
     type Record: Record<Board = Self>;
 
     const KIND: Kind;
-    /// A sentence: what vents, vents.
+    /// A sentence that names what vents.
     const VENTS: &'static str;
 
     /// The part of the page's configuration that only this kind of board has.
     fn part(config: &Self::Config) -> Part;
 
-    /// Configuration to send, and its name; without a text, that of the emulated board's own.
+    /// Configuration to send, and its name; without a text, the emulated board's own.
     ///
     /// # Errors
-    /// For a text that is no scenario of this kind, and for a port, whose own is unknown.
+    /// For a text that is no scenario of this kind, and for a port, whose own configuration is
+    /// unknown.
     fn configuration(
         target: &Target,
         text: Option<ScenarioText>,
     ) -> Result<(Self::Config, String), NotDone>;
 
-    /// Name of what an emulated board has at its pins, if it is known.
+    /// Name of the muscle or joint at an emulated board's pins, if known.
     fn own(target: &Target) -> Option<String>;
 
     fn asked(order: &Order) -> Option<Self::SetPoint>;
@@ -66,7 +67,7 @@ pub trait Served: Shown {
         wanted: &dyn Fn() -> bool,
     ) -> Result<(), NotDone>;
 
-    /// Takes every step.
+    /// Receives every step.
     fn see(_operator: &mut Operator<Self>, _telemetry: &Self::Telemetry) {}
 }
 

@@ -15,7 +15,7 @@ mod at_a_terminal {
         checksum, encode,
     };
 
-    /// It bounds hanging, and is no figure.
+    /// A limit against hanging, not a target.
     const HANGS: Duration = Duration::from_secs(60);
 
     fn until(what: &str, holds: impl Fn() -> bool) {
@@ -26,7 +26,7 @@ mod at_a_terminal {
         }
     }
 
-    /// An operator of a board that answers as long as `hears` is true of every request.
+    /// An operator of a board that answers as long as `hears` returns true for every request.
     fn operated(
         out: &Path,
         mut hears: impl FnMut(HostCommand) -> bool + Send + 'static,
@@ -56,7 +56,7 @@ mod at_a_terminal {
             }
         });
         let Opened::Muscle(opened) = target.open().unwrap() else { panic!("it drives a joint") };
-        // Until now it kept the terminal open for the board.
+        // Dropped here, since it has kept the terminal open for the board.
         drop(port);
         Operator::new(target, *opened, out, Logs::default()).unwrap()
     }
@@ -125,7 +125,7 @@ mod at_a_terminal {
         assert_eq!(after.iter().find(moves), None, "what came before the vent is dropped");
     }
 
-    /// The firmware's ration: 16 requests at once, one more every 4 ms.
+    /// Limit of the firmware: 16 requests at once, one more every 4 ms.
     #[test]
     fn a_flood_of_orders_and_vents_stays_within_what_a_board_carries_out() {
         const REQUESTS: f64 = 16.0;

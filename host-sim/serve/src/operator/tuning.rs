@@ -1,4 +1,4 @@
-//! A tuning with progress: the bench of `thermyo tune`, which shows its telemetry.
+//! A tuning with progress: the bench of `thermyo tune`, with its telemetry on the page.
 
 use model_core::{Config, Telemetry};
 use std::path::Path;
@@ -45,7 +45,7 @@ impl Bench for Watched<'_, '_> {
     }
 }
 
-/// Tunes a board's configuration; `show` gets every telemetry.
+/// Tunes a board's configuration; `show` gets every step's telemetry.
 pub fn tune(
     configured: &Loaded,
     highest_pa: f64,

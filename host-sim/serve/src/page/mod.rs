@@ -11,7 +11,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The page, with the parts of this kind.
+    /// The page, with the parts for this kind of board.
     pub fn page(self) -> String {
         let page = include_str!("page.html");
         match self {
@@ -31,7 +31,7 @@ pub const FILES: [(&str, &str); 6] = [
     ("muscle.js", include_str!("muscle.js")),
 ];
 
-/// Of the page of `thermyo serve` alone, apart from `units.js`.
+/// Files of the page of `thermyo serve` alone, apart from `units.js`.
 pub const OWN_FILES: [(&str, &str); 5] = [
     ("page.js", include_str!("page.js")),
     ("quantities.js", include_str!("quantities.js")),

@@ -1,4 +1,4 @@
-// The part of the page that is a joint's: two muscles against each other, a and b.
+// Part of the page for a joint: two muscles against each other, a and b.
 import { Arm } from "./arm.js";
 import { band, dashed, line } from "./live.js";
 import { digits, format, put, shownIn, symbol } from "./quantities.js";

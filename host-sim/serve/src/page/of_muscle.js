@@ -1,4 +1,4 @@
-// The part of the page that is one muscle's.
+// Part of the page for one muscle.
 import { band, dashed, line } from "./live.js";
 import { Muscle } from "./muscle.js";
 import { digits, put, shownIn, symbol } from "./quantities.js";

@@ -358,7 +358,7 @@ async function add(list) {
   showText("csv-refused", refused);
   if (!state) return;
   showState();
-  // The latest file with the one before it.
+  // Selects the latest file and the one before it.
   if (!refused) for (const [i, id] of ["identify-data", "compare-second", "compare-first"].entries()) $(id).selectedIndex = Math.min(+(i === 2), $(id).length - 1);
 }
 
@@ -376,7 +376,7 @@ function showEvents() {
   }));
 }
 
-// The last two minutes, over a reload: in SI, as units may change meanwhile
+// The last two minutes, kept over a reload: in SI, since units may change meanwhile
 
 addEventListener("pagehide", () => {
   const columns = Object.entries(live.columns).map(([name, values]) => {
@@ -386,7 +386,7 @@ addEventListener("pagehide", () => {
   try {
     plotStore?.setItem(location.pathname, JSON.stringify(Object.fromEntries(columns)));
   } catch {
-    // No room: the charts begin again.
+    // Storage is full: the charts begin again.
   }
 });
 
@@ -447,7 +447,7 @@ function read(id, si) {
 
 /** SI value of a field within its range in SI; otherwise the field shows what is allowed. */
 function asked(id, si, [low, high] = [-Infinity, Infinity]) {
-  // Compared at the displayed precision.
+  // Values are compared at the displayed precision.
   const value = read(id, si), off = .5 * unit(si)[1] * 10 ** -digits(si);
   const names = units[si].map(([name]) => name).filter(Boolean).join(", ");
   const why = value === null ? `Type a number in ${symbol(si)}, or with its unit: ${names}.`
@@ -523,7 +523,7 @@ on("csv", "change", async ({ target }) => {
   await add([...target.files]);
   target.value = "";
 });
-// Anywhere on the page: a file dropped beside the card would replace the page, and vent.
+// Applies anywhere on the page: a file dropped beside the card would replace the page, and vent.
 for (const event of ["dragover", "dragleave", "drop"]) addEventListener(event, (happened) => {
   happened.preventDefault();
   $("drop").classList.toggle("over", event === "dragover");
@@ -532,7 +532,7 @@ for (const event of ["dragover", "dragleave", "drop"]) addEventListener(event, (
   add([...happened.dataTransfer.files]);
 });
 on("identify-sought", "change", showKeys);
-// Space vents: a box is ticked by Enter.
+// Space vents, so a box is ticked by Enter.
 on("identify-keys", "keydown", (event) => {
   if (event.key !== "Enter" || event.target.type !== "checkbox") return;
   event.preventDefault();
