@@ -20,15 +20,15 @@ use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario, Zon
 /// Heat transfer coefficient that stands for "isothermal" \[W/(m2 K)\]: about a hundred times that
 /// of still air.
 const ISOTHERMAL_W_M2_K: f64 = 2_000.0;
-/// Sensor lags that the core's filter works with \[s\]. A sensor without lag gets the shortest.
+/// Range of sensor lags for which the core's filter works \[s\]. A sensor without lag gets the shortest.
 const SHORTEST_LAG_S: f32 = 1.0e-3;
 const LONGEST_LAG_S: f32 = 1.0e3;
-/// Stands for friction without presliding \[N/m\].
+/// Stiffness that represents friction without presliding \[N/m\].
 const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
-/// Smallest wall that the core works with \[J/K\].
+/// Smallest heat capacity of a wall for which the core works \[J/K\].
 const LEAST_WALL_J_K: f64 = 0.01;
-/// Where a heat transfer correlation is evaluated for the core: pressure \[Pa\], gas above wall
-/// \[K\], inflow \[kg/s\]. They are from the middle of the nominal cycle.
+/// Working point at which a heat transfer correlation is evaluated for the core: pressure \[Pa\], gas above wall \[K\],
+/// inflow \[kg/s\]. The values are from the middle of the nominal cycle.
 const WORKING_PRESSURE_PA: f64 = 2.0e5;
 const WORKING_SWING_K: f64 = 20.0;
 const WORKING_FLOW_KG_S: f64 = 3.6e-4;
@@ -39,15 +39,15 @@ const HOSE_REVERSAL_SD: f32 = 1.0;
 
 /// Zones of the core's estimate.
 const CORE_ZONES: f64 = 4.0;
-/// Nominal conductance of a valve \[m3/(s Pa)\]: the working flow is in proportion.
+/// Nominal conductance of a valve \[m3/(s Pa)\], to which the working flow is proportional.
 const NOMINAL_VALVE: f64 = 4.0e-9;
 
 /// Properties of the plant `full` that reach the core only as effective values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effective {
-    /// Volume of the tube \[m3\], which is filled and emptied with the muscle. The volume of a
-    /// line is left out, because its gas keeps the temperature of its wall: counted or not, the
-    /// estimate of the nominal cycle behind 4 m of 4 mm is off by the same tenths of a kelvin.
+    /// Volume of the tube \[m3\], which fills and empties with the muscle. The volume of a line is left out, because
+    /// its gas keeps the temperature of its wall: with or without it, the estimate of the nominal cycle behind 4 m of 4
+    /// mm is off by the same tenths of a kelvin.
     pub tube_m3: f64,
     /// Fraction of the wall that follows a stroke: the inner layer.
     pub wall: f64,
@@ -69,8 +69,8 @@ impl Effective {
     }
 }
 
-/// The core's configuration for `believed`, whose `plant` only gives the kind of plant. Fields
-/// that are not set here have the scenario's values.
+/// The core's configuration for `believed`, whose `plant` only selects the kind of plant. Fields that are not set here
+/// have the scenario's values.
 pub fn core_config(believed: &Scenario) -> Config {
     let s = believed;
     let effective = Effective::of(s);
@@ -118,8 +118,8 @@ pub fn core_config(believed: &Scenario) -> Config {
     }
 }
 
-/// Temperature with which gas from the supply reaches the chamber: in `full` a tube brings it near that of its wall,
-/// ambient \[K\]. A configuration's own keys have it so.
+/// Temperature at which gas from the supply reaches the chamber \[K\]: in `full` a tube brings it near that of its
+/// wall, ambient. A configuration's own keys contain this already.
 fn port_k(s: &Scenario) -> f64 {
     if !s.moves_in_full() || s.zones.source == ZonesSource::Keys {
         return s.supply.temperature_k;
@@ -176,7 +176,7 @@ fn valve(s: &Scenario) -> Valve {
         // All other plants have ideal valves.
         return Valve { switch_time_s: 0.0, dead_time_s: 0.0, ..s.valve.core() };
     }
-    // In series both pass no more than either.
+    // In series both pass no more than the smaller one.
     let conductance_m3_s_pa = s.valve.conductance_m3_s_pa.min(s.tube.conductance_m3_s_pa) as f32;
     let valve = Valve { dead_time_s: dead_time_s(s) as f32, conductance_m3_s_pa, ..s.valve.core() };
     match s.valve.kind {
@@ -203,16 +203,16 @@ fn gas_sensor(s: &Scenario, effective: &Effective) -> GasSensor {
     }
 }
 
-/// Heat transfer from gas to wall, as the core has it.
+/// Heat transfer from gas to wall, in the core's terms.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Inner {
     still_w_m2_k: f64,
     per_inflow: f64,
     per_outflow: f64,
-    /// At 2 bar and 20 K.
+    /// Part by buoyancy at 2 bar and 20 K.
     buoyancy_w_m2_k: f64,
     decay_s: f64,
-    /// Flow at which both gains are taken \[kg/s\].
+    /// Flow at which both gains are evaluated \[kg/s\].
     forced_flow_kg_s: f64,
 }
 
@@ -242,9 +242,9 @@ fn unlimited_heat(s: &Scenario) -> Inner {
     }
 }
 
-/// The laws of air about a working point.
+/// Linearises the laws of air about a working point.
 fn laws_of_air(s: &Scenario) -> Inner {
-    /// As thin as no gas is: there is no buoyancy.
+    /// Pressure so low that there is no buoyancy.
     const THIN_PA: f64 = 1.0;
     let heat = match chamber::of(s) {
         Some(chamber) => {
@@ -271,7 +271,7 @@ fn laws_of_air(s: &Scenario) -> Inner {
     }
 }
 
-/// Gas along the muscle: what the plant `full` has, in four zones. Other plants have one.
+/// Gas along the muscle, as in the plant `full`, in four zones. Other plants have one.
 fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     if s.zones.source == ZonesSource::Keys {
         return s.zones.core();
@@ -287,13 +287,13 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     let diameter_m = chamber.diameter(chamber.rest_length());
     let foil = &s.sensor.gas;
     Zones {
-        // Exchange between neighbours in the plant acts over the distance of its zones.
+        // In the plant, exchange between neighbours acts over the distance of its zones.
         recirculation: (RECIRCULATION * CORE_ZONES / chamber.zones().max(1) as f64) as f32,
         jet_reach_m: (JET_REACH_DIAMETERS * diameter_m).max(limits("zones.jet_reach_m").min) as f32,
         diffusivity_m2_s: BACKGROUND_DIFFUSIVITY as f32,
         foil_position: foil.position as f32,
         foil_span: foil.span as f32,
-        // A constant coefficient knows of no profile.
+        // A constant coefficient has no profile.
         bore_m: if s.heat.model == HeatModel::Correlation { diameter_m as f32 } else { 0.0 },
         foil_radius: foil.radius as f32,
         outer_wall_j_k: (s.wall.outer_fraction * s.wall.heat_capacity_j_k).max(LEAST_WALL_J_K)
@@ -310,8 +310,8 @@ fn dead_time_s(s: &Scenario) -> f64 {
     late_s.min(compensated_s)
 }
 
-/// Time by which a flow comes late at the muscle's end of a line, and how much of that the core compensates \[s\]: a
-/// dead time that ends within a period.
+/// Delay of a flow at the muscle's end of a line, and the part of it that the core compensates \[s\]: a dead time that
+/// ends within a period.
 pub(super) fn flow_late_s(s: &Scenario) -> [f64; 2] {
     let valve = &s.valve;
     let Some([length_m, _]) = s.tube.line() else { return [valve.dead_time_s; 2] };
@@ -353,7 +353,7 @@ mod tests {
         assert_eq!(line(8.0), 0.008);
     }
 
-    /// Scenario and core define the same nominal muscle separately.
+    /// Scenario and core define the same nominal muscle independently.
     #[test]
     fn the_defaults_agree() {
         let default = Config::default();
@@ -369,8 +369,8 @@ mod tests {
         };
         assert!((a.braid.thread_length_m / b.braid.thread_length_m - 1.0).abs() < 1e-6);
         assert!((a.braid.turns / b.braid.turns - 1.0).abs() < 1e-5);
-        // The board's valves switch like the full plant's, and its sensor has a housing; its lag
-        // is the element's own.
+        // The board's valves switch like those of the full plant, and its sensor has a housing; its lag is the
+        // element's own.
         assert_eq!(full.valve, default.valve);
         let lag_s = |config: &Config| config.sensors.gas.time_constant_s;
         let mut sensors = full.sensors;

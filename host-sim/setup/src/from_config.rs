@@ -1,5 +1,5 @@
-//! The inverse of [`core_config`]: a scenario for a configuration of the core, such as a board's.
-//! The plant is `full`; keys that the core does not have are left out or at their defaults.
+//! The inverse of [`core_config`]: finds a scenario for a configuration of the core, such as a board's. The plant is
+//! `full`; keys that the core does not have are left out or at their defaults.
 
 use super::core_config::{Effective, core_config};
 use super::{Loaded, parse, render};
@@ -21,7 +21,7 @@ use thermyo_scenario::{
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct ConfigScenario {
-    /// As `thermyo check` prints it.
+    /// The scenario, as `thermyo check` prints it.
     pub scenario: Loaded,
     /// Whether the scenario gives exactly this configuration again.
     pub exact: bool,
@@ -30,7 +30,7 @@ pub struct ConfigScenario {
 /// The scenario that gives this configuration.
 ///
 /// # Errors
-/// For a configuration that no scenario can give.
+/// For a configuration that no scenario can express.
 pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
     let origin = Path::new("the board's configuration");
     let plant = scenario(config).map_err(|problem| InputError::file(origin, problem))?;
@@ -50,11 +50,11 @@ pub fn to_scenario(config: &Config) -> Result<ConfigScenario, InputError> {
 
 fn scenario(config: &Config) -> Result<Scenario, Problem> {
     let mut s = Scenario::default();
-    // From `full` the core takes gas along the muscle, or at least the housing of the element.
+    // From a plant `full` the core takes gas along the muscle, or at least the housing of the element.
     let housing_s = config.sensors.gas.housing_time_constant_s;
     let full = config.zones.layers_w_k > 0.0 || housing_s > 0.0;
     s.plant.model = if full { PlantModel::Full } else { PlantModel::Lumped };
-    // An element that averages over the whole muscle sees the mean, as the core's one zone does.
+    // An element that averages over the whole muscle senses the mean, as in the core's one zone.
     (s.sensor.gas.span, s.sensor.gas.position) = (1.0, 0.5);
     let [tube_m3, core_tube_m3] = tubes_m3(&s, config);
     s.tube.volume_m3 = tube_m3;
@@ -78,11 +78,11 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
     Ok(s)
 }
 
-/// Volumes of the tube, of the plant and of the core \[m3\].
+/// Volumes of the tube, in the plant and in the core \[m3\].
 ///
-/// The core has none of its own: its dead volume contains it. A tube that its valve fills as fast as the default valve
-/// fills the default tube needs no shorter integration steps. Where the dead volume is smaller, the core's tube is all
-/// of it.
+/// The core has no tube of its own: its dead volume contains it. A tube that its valve fills as fast as the default
+/// valve fills the default tube needs no shorter integration steps. If the dead volume is smaller than that, all of it
+/// is the core's tube.
 fn tubes_m3(defaults: &Scenario, config: &Config) -> [f64; 2] {
     let valve = f64::from(config.valve.conductance_m3_s_pa) / defaults.valve.conductance_m3_s_pa;
     let tube_m3 = defaults.tube.volume_m3 * valve.max(1.0);
@@ -103,7 +103,7 @@ fn set_valve(s: &mut Scenario, config: &Config) {
     }
 }
 
-/// Refuses a kind that no scenario written here can have.
+/// The refusal of a kind that no scenario written here can have.
 fn other_kind(key: &str, allowed: &str) -> Problem {
     Problem::NotAllowed {
         key: key.to_owned(),
@@ -193,8 +193,8 @@ mod tests {
     use super::*;
     use crate::load;
 
-    /// The configuration of every shipped scenario with a muscle or a vessel becomes a file that loads, whose plant is
-    /// built, and that gives the same configuration to the bit.
+    /// Checks that the configuration of every shipped scenario with a muscle or a vessel becomes a file that loads,
+    /// whose plant is built, and that gives the same configuration to the bit.
     #[test]
     fn every_shipped_scenario_comes_back_as_a_file_that_runs() {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios");
@@ -223,7 +223,7 @@ mod tests {
         assert!(seen >= 24, "{seen}");
     }
 
-    /// A dead volume that leaves no room for a tube is the core's alone.
+    /// A dead volume that leaves no room for a tube belongs to the core alone.
     #[test]
     fn a_small_dead_volume_comes_back_and_can_be_integrated() {
         for dead_m3 in [1.0e-7_f32, 3.0e-6] {

@@ -1,4 +1,4 @@
-//! Dimensions of a scenario's chamber, its load and the ranges of its sensors, to compare with those of another one.
+//! Dimensions of a scenario's chamber, its load and the ranges of its sensors, for comparison with another scenario's.
 
 use super::loaded::Loaded;
 use super::tree::value;
@@ -17,10 +17,10 @@ const MUSCLE: [&str; 3] = ["muscle.rest_length_m", "muscle.diameter_m", "muscle.
 const CYLINDER: [&str; 4] =
     ["cylinder.acts", "cylinder.rest_length_m", "cylinder.stroke_m", "cylinder.area_m2"];
 const TABLE: [&str; 1] = ["table.csv"];
-/// Numbers that differ by less are those of one muscle, measured twice \[-\].
+/// Difference below which numbers belong to one muscle, measured twice \[-\].
 const SAME: f64 = 0.1;
 
-/// The hardware that the core of a scenario is configured with, as TOML.
+/// The hardware in a scenario's configuration of the core, as TOML.
 pub fn hardware(loaded: &Loaded) -> String {
     let scenario = &loaded.believed;
     let own = match scenario.plant.kind {
@@ -65,7 +65,7 @@ const CALIBRATION: [&str; 6] = [
 /// A board's values are rounded to f32.
 const ROUNDED: f64 = 1e-6;
 
-/// Differences of a scenario's calibration from that of a board, each as "key = own value, other value there".
+/// Differences of a scenario's calibration from a board's, each as "key = own value, other value there".
 pub fn calibrated_otherwise(own: &Scenario, there: &Scenario) -> Vec<String> {
     let differs = |path: &&'static str| {
         let [own, there] = [own, there].map(|scenario| number(scenario, path).unwrap_or_default());
@@ -89,7 +89,7 @@ mod tests {
         let there = hardware(&loaded(""));
         for (text, expected) in [
             ("", &[][..]),
-            // Identified again, believed otherwise in what is no dimension, or driven otherwise.
+            // Identified again, with other believed values that are no dimensions, or driven differently.
             (
                 "[muscle]\ndiameter_m = 0.0205\n[friction]\nforce_n = 3\n[valve]\nconductance_m3_s_pa = 2e-9\n",
                 &[],

@@ -23,9 +23,9 @@ use toml::Value;
 /// Share of a cylinder's friction that follows its pressure, if the file does not give it: an O-ring of
 /// 25.7 mm has 4.7 N at 1 bar and 7.9 N at 7 bar (`docs/background/validation.md`).
 const SEAL_FACTOR: f64 = 0.34;
-/// Share of the force that the supply gives at rest length which the load observed beside the configured one, and the
-/// integral, may reach if the file does not give it and it is more than the default. It is that of the nominal muscle:
-/// friction, creep and loads of a muscle of 40 mm are off by four times its newtons.
+/// Share of the force that the supply gives at rest length, up to which the observed load and the integral may go if
+/// the file does not give their limit and this is more than the default. It is the nominal muscle's share: friction,
+/// creep and loads of a muscle of 40 mm have errors of four times as many newtons.
 const LOAD_SHARE: f64 = 0.15;
 /// Fraction of the length sensor's range that the longest length takes if the file does not give
 /// the range.
@@ -34,7 +34,7 @@ const LENGTH_USE: f64 = 0.8;
 /// Loads a scenario file. Paths of its CSV files are relative to its folder.
 ///
 /// # Errors
-/// In one line: file, line, key, what is there and what is allowed.
+/// In one line: file, line, key, the value and the allowed ones.
 pub fn load(path: &Path) -> Result<Loaded, InputError> {
     parse(&read_text(path)?, path)
 }
@@ -61,7 +61,7 @@ pub fn parse(text: &str, origin: &Path) -> Result<Loaded, InputError> {
     assemble(&Document::parse(text, origin)?)
 }
 
-/// As [`parse`], for a text whose sender must not read this machine's files.
+/// As [`parse`], for a text whose sender may not read this machine's files.
 ///
 /// # Errors
 /// As [`load`]; any key with a file's path is refused.
@@ -74,7 +74,7 @@ pub fn parse_alone(text: &str, origin: &Path) -> Result<Loaded, InputError> {
 /// Refuses a key with a file's path.
 ///
 /// # Errors
-/// For the first one, with its line.
+/// For the first such key, with its line.
 pub fn refuse_files(document: &Document) -> Result<(), InputError> {
     let mut entries = document.plant.iter().chain(document.believed.iter());
     match entries.find(|entry| matches!(entry.key.allowed, Allowed::Csv { .. })) {
@@ -187,7 +187,7 @@ fn name_files_absolutely(
     Ok(())
 }
 
-/// A key that may be left out, and is fitted, starts from what it stands for when it is left out.
+/// Starts the fit of an optional key from the value that applies if the key is left out.
 fn start_fitted(plant: &mut Scenario) {
     let is_fitted = |path: &str| plant.identify.parameters.iter().any(|named| named == path);
     if is_fitted("plant.initial_gas_temperature_k") {
@@ -200,8 +200,8 @@ fn start_fitted(plant: &mut Scenario) {
     }
 }
 
-/// Refuses coefficients of a constant heat transfer in a file that does not name the model: it was written when that
-/// was the default.
+/// Refuses coefficients of a constant heat transfer in a file that does not name the model: the file was written when
+/// that was the default.
 fn check_heat(scenario: &Scenario, given: &Entries) -> Result<(), Violation> {
     let keys = ["heat.inner_w_m2_k", "heat.inner_per_flow"];
     let unnamed =
@@ -241,7 +241,7 @@ fn fit_sizes(plant: &mut Scenario, given: &Entries, volume: Option<&Profile>) {
             let largest_m3 = volumes.reduce(f64::max).unwrap_or(plant.vessel.volume_m3);
             let sized = volume.is_some() || given.get("vessel.volume_m3").is_some();
             if sized && given.get("vessel.characteristic_length_m").is_none() {
-                // The surface of a cube.
+                // Edge of a cube of this volume.
                 plant.vessel.characteristic_length_m = math::cbrt(largest_m3);
             }
             largest_m3 / plant.vessel.section_m2()
@@ -264,7 +264,7 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
             let value = match entry {
                 Some(entry) => entry.written.clone(),
                 None => {
-                    // The key that it does not go with may be in the file.
+                    // The conflicting key may be in the file.
                     entry = paths_in(&allowed).find_map(|path| entries.get(path));
                     format!("{value} (not given)")
                 }
@@ -282,7 +282,7 @@ fn blame(violation: Violation, entries: &Entries, origin: &Path) -> InputError {
     }
 }
 
-/// Paths of keys in a text, in its order.
+/// Paths of keys in a text, in order of appearance.
 pub fn paths_in(text: &str) -> impl Iterator<Item = &str> {
     let is_path = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '.';
     text.split(move |c| !is_path(c)).filter(|word| word.contains('.'))
@@ -297,11 +297,11 @@ fn beside(origin: &Path, path: &Path) -> PathBuf {
     origin.parent().unwrap_or(Path::new("")).join(path)
 }
 
-/// The numbers in columns of a table, by row. `wrong` finds the first cell that is not allowed, and
-/// gives the allowed values.
+/// The numbers in columns of a table, by row. `wrong` finds the first cell that is not allowed, and returns the allowed
+/// values.
 ///
 /// # Errors
-/// For a column that is missing, and that cell.
+/// For a missing column, and for that cell.
 pub fn numbers_in<const N: usize>(
     table: &CsvTable,
     columns: [&str; N],
@@ -353,8 +353,7 @@ fn profile(
     profile.map(Some).map_err(|error| named(error, entry, origin))
 }
 
-/// The set points in a table, in its column `value` or that of the drive's quantity, within what the
-/// scenario allows.
+/// The set points in a table, in its column `value` or that of the drive's quantity, within the scenario's limits.
 ///
 /// # Errors
 /// [`InputError`] names the first cell that is not allowed.
@@ -374,7 +373,7 @@ pub const SET_POINT_COLUMNS: [(&str, DriveKind); 4] = [
     ("duty", DriveKind::Duty),
 ];
 
-/// A column of a table over `time_s`, with values within `allowed`, for the reason beside it.
+/// A column of a table over `time_s`, with values within `allowed`, for the reason given with it.
 ///
 /// # Errors
 /// [`InputError`] names the first cell that is not allowed, or is not later than the one before.

@@ -9,7 +9,7 @@ use thermyo_scenario::{DriveKind, PlantModel, Scenario};
 pub struct Loaded {
     /// The plant's scenario. Its CSV paths are absolute.
     pub plant: Scenario,
-    /// The core's: the plant's scenario, overlaid by `[believed]`.
+    /// The core's scenario: the plant's, overlaid by `[believed]`.
     pub believed: Scenario,
     /// The vessel's volume \[m3\] over time, from `vessel.volume_csv`.
     pub volume_profile: Option<Profile>,
@@ -20,13 +20,13 @@ pub struct Loaded {
 }
 
 impl Loaded {
-    /// The same scenario on another plant, for which the core is configured too: it drives ideal
-    /// valves differently.
+    /// The same scenario on another plant, and with the core configured for it, since the core
+    /// drives ideal valves differently.
     pub fn with_model(&self, model: PlantModel) -> Self {
         self.with(|scenario| scenario.plant.model = model)
     }
 
-    /// The same scenario with a change that the core is configured with too.
+    /// The same scenario with a change of both plant and core configuration.
     #[must_use]
     pub fn with(&self, change: impl Fn(&mut Scenario)) -> Self {
         self.unexpected(&change).believing(change)

@@ -1,4 +1,4 @@
-//! Presets that a file names: their values stand below its own keys.
+//! Presets in a file: the file's own keys override their values.
 
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem};
@@ -26,14 +26,14 @@ pub fn preset(base: &Scenario, entries: &Entries, origin: &Path) -> Result<Scena
     Ok(preset)
 }
 
-/// The scenario with values at paths.
+/// The scenario with these values at their paths.
 pub fn with_values<'a>(
     base: &Scenario,
     values: impl IntoIterator<Item = (&'a str, Value)>,
     origin: &Path,
 ) -> Result<Scenario, InputError> {
-    // Schema and structs are one declaration: an entry that passed the schema fits the struct.
-    // Faults that need a number have it.
+    // Schema and structs are one declaration, so an entry that passed the schema fits the struct.
+    // Faults that need a number have one.
     let internal = |error: String| InputError::file(origin, Problem::Syntax(error));
     let mut tree = base.to_table();
     for (path, value) in values {
@@ -48,7 +48,7 @@ pub fn with_values<'a>(
     Scenario::from_toml(Value::Table(tree)).map_err(|error| internal(error.message().to_owned()))
 }
 
-/// Dimensions of a muscle in entries, completed from its preset where they name one.
+/// Dimensions of a muscle in entries, completed from their preset if they name one.
 pub fn dimensions_of(entries: &Entries, base: &Scenario) -> Given {
     let given = Given::of(entries);
     if presets_of(entries).any(|preset| preset.table == "muscle") {

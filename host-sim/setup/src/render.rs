@@ -46,7 +46,7 @@ pub fn render(loaded: &Loaded) -> String {
         let differs = |key: &&Key| {
             !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
         };
-        // The core is configured with all of them or none: a single one would change the others.
+        // The core is configured with all dimensions or none: a single one would change the others.
         let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
         let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
         let lines = table

@@ -11,12 +11,12 @@ use thermyo_scenario::{
 };
 use thermyo_scenario::{number, short};
 
-/// Most steps of a run: more would take days.
+/// Largest number of steps in a run: more would take days.
 const MOST_STEPS: f64 = 1.0e9;
-/// Most steps of the core per PWM period, by the range of its counter.
+/// Largest number of core steps per PWM period, from the range of its counter.
 const MOST_PWM_STEPS: f64 = 1000.0;
 
-/// Rules for the plant. Its geometry is resolved.
+/// Checks the rules for the plant, whose geometry is resolved.
 pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     let run = &scenario.run;
     let longest = limits("run.duration_s").max.min(MOST_STEPS * run.step_s);
@@ -40,7 +40,7 @@ pub fn check_plant(scenario: &Scenario) -> Result<(), Violation> {
     check_start(scenario)
 }
 
-/// No stop holds a chamber given by a table at the ends of its rows.
+/// A chamber given by a table has no stops at the ends of its rows.
 fn check_start(scenario: &Scenario) -> Result<(), Violation> {
     if scenario.plant.kind != PlantKind::Table || scenario.load.kind == LoadKind::Isometric {
         return Ok(());
@@ -142,7 +142,7 @@ fn check_line(tube: &Tube) -> Result<(), Violation> {
     }
 }
 
-/// Measured columns that the plant can be compared with.
+/// Measured columns with which the plant can be compared.
 pub const OBSERVABLE: [&str; 4] = ["pressure_pa", "length_m", "sensor_gas_k", "sensor_wall_k"];
 
 fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
@@ -183,7 +183,7 @@ fn check_identify(scenario: &Scenario) -> Result<(), Violation> {
     Ok(())
 }
 
-/// Why the heat transfer does not depend on a key.
+/// Reason why the heat transfer does not depend on a key.
 fn without_effect(scenario: &Scenario, path: &str) -> Option<&'static str> {
     let constant = scenario.heat.model == HeatModel::Constant;
     match path {
@@ -245,7 +245,7 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
 
 fn check_shape(scenario: &Scenario) -> Result<(), Violation> {
     let drive = &scenario.drive;
-    // Steps with which the fastest cycle of a shape has all its turns.
+    // Number of steps in which the fastest cycle of a shape makes all its turns.
     let (steps, why) = match drive.shape {
         Shape::Constant => return Ok(()),
         Shape::Sine | Shape::Step => (4.0, "at least four times run.step_s"),
@@ -296,7 +296,7 @@ pub fn set_points(scenario: &Scenario) -> (Limits, &'static str) {
     }
 }
 
-/// Highest pressure \[Pa\] that the supply gives and the board does not vent for.
+/// Highest pressure \[Pa\] that the supply gives and for which the board does not vent.
 pub fn highest_pa(scenario: &Scenario) -> f64 {
     scenario.supply.pressure_pa.min(pressure_limit_pa(scenario))
 }

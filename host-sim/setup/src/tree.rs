@@ -1,4 +1,4 @@
-//! A scenario as its TOML, key by key.
+//! A scenario as TOML, key by key.
 
 use toml::Value;
 
@@ -6,7 +6,7 @@ pub(super) fn value<'a>(tree: &'a toml::Table, table: &str, key: &str) -> Option
     table.split('.').try_fold(tree, |tree, name| tree.get(name)?.as_table())?.get(key)
 }
 
-/// Equal to the bit, so that 0.0 and -0.0 differ.
+/// Whether values are equal to the bit, so that 0.0 and -0.0 differ.
 pub(super) fn same(a: Option<&Value>, b: Option<&Value>) -> bool {
     match (a, b) {
         (Some(Value::Float(a)), Some(Value::Float(b))) => a.to_bits() == b.to_bits(),

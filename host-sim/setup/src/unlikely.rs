@@ -1,4 +1,4 @@
-//! Warnings about values that a run cannot follow or the estimate does not expect.
+//! Warnings about values that a run cannot follow or that the estimate does not expect.
 
 use super::loaded::Loaded;
 use super::rules::highest_pa;
@@ -9,8 +9,8 @@ use thermyo_plant::load_n;
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{DriveKind, GasElementKind, LoadKind, PlantKind, Scenario};
 
-/// Standard deviations of the start that a gas may be off: measured on `full` at 3 bar, 5 K off a wall with a deviation of
-/// 3 K are within what the estimate states, 10 K are not, and 15 K end in a fault \[-\].
+/// Standard deviations of the start by which the gas may be off: measured on `full` at 3 bar, 5 K off a wall with a
+/// deviation of 3 K are within the stated deviation of the estimate, 10 K are not, and 15 K end in a fault \[-\].
 const START_SDS: f64 = 2.0;
 
 /// Warnings for a scenario of one chamber.
@@ -27,7 +27,7 @@ pub(super) fn unlikely(loaded: &Loaded) -> Vec<Unrest> {
     all.into_iter().flatten().collect()
 }
 
-/// The element reads nothing at the start.
+/// The temperature at the start is outside the element's range.
 fn cold_sensor(s: &Scenario) -> Option<Unrest> {
     let start_k = s.plant.initial_temperature_k;
     let (low_k, high_k) = (s.sensor.gas.range_min_k, s.sensor.gas.range_max_k);
@@ -78,7 +78,7 @@ fn filled_too_far(loaded: &Loaded) -> Option<Unrest> {
     })
 }
 
-/// The contraction takes more pressure than there is.
+/// The contraction takes more pressure than is available.
 fn out_of_reach(s: &Scenario) -> Option<Unrest> {
     let driven = s.drive.kind == DriveKind::Contraction && s.drive.profile_csv.is_none();
     let moving = chamber::of(s).filter(|_| driven && s.load.kind != LoadKind::Isometric)?;
@@ -103,12 +103,12 @@ fn out_of_reach(s: &Scenario) -> Option<Unrest> {
     })
 }
 
-/// The load takes more pressure than there is where the chamber pulls most.
+/// The load takes more pressure than is available, even where the chamber pulls most.
 fn too_heavy(s: &Scenario) -> Option<Unrest> {
     let moving = chamber::of(s).filter(|_| fills(s) && s.load.kind != LoadKind::Isometric)?;
     let needed_pa = needed_pa(s, moving.as_ref(), 0.0)?;
     let most_pa = highest_pa(s);
-    // Where none is above ambient pressure nothing moves, whatever the load.
+    // If no pressure is above ambient, nothing moves, whatever the load.
     (needed_pa > most_pa && most_pa > s.ambient.pressure_pa).then(|| {
         let needed = if needed_pa.is_finite() {
             format!("by the static law it takes {:.0} kPa at the rest length, above", 1e-3 * needed_pa)
@@ -126,13 +126,12 @@ fn too_heavy(s: &Scenario) -> Option<Unrest> {
     })
 }
 
-/// Largest contraction by whole percents up to `most` that a pressure below the highest one by a tenth of its gauge
-/// pressure holds by the static law, and whose gas does not vent a muscle that still rests; none where the load is not
-/// lifted \[-\].
+/// Largest contraction up to `most`, in whole percents, that the static law holds at the highest pressure less a tenth
+/// of its gauge pressure, and whose gas does not vent a muscle that still rests; none if the load is not lifted \[-\].
 pub fn contraction_held(s: &Scenario, most: f64) -> Option<f64> {
     let moving = chamber::of(s)?;
     let most_pa = s.ambient.pressure_pa + 0.9 * (highest_pa(s) - s.ambient.pressure_pa);
-    // A load is slower than a valve: the gas of the goal comes first into the volume at rest.
+    // A load is slower than a valve: the gas for the goal first enters the volume at rest.
     let rest_m3 = moving.volume(moving.rest_length());
     let limit_pa = pressure_limit_pa(s);
     let vents = |needed_pa: f64, contraction: f64| {
@@ -147,7 +146,7 @@ pub fn contraction_held(s: &Scenario, most: f64) -> Option<f64> {
     percents.map(|percent| f64::from(percent) / 100.0).find(held)
 }
 
-/// Pressure that holds the load at a contraction; infinite where the gas does not pull there \[Pa\].
+/// Pressure that holds the load at a contraction; infinite if the gas does not pull there \[Pa\].
 fn needed_pa(s: &Scenario, moving: &dyn Chamber, contraction: f64) -> Option<f64> {
     let length_m = moving.rest_length() * (1.0 - contraction);
     let area_m2 = moving.force_area(length_m);
@@ -168,7 +167,7 @@ fn late_profile(loaded: &Loaded) -> Option<Unrest> {
     Some(("drive.profile_csv", format!("{name:?}"), why))
 }
 
-/// Why the times of a profile do not suit a run that ends at `end_s`.
+/// Reason why the times of a profile do not suit a run that ends at `end_s`.
 pub fn late(profile: &Profile, end_s: f64) -> Option<String> {
     let mut times_s = profile.points().iter().map(|(time_s, _)| *time_s);
     let (first_s, second_s) = (times_s.next()?, times_s.next());
@@ -187,7 +186,7 @@ pub fn late(profile: &Profile, end_s: f64) -> Option<String> {
     of_many.map(only).or_else(|| profile.doubt())
 }
 
-/// The gas starts far from where the estimate does.
+/// The gas starts far from the start of the estimate.
 fn other_start(loaded: &Loaded) -> Option<Unrest> {
     let s = &loaded.plant;
     let gas_k = s.plant.initial_gas_temperature_k?;
@@ -271,7 +270,7 @@ mod tests {
             )
         };
         let (early, late) = (warned(&text(20.0)), warned(&text(6.0)));
-        // Times in ms drove without a hint.
+        // Times in ms used to give a run without a warning.
         std::fs::write(&csv, "time_s,pressure_pa\n0,2e5\n1000,3e5\n2000,2e5\n").unwrap();
         let (short, long) = (warned(&text(6.0)), warned(&text(3000.0)));
         std::fs::remove_file(&csv).unwrap();

@@ -1,5 +1,5 @@
-//! Warnings about control: loops that cannot come to rest, that act too late or too seldom, and a line through which
-//! the core takes healthy valves for faulty ones.
+//! Warnings about control: loops that cannot come to rest, or that act too late or too rarely, and a line that makes
+//! the core take healthy valves for faulty ones.
 //!
 //! `docs/background/control.md`, "Where the loop cannot come to rest", derives the conditions.
 
@@ -14,8 +14,9 @@ use thermyo_plant::line::Bore;
 use thermyo_plant::load_n;
 use thermyo_scenario::{DriveKind, LoadKind, PlantKind, Scenario, ValveKind};
 
-/// A held pressure swings at a half or a third of the PWM frequency where the line's own frequency is by these factors
-/// about it, below that PWM frequency, with that quality and more: measured on `full` (`docs/background/control.md`) \[-\].
+/// Conditions under which a held pressure swings at a half or a third of the PWM frequency: the line's own frequency is
+/// near that by these factors, below the PWM frequency, and has this quality or more; measured on `full`
+/// (`docs/background/control.md`) \[-\].
 const BEATS: [f64; 2] = [2.0, 3.0];
 const NEAR: [f64; 2] = [0.9, 1.3];
 const FASTEST_PWM_HZ: f64 = 150.0;
@@ -24,19 +25,19 @@ const LEAST_QUALITY: f64 = 16.0;
 /// Key, value, and the consequence.
 pub type Unrest = (&'static str, String, String);
 
-/// The loop wakes at this many dead zones of contraction from its goal:
+/// Distance from its goal at which the loop wakes, in dead zones of contraction:
 /// `model-core/src/control/contraction.rs`.
 const WAKES_AT_ZONES: f64 = 1.5;
-/// Below this frequency of the valves' pulses steps overshoot and settle late: measured on `full`
-/// (`docs/background/control.md`) \[Hz\].
+/// PWM frequency below which steps overshoot and settle late: measured on `full` (`docs/background/control.md`) \[Hz\].
 const SLOW_PWM_HZ: f64 = 30.0;
-/// Way by which a load flies past its goal, share of the rest length: a step overshoots by as much without it
+/// Way by which a load may fly past its goal, as a share of the rest length: a step overshoots by as much anyway
 /// (`docs/background/control.md`) \[-\].
 const THROWN: f64 = 0.01;
-/// How wrong a flow may be before the core finds a fault: `model-core/src/safety/plausibility.rs` \[-\].
+/// Factor by which a flow may be wrong before the core finds a fault: `model-core/src/safety/plausibility.rs` \[-\].
 pub(super) const WRONG_FLOW: f64 = 4.0;
-/// Below this share of the volume of chamber and line the chamber gets too little of what flows in: measured on `full`,
-/// behind 8 m of 10 mm, with 0.14, there is no fault, behind 10 m of 12 mm, with 0.08, there is \[-\].
+/// Share of the chamber in the volume of chamber and line below which the chamber gets too little of the inflow:
+/// measured on `full`, behind 8 m of 10 mm, with 0.14, there is no fault, behind 10 m of 12 mm, with 0.08, there is one
+/// \[-\].
 const LEAST_SHARE: f64 = 0.1;
 
 /// Warnings for a scenario of one chamber.
@@ -54,8 +55,8 @@ pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     found
 }
 
-/// Warnings about valves and line, of one chamber or of a joint's muscle; `slowest_hz`: where loops drive it, the PWM
-/// frequency below which they act too seldom \[Hz\].
+/// Warnings about valves and line, of one chamber or of a joint's muscle; `slowest_hz`: the PWM frequency below which
+/// the loops, if any drive it, act too rarely \[Hz\].
 pub fn valves_and_line(loaded: &Loaded, slowest_hz: Option<f64>) -> Vec<Unrest> {
     let believed = &loaded.believed;
     let loops = slowest_hz
@@ -64,14 +65,14 @@ pub fn valves_and_line(loaded: &Loaded, slowest_hz: Option<f64>) -> Vec<Unrest> 
     found.flatten().collect()
 }
 
-/// Where a loop has to rest.
+/// Point at which a loop has to rest.
 ///
 /// A mass dm changes the pressure by k R T dm/V and moves the end by A dP over the stiffness of gas and spring,
 /// k P A^2/V + K. If that leads from one end of the zone in which the loop rests beyond the other, the loop never rests.
 struct Rest {
     pressure_pa: f64,
     volume_m3: f64,
-    /// Length by pressure, where the contraction is controlled \[m/Pa\].
+    /// Length per pressure, if the contraction is controlled \[m/Pa\].
     moved_m_pa: Option<f64>,
     /// Width of the zone \[Pa\], or \[m\].
     zone: f64,
@@ -109,7 +110,7 @@ impl Rest {
         }
     }
 
-    /// The change by k R T dm \[J\] in words, where it leads beyond the zone, and what follows.
+    /// The change by k R T dm \[J\] in words, if it leads beyond the zone, and its consequence.
     fn beyond(&self, changed_j: f64, so: &str) -> Option<String> {
         let changed_pa = changed_j / self.volume_m3;
         let Some(moved_m_pa) = self.moved_m_pa else {
@@ -142,7 +143,7 @@ pub(super) fn fills(scenario: &Scenario) -> bool {
     !matches!(scenario.drive.kind, DriveKind::Discharge | DriveKind::Closed)
 }
 
-/// The core's valve, open to the supply \[kg/s\].
+/// Flow of the core's valve, open to the supply \[kg/s\].
 pub(super) fn open_kg_s(s: &Scenario, config: &Config) -> f64 {
     let conductance = f64::from(config.valve.conductance_m3_s_pa);
     let open = Iso6358::valve(conductance, s.valve.critical_ratio, &IdealGas::new(&s.gas));
@@ -163,7 +164,7 @@ fn coarse(s: &Scenario, config: &Config, rest: &Rest) -> Option<Unrest> {
     Some(("valve.conductance_m3_s_pa", format!("{:e}", s.valve.conductance_m3_s_pa), why))
 }
 
-/// A leak takes so much from one pulse to the next.
+/// A leak takes too much from one pulse to the next.
 fn leaking(s: &Scenario, rest: &Rest) -> Option<Unrest> {
     let gas = IdealGas::new(&s.gas);
     let leak_m3_s_pa = s.leak.conductance_m3_s_pa;
@@ -176,7 +177,7 @@ fn leaking(s: &Scenario, rest: &Rest) -> Option<Unrest> {
     Some(("leak.conductance_m3_s_pa", format!("{leak_m3_s_pa:e}"), why))
 }
 
-/// A muscle pulls, and cannot push: a load that flies on is braked by its own force alone. A piston holds it, with its
+/// A muscle pulls, and cannot push: a load that flies on is braked only by its own force. A piston holds it, with its
 /// spring and friction.
 fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
     let mass_kg = f64::from(config.moving_mass_kg);
@@ -205,7 +206,7 @@ fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest>
     })
 }
 
-/// The loops work once in a period.
+/// The loops run once per period, which may be too rare.
 fn seldom(s: &Scenario, slowest_hz: f64) -> Option<Unrest> {
     let pwm_hz = s.valve.pwm_hz;
     (pwm_hz < slowest_hz).then(|| {
@@ -230,7 +231,7 @@ fn uneven(s: &Scenario) -> Option<Unrest> {
     })
 }
 
-/// The flow through a line comes later than the core compensates.
+/// The flow through a line arrives later than the core compensates.
 fn late(s: &Scenario) -> Option<Unrest> {
     let [length_m, _] = s.tube.line().filter(|_| s.moves_in_full())?;
     let [late_s, compensated_s] = flow_late_s(s);
@@ -245,7 +246,7 @@ fn late(s: &Scenario) -> Option<Unrest> {
     })
 }
 
-/// Pulses that beat with the line's gas: the loop answers each swing by the next one.
+/// Pulses that beat with the line's gas: the loop responds to each swing with the next one.
 fn resonant(s: &Scenario, pressure_pa: f64, moving: &dyn Chamber) -> Option<Unrest> {
     let [length_m, diameter_m] = s.tube.line().filter(|_| s.moves_in_full())?;
     let [late_s, compensated_s] = flow_late_s(s);
@@ -272,11 +273,12 @@ fn resonant(s: &Scenario, pressure_pa: f64, moving: &dyn Chamber) -> Option<Unre
     Some(("tube.length_m", format!("{length_m:?}"), why))
 }
 
-/// The core has no line: gas that does not come, or comes late, is to it an inlet that does not open.
+/// The core does not model a line: gas that does not arrive, or arrives late, looks to it like an inlet that does not
+/// open.
 ///
-/// It expects at least 1/4 of its valve's flow m_v, and finds a fault where a quarter of the gas m in the chamber is
-/// missing. A line passes less in steady flow by friction, and it keeps V_line/(V + V_line) of what flows in once waves
-/// have died away.
+/// The core expects at least 1/4 of its valve's flow m_v, and finds a fault if a quarter of the gas m in the chamber is
+/// missing. In steady flow, friction reduces the flow of a line, and once waves have died away the line keeps V_line/(V
+/// + V_line) of the inflow.
 fn starved(loaded: &Loaded) -> Option<Unrest> {
     let s = &loaded.plant;
     let [length_m, diameter_m] = s.tube.line().filter(|_| s.moves_in_full())?;

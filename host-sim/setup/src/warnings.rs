@@ -1,4 +1,4 @@
-//! Warnings: scenarios that are valid and run, but are hardly meant so.
+//! Warnings about scenarios that are valid and run, but are probably not intended.
 
 use super::loaded::Loaded;
 use super::presets::presets_of;
@@ -16,7 +16,7 @@ use thermyo_scenario::{
     PressureKind, Scenario, Shape, ValveKind, ZonesSource,
 };
 
-/// Tables that neither plant nor core uses, each with the value that causes it.
+/// Tables that neither plant nor core uses, each with the value that causes this.
 pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)> {
     let scenario = &loaded.plant;
     let kind = scenario.plant.kind;
@@ -37,7 +37,7 @@ pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)
     .filter(|(_, used, _)| !used)
     .map(|(table, _, why)| (table, why))
     .collect();
-    // Its conductance gives the width of the jet.
+    // The table's conductance gives the width of the jet.
     let stirs = scenario.heat.model == HeatModel::Correlation;
     if !vessel && scenario.plant.model != PlantModel::Full && !stirs {
         tables.push(("tube", "plant.model is not \"full\""));
@@ -63,12 +63,12 @@ pub(super) fn unused_tables(loaded: &Loaded) -> Vec<(&'static str, &'static str)
     tables
 }
 
-/// Whether `plant.model` has no effect: a vessel has one zone.
+/// Whether `plant.model` has no effect, since a vessel has one zone.
 pub(super) fn model_is_unused(scenario: &Scenario) -> bool {
     scenario.plant.kind == PlantKind::Vessel && scenario.plant.model == PlantModel::Full
 }
 
-/// Below this pressure \[Pa\] a muscle holds nearly a vacuum, or the number was meant in bar.
+/// Pressure below which a muscle holds nearly a vacuum, or the number was meant in bar \[Pa\].
 const NEARLY_VACUUM_PA: f64 = 1000.0;
 
 /// Keys that only a muscle with zones uses.
@@ -90,7 +90,7 @@ const IN_FULL: [&str; 15] = [
     "sensor.wall.position",
 ];
 
-/// Why a key of a table in use has no effect.
+/// Reason why a key of a table in use has no effect.
 fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     let (drive, load, heat) = (&scenario.drive, &scenario.load, &scenario.heat);
     let of_drive = |kind, why| {
@@ -152,7 +152,7 @@ fn unused_key(scenario: &Scenario, path: &str) -> Option<&'static str> {
     }
 }
 
-/// Why a limit of the gas sensor has no effect.
+/// Reason why a limit of the gas sensor has no effect.
 fn unused_range(scenario: &Scenario, path: &str) -> Option<&'static str> {
     let is_pt1000 = scenario.sensor.gas.kind == GasElementKind::Pt1000;
     let of_range = path.starts_with("sensor.gas.range_");
@@ -179,7 +179,7 @@ fn unused_keys(document: &Document, loaded: &Loaded) -> Vec<InputError> {
         .collect()
 }
 
-/// Numbers of faults that their windows do not have.
+/// Numbers for faults that are not in their windows.
 fn unused_fault_numbers(document: &Document) -> Vec<InputError> {
     let entries = &document.plant;
     let one = |entry: &Entry| {
@@ -211,12 +211,12 @@ pub fn unused_in_joint(document: &Document) -> Vec<InputError> {
     all
 }
 
-/// Presets that keys contradict, each with the keys, which win.
+/// Presets that keys contradict, each with these keys, which take precedence.
 fn contradicted(document: &Document) -> Vec<InputError> {
     let of = |entries: &Entries| {
         let one = |preset: &Preset| {
             let differs = preset.values.iter().filter(|(path, value)| {
-                // The muscles of one type have any length: that key contradicts nothing.
+                // Muscles of one type come in any length: that key contradicts nothing.
                 path != "muscle.rest_length_m"
                     && entries.get(path).is_some_and(|entry| !same(Some(&entry.value), Some(value)))
             });
@@ -303,7 +303,7 @@ pub fn warnings(document: &Document, loaded: &Loaded) -> Vec<InputError> {
     all
 }
 
-/// The key of a window whose faults never come, and why.
+/// The key of a window whose faults never occur, and the reason.
 fn never_comes(window: &FaultWindow, end_s: f64) -> Option<(&'static str, f64, String)> {
     let FaultWindow { from_s, until_s, .. } = *window;
     window.broken().next()?;
@@ -315,7 +315,7 @@ fn never_comes(window: &FaultWindow, end_s: f64) -> Option<(&'static str, f64, S
     (from_s >= until_s && !window.board_restart).then_some(("until_s", until_s, why))
 }
 
-/// Why no gas enters at the start although the supply would suffice.
+/// Reason why no gas enters at the start although the supply would suffice.
 fn above_supply(scenario: &Scenario) -> Option<String> {
     let supply_pa = scenario.supply.pressure_pa;
     let above = scenario.plant.initial_pressure_pa > supply_pa;
@@ -324,7 +324,7 @@ fn above_supply(scenario: &Scenario) -> Option<String> {
     })
 }
 
-/// Why the pressure sensor does not suit.
+/// Reason why the pressure sensor does not suit.
 fn short_of_pressure(scenario: &Scenario) -> Option<String> {
     let limit_pa = pressure_limit_pa(scenario);
     let (key, pressure_pa) = [
@@ -336,7 +336,7 @@ fn short_of_pressure(scenario: &Scenario) -> Option<String> {
     Some(format!("so that the core vents above {limit_pa:?} Pa, and {key} = {pressure_pa:?}"))
 }
 
-/// Why the length sensor does not do.
+/// Reason why the length sensor does not suit.
 fn short_of_length(scenario: &Scenario) -> Option<String> {
     let rest_m = chamber::of(scenario)?.rest_length();
     let Scenario { load, drive, .. } = scenario;
@@ -351,7 +351,7 @@ fn short_of_length(scenario: &Scenario) -> Option<String> {
     (scenario.sensor.length.range_m < length_m).then(|| format!("below {what}, {length_m:?} m"))
 }
 
-/// Why no gas enters although the drive should let gas in.
+/// Reason why no gas enters although the drive should let gas in.
 fn no_supply(scenario: &Scenario) -> Option<String> {
     let ambient_pa = scenario.ambient.pressure_pa;
     (fills(scenario) && scenario.supply.pressure_pa <= ambient_pa).then(|| {
@@ -362,14 +362,14 @@ fn no_supply(scenario: &Scenario) -> Option<String> {
     })
 }
 
-/// Why a pressure is hardly meant where a muscle should move.
+/// Reason why a pressure is probably wrong for a muscle that should move.
 fn vacuum(scenario: &Scenario, pressure_pa: impl Fn(&Scenario) -> f64) -> Option<String> {
     let moves = scenario.plant.kind != PlantKind::Vessel;
     (moves && pressure_pa(scenario) < NEARLY_VACUUM_PA)
         .then(|| "nearly a vacuum; pressures are absolute, in Pa".to_owned())
 }
 
-/// A value of the file that is not used as meant.
+/// A value of the file that is not used as intended.
 fn no_sense(document: &Document, entries: &Entries, entry: &Entry, why: String) -> InputError {
     let key = entries.full_path(&entry.path());
     problem_at(document, entry.line, Problem::NoSense { key, value: entry.written.clone(), why })
