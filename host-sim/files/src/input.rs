@@ -33,10 +33,10 @@ pub enum Problem {
     /// "-", as other programs name their standard input.
     #[error("standard input is not read: name a file")]
     StandardInput,
-    /// TOML where a table is needed.
+    /// TOML in place of a table.
     #[error("is TOML: must be a CSV file, whose first line names the columns")]
     NotCsv,
-    /// It can be read, and not used.
+    /// A readable file that cannot be used.
     #[error("{0}")]
     Unusable(String),
     #[error("has more than {most} bytes: must be at most {} MiB", most >> 20)]
@@ -50,12 +50,12 @@ pub enum Problem {
     /// The file exists and would be overwritten.
     #[error("exists already, and is left as it is; give another name")]
     Exists,
-    /// It has the name of a result, in a folder without one.
+    /// A file with the name of a result, in a folder without a result.
     #[error(
         "belongs to no earlier result, and this one would move it: give another folder, --out DIR"
     )]
     NoResult,
-    /// Another process has it.
+    /// Another process is at work in the folder.
     #[error("another thermyo is at work in it: wait for it, or choose another folder")]
     AtWork,
     /// The folder belongs to another sweep.
@@ -64,7 +64,7 @@ pub enum Problem {
     /// A damaged line in a sweep's table.
     #[error("{}", damaged_line(*more))]
     DamagedRow {
-        /// Damaged lines below it.
+        /// Number of damaged lines below it.
         more: usize,
     },
     /// A table whose columns do not match the sweep beside it.
@@ -110,11 +110,11 @@ pub enum Problem {
     /// A key that does not take a number.
     #[error("{key} takes no number: it is {allowed}")]
     NotANumber { key: String, allowed: String },
-    /// A missing value that others make necessary.
+    /// A missing value that others require.
     #[error("{key} is missing: {why}")]
     Missing {
         key: String,
-        /// The key that needs it.
+        /// The key that requires it.
         why: String,
     },
     /// A key that the core does not have.
@@ -127,7 +127,7 @@ pub enum Problem {
     #[error("[{table}] is not used: {why}")]
     UnusedTable {
         table: String,
-        /// The value that causes it.
+        /// The value that causes this.
         why: &'static str,
     },
     /// A valid value with an unwanted consequence.
@@ -163,7 +163,7 @@ pub enum Problem {
          Numbers need a decimal point"
     )]
     DecimalCommas { found: usize, expected: usize },
-    /// A title of other cells than the names stands above them.
+    /// A title in the cells above the names.
     #[error(
         "has words in place of numbers: if these are the names of the columns, they must be in the first line"
     )]
@@ -188,7 +188,7 @@ pub enum Problem {
     /// Fewer measured values than parameters.
     #[error("{points} measured values: must be more than the {parameters} parameters to fit")]
     TooFewPoints {
-        /// Measured values in the columns that are compared.
+        /// Number of measured values in the compared columns.
         points: usize,
         parameters: usize,
     },
@@ -212,7 +212,7 @@ pub enum Problem {
          contracting, -1 by lengthening"
     )]
     Backwards { friction_n: f64 },
-    /// A folder without the measurements that are needed.
+    /// A folder without the required measurements.
     #[error(
         "there is no muscle_static/*.csv, gas_spring/upper_2022-01-28.csv, hyddown/air_discharge.csv, dynamic/*.csv \
          or motion/*.csv in it; docs/background/validation.md lists their sources"
@@ -250,7 +250,7 @@ fn damaged_line(more: usize) -> String {
 pub enum Instead {
     /// Names that the user may have meant.
     Near(Vec<String>),
-    /// No similar name: all names that are possible here.
+    /// All possible names, as none is similar.
     Known(Vec<String>),
 }
 
@@ -295,15 +295,15 @@ impl fmt::Display for InputError {
     }
 }
 
-/// Most bytes of a table or a record: an hour of every step has about 1.3e9.
+/// Largest size of a table or a record: an hour of every step has about 1.3e9 bytes.
 const LARGEST_TABLE: u64 = 2 << 30;
-/// Most bytes of a scenario or another text file of keys.
+/// Largest size of a scenario or another text file of keys.
 const LARGEST_TEXT: u64 = 16 << 20;
 
 /// Reads a whole table or record. A missing file that is [shipped] comes from the program.
 ///
 /// # Errors
-/// When it is missing, no regular file, larger than 2 GiB or unreadable.
+/// If it is missing, no regular file, larger than 2 GiB or unreadable.
 pub fn read_bytes(path: &Path) -> Result<Vec<u8>, InputError> {
     read_at_most(path, LARGEST_TABLE)
 }
@@ -356,14 +356,14 @@ fn read_at_most(path: &Path, most: u64) -> Result<Vec<u8>, InputError> {
     if bytes.len() as u64 > most {
         return Err(because(Problem::TooLarge { most }));
     }
-    // Lines that end with CR alone, as spreadsheets save "CSV (Macintosh)".
+    // Lines that end with CR alone, as spreadsheets save them in "CSV (Macintosh)".
     if !bytes.contains(&b'\n') {
         bytes.iter_mut().filter(|byte| **byte == b'\r').for_each(|byte| *byte = b'\n');
     }
     Ok(bytes)
 }
 
-/// The file beside `path`, or the shipped scenario, that its name may be a misspelling of.
+/// The file beside `path`, or the shipped scenario, of which its name may be a misspelling.
 fn similar(path: &Path) -> Option<PathBuf> {
     let name = path.file_name()?.to_str()?;
     let folder = path.parent()?;
@@ -412,8 +412,7 @@ pub fn is_new(path: &Path) -> Result<(), InputError> {
     if path.exists() { Err(InputError::file(path, Problem::Exists)) } else { Ok(()) }
 }
 
-/// Writes a file that does not exist yet, and creates its folder. A file that cannot be written whole
-/// is removed.
+/// Writes a file that does not exist yet, and creates its folder. A partly written file is removed.
 pub fn write_new(path: &Path, content: impl AsRef<[u8]>) -> Result<(), InputError> {
     is_new(path)?;
     let mut options = fs::OpenOptions::new();
@@ -433,8 +432,7 @@ pub fn line_of(before: &[u8]) -> u64 {
     1 + before.iter().filter(|byte| **byte == b'\n').count() as u64
 }
 
-/// Starts of the lines of a text, so that finding many places needs no count from the start each
-/// time.
+/// Starts of the lines of a text, so that finding many positions does not count from the start each time.
 #[derive(Debug)]
 pub struct Lines {
     starts: Vec<usize>,
@@ -466,8 +464,7 @@ pub fn quoted(text: &str) -> String {
     quoted
 }
 
-/// The name among `known` that `word` may be a misspelling of: a few letters off, or without the
-/// unit.
+/// The name among `known` of which `word` may be a misspelling: a few letters off, or without the unit.
 pub fn nearest<'a>(word: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     // Three letters in ten may be wrong, and at least one in words of any length.
     let most = (word.chars().count() * 3 / 10).max(1);

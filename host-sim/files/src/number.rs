@@ -5,10 +5,10 @@ use std::fmt::Write;
 
 pub const MISSING: &str = "–";
 
-/// In place of a unit: a whole number.
+/// Marks a whole number, in place of a unit.
 pub const COUNT: &str = "count";
 
-/// An SI value with its SI symbol, as shown value and symbol: `(4.2e5, "Pa")` is `("420", "kPa")`.
+/// Displayed value and symbol of an SI value with its SI symbol: `(4.2e5, "Pa")` is `("420", "kPa")`.
 ///
 /// An unknown symbol is kept as it is; a [`COUNT`] is shown whole. Absolute temperatures get a fourth digit. Beyond 10 000 of a submultiple the SI unit itself is shown.
 pub fn quantity(value: f64, si_symbol: &str) -> (String, String) {
@@ -27,7 +27,7 @@ pub fn of_column(value: f64, column: &str) -> String {
     in_unit(value, Unit::of_column(column))
 }
 
-/// A difference of two values of a column with its unit.
+/// A difference of two values of a column, with its unit.
 pub fn difference_text(difference: f64, column: &str, units: UnitSystem) -> String {
     let unit = match units {
         UnitSystem::Practical => Unit::of_column(column),
@@ -36,7 +36,7 @@ pub fn difference_text(difference: f64, column: &str, units: UnitSystem) -> Stri
     in_unit(difference, unit)
 }
 
-/// An SI value with three digits in that unit.
+/// An SI value with three digits in this unit.
 pub fn in_unit(value: f64, Unit { symbol, factor }: Unit) -> String {
     let text = significant(value * factor, 3);
     if symbol.is_empty() { text } else { format!("{text} {symbol}") }
@@ -44,7 +44,7 @@ pub fn in_unit(value: f64, Unit { symbol, factor }: Unit) -> String {
 
 /// `value` rounded to `digits` significant digits, but never to less than a whole unit.
 ///
-/// Below 0.001 and from a million on in powers of ten; [`MISSING`] when it is not finite.
+/// Powers of ten below 0.001 and from a million; [`MISSING`] if it is not finite.
 pub fn significant(value: f64, digits: usize) -> String {
     if !value.is_finite() {
         return MISSING.to_owned();
@@ -91,7 +91,7 @@ pub fn fixed(value: f64, decimals: usize) -> String {
 
 /// A value and its standard error, to the error's second digit: `89.99 ± 0.12`, `(1.9996 ± 0.0021)×10⁻¹²`.
 ///
-/// Six digits of the value where the error is missing or zero.
+/// Six digits of the value if the error is missing or zero.
 pub fn with_error(value: f64, error: f64) -> String {
     let exponent = |x: f64| x.abs().log10().floor() as i32;
     if !(value.is_finite() && error.is_finite() && error > 0.0) {

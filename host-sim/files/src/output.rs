@@ -12,7 +12,7 @@ use std::fs::{self, File};
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
-/// Files that any command writes: those of one result stay together.
+/// Files that commands write: those of one result stay together.
 const RESULTS: [&str; 17] = [
     "summary.json",
     "report.html",
@@ -33,7 +33,7 @@ const RESULTS: [&str; 17] = [
     "motion.svg",
 ];
 
-/// Every result has one of these from its publication on.
+/// Files of which every published result has at least one.
 const SIGNS: [&str; 3] = ["summary.json", "report.html", "config.json"];
 
 /// The folder for the results of one command. Until [`OutputDir::publish`] they lie in a folder
@@ -43,7 +43,8 @@ pub struct OutputDir {
     path: PathBuf,
     /// Folders that did not exist before, innermost first.
     created: Vec<PathBuf>,
-    /// Created with the first file: a command that is killed before leaves no empty folder.
+    /// Folder of the unfinished results, created with the first file: a command that is killed
+    /// before that leaves no empty folder.
     unfinished: PathBuf,
     begun: bool,
     files: Vec<&'static str>,
@@ -51,11 +52,10 @@ pub struct OutputDir {
 }
 
 impl OutputDir {
-    /// Opens the folder, creating it where it does not exist.
+    /// Opens the folder, creating it if it does not exist.
     ///
     /// # Errors
-    /// As [`Self::open`], and when a file of the user has the name of a result, which would move
-    /// it.
+    /// As [`Self::open`], and if a file of the user has the name of a result, which would move it.
     pub fn create(path: &Path) -> Result<Self, InputError> {
         let there = |name: &str| path.join(name).exists();
         match RESULTS.into_iter().find(|name| there(name)) {
@@ -66,10 +66,10 @@ impl OutputDir {
         }
     }
 
-    /// As [`Self::create`], for files whose names no result has.
+    /// As [`Self::create`], for files whose names do not occur in results.
     ///
     /// # Errors
-    /// When it cannot be created or written, so that a long run does not fail at its end.
+    /// If it cannot be created or written, so that a long run does not fail at its end.
     pub fn open(path: &Path) -> Result<Self, InputError> {
         let created: Vec<PathBuf> = path
             .ancestors()
@@ -83,7 +83,7 @@ impl OutputDir {
             Ok(()) => Ok(Self {
                 path: path.to_path_buf(),
                 created,
-                // The name of no folder.
+                // A name that no folder has.
                 unfinished: path.join("unfinished-0"),
                 begun: false,
                 files: Vec::new(),
@@ -122,12 +122,12 @@ impl OutputDir {
         self.kept = true;
     }
 
-    /// The folder with the results before they are published; it is there from the first file on.
+    /// The folder of the results before they are published; it exists from the first file on.
     pub fn place(&self) -> &Path {
         &self.unfinished
     }
 
-    /// The folder with the results once they are published.
+    /// The folder of the results after they are published.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -137,7 +137,7 @@ impl OutputDir {
         File::create(self.unfinished.join(name)).map_err(|error| self.unwritable(name, &error))
     }
 
-    /// Writes a whole file. It replaces one that this command wrote before, which stays until
+    /// Writes a whole file. It replaces a file that this command wrote before, which stays until
     /// then.
     pub fn text(&mut self, name: &'static str, text: &str) -> Result<(), InputError> {
         self.add(name)?;
@@ -164,10 +164,10 @@ impl OutputDir {
         InputError::output(&self.path.join(name), error)
     }
 
-    /// Publishes the results. Returns where an earlier result was moved to.
+    /// Publishes the results. Returns the new place of an earlier result.
     ///
     /// # Errors
-    /// When the system refuses; both results are then still there.
+    /// If the system refuses; both results then still exist.
     pub fn publish(mut self) -> Result<Option<PathBuf>, InputError> {
         self.kept = true;
         let earlier = self.put_aside()?;
@@ -175,7 +175,7 @@ impl OutputDir {
         Ok(earlier)
     }
 
-    /// Publishes the results in place of earlier ones, where these can be computed again.
+    /// Publishes the results in place of earlier ones that can be computed again.
     pub fn replace(mut self) -> Result<(), InputError> {
         self.kept = true;
         self.put()
@@ -207,7 +207,7 @@ impl OutputDir {
         Ok(Some(earlier))
     }
 
-    /// Keeps the unfinished result: a record cannot be made again.
+    /// Keeps the unfinished result: a recording cannot be repeated.
     pub fn leave(mut self) -> PathBuf {
         self.kept = true;
         self.unfinished.clone()
@@ -217,7 +217,7 @@ impl OutputDir {
 impl Drop for OutputDir {
     fn drop(&mut self) {
         if !self.kept {
-            // A folder that cannot be removed stays: there is no way to report it from here.
+            // A folder that cannot be removed stays: an error cannot be reported from here.
             let _ = fs::remove_dir_all(&self.unfinished);
             remove_empty(&self.created);
         }
@@ -320,7 +320,7 @@ mod tests {
         result(&folder, &["summary.json"], "first");
         let mut failing = OutputDir::create(&folder).unwrap();
         failing.text("summary.json", "half").unwrap();
-        // Two commands at once get two folders.
+        // Two simultaneous commands get two folders.
         let mut killed = OutputDir::create(&folder).unwrap();
         killed.text("trace.csv", "a\n1\n").unwrap();
         drop(failing);

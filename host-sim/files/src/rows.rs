@@ -1,11 +1,11 @@
-//! Rows of text on their way to a file. They are handed over whole and soon, so that a killed
-//! program loses little.
+//! Rows of text on their way to a file. They are written whole and soon, so that a killed program
+//! loses little.
 
 use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 const LONGEST_WAIT: Duration = Duration::from_millis(500);
-/// Bytes that are gathered: one system call for about 200 rows of a trace.
+/// Bytes to gather: one system call for about 200 rows of a trace.
 const MOST_WAITING: usize = 1 << 16;
 
 /// Gathers rows. The file never ends within a row, unless the disk is full or the system stops in
@@ -18,7 +18,7 @@ pub struct Rows<W: Write> {
 }
 
 impl<W: Write> Rows<W> {
-    /// Writes the header at once.
+    /// Gathers rows for `out`, and writes the header at once.
     pub fn new(out: W, header: &str) -> io::Result<Self> {
         let waiting = Vec::with_capacity(MOST_WAITING);
         let mut rows = Self { out, waiting, handed_over: Instant::now() };
@@ -37,7 +37,7 @@ impl<W: Write> Rows<W> {
         self.hand_over_in_time()
     }
 
-    /// Hands over rows that have waited long enough; for callers that wait for the next row.
+    /// Writes rows that have waited long enough; for callers that wait for the next row.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         if self.handed_over.elapsed() < LONGEST_WAIT {
             return Ok(());
@@ -48,13 +48,13 @@ impl<W: Write> Rows<W> {
     pub fn hand_over(&mut self) -> io::Result<()> {
         self.handed_over = Instant::now();
         let written = self.out.write_all(&self.waiting);
-        // If half of it was written, a second attempt would write that half twice.
+        // If half of the bytes were written, a second attempt would write that half twice.
         self.waiting.clear();
         written?;
         self.out.flush()
     }
 
-    /// Hands over everything and returns the writer.
+    /// Writes everything and returns the writer.
     pub fn finish(mut self) -> io::Result<W> {
         self.hand_over()?;
         Ok(self.out)

@@ -22,7 +22,7 @@ const FILES: [(&str, &str); 15] = [
 ];
 
 /// # Panics
-/// If the repository has no file of that name.
+/// If the repository has no file of this name.
 pub fn text(name: &str) -> &'static str {
     of_name(name.as_ref()).expect("the repository has that scenario")
 }
@@ -36,7 +36,7 @@ fn of_name(name: &OsStr) -> Option<&'static str> {
 }
 
 /// The shipped file for `scenarios/NAME`, relative to the working folder, if the repository has
-/// one of that name.
+/// this name.
 pub fn instead_of(path: &Path) -> Option<&'static str> {
     let folder = std::env::current_dir().ok();
     let path = folder.and_then(|folder| path.strip_prefix(folder).ok()).unwrap_or(path);

@@ -20,13 +20,13 @@ pub struct Column {
     pub cells: Vec<Option<f64>>,
 }
 
-/// Where a damaged record ends, and why. Its `Display` is one line.
+/// End of a damaged record, and the reason. Its `Display` is one line.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
     /// File, line and problem.
     what: String,
     rows: usize,
-    /// Number of lines after that one, without blank ones.
+    /// Number of lines after the damaged one, without blank ones.
     behind: usize,
 }
 
@@ -44,9 +44,9 @@ impl fmt::Display for Damage {
 
 /// A row that cannot be used.
 enum Bad {
-    /// It is not a row.
+    /// A line that is not a row.
     Damage(Problem),
-    /// It is a row with an impossible value.
+    /// A row with an impossible value.
     Value(Problem),
 }
 
@@ -54,8 +54,8 @@ enum Bad {
 /// blanks around cells and blank lines are tolerated.
 ///
 /// # Errors
-/// When the file cannot be read; for columns without a name or of one name, rows that are too long
-/// or too short, and cells that are neither empty nor a finite number; without any row.
+/// If the file cannot be read; for unnamed columns or two of one name, rows that are too long or too short, and cells
+/// that are neither empty nor a finite number; for no row at all.
 pub fn read_table(path: &Path) -> Result<Table, InputError> {
     Table::undamaged(Table::rows_of(&read_bytes(path)?, path)?)
 }
@@ -64,7 +64,7 @@ pub fn read_table(path: &Path) -> Result<Table, InputError> {
 /// first line that is not a row: see [`Table::damage`].
 ///
 /// # Errors
-/// As [`read_table`], but for damage only where no row precedes it.
+/// As [`read_table`], but for damage only if no row precedes it.
 pub fn read_record(path: &Path) -> Result<Table, InputError> {
     Table::parse_record(&read_bytes(path)?, path)
 }
@@ -72,14 +72,13 @@ pub fn read_record(path: &Path) -> Result<Table, InputError> {
 /// As [`read_record`], but damage is an error.
 ///
 /// # Errors
-/// As [`read_table`], and for a last line without an end.
+/// As [`read_table`], and for an unterminated last line.
 pub fn read_whole(path: &Path) -> Result<Table, InputError> {
     Table::undamaged(Table::recorded(&read_bytes(path)?, path)?)
 }
 
-/// Reads a CSV file as [`read_record`] if its column names are those of a record, else as
-/// [`read_table`]: in a table made by hand a fault is a mistake, not a power cut, and a last line
-/// without an end is a row.
+/// Reads a CSV file as [`read_record`] if its column names are those of a record, else as [`read_table`]: in a table
+/// made by hand a fault is a mistake, not a power cut, and an unterminated last line is a row.
 pub fn read_either(path: &Path, made_by_hand: fn(&Table) -> bool) -> Result<Table, InputError> {
     Table::parse_either(&read_bytes(path)?, path, made_by_hand)
 }
@@ -126,10 +125,10 @@ impl Table {
         Ok(table)
     }
 
-    /// As [`Self::rows_of`], but a last line without an end is not a row.
+    /// As [`Self::rows_of`], but an unterminated last line is not a row.
     fn recorded(bytes: &[u8], file: &Path) -> Result<(Self, Option<InputError>), InputError> {
         is_text(bytes, file)?;
-        // A truncated number is still a number, so only a line with its end counts.
+        // A truncated number is still a number, so only a terminated line counts.
         let whole =
             bytes.iter().rposition(|byte| matches!(byte, b'\n' | b'\r')).map_or(0, |i| i + 1);
         let (whole, rest) = bytes.split_at(whole);
@@ -169,8 +168,7 @@ impl Table {
                     table.add_header(&record, below.unwrap_or_default()).map_err(Bad::Value)
                 }
                 Ok(true) => table.add_row(&record, line),
-                // Rows may have any length, and bytes in memory can be read: there is no other
-                // error.
+                // Rows may have any length, and bytes in memory can always be read: there is no other error.
                 Err(_) => Err(Bad::Damage(Problem::NotUtf8)),
             };
             match added {
@@ -276,7 +274,7 @@ impl Table {
         Ok(())
     }
 
-    /// Where a record of [`read_record`] ends before its file.
+    /// Damage at which a record of [`read_record`] ended early.
     pub fn damage(&self) -> Option<&Damage> {
         self.damage.as_ref()
     }
@@ -357,8 +355,8 @@ fn is_text(bytes: &[u8], file: &Path) -> Result<(), InputError> {
     not_text(bytes).map_or(Ok(()), |problem| Err(InputError::file(file, problem)))
 }
 
-/// Whether the first line is a title above the names: its only text is one cell of several words, and
-/// the line below it is not one of numbers between blanks.
+/// Whether the first line is a title above the names: its only text is one cell of several words, and the line below it
+/// does not consist of numbers between blanks.
 fn is_title(record: &csv::StringRecord, below: &[u8]) -> bool {
     let mut texts = record.iter().filter(|cell| !cell.is_empty());
     let (Some(text), None) = (texts.next(), texts.next()) else { return false };
@@ -396,7 +394,7 @@ struct LineCounter<'a> {
 }
 
 impl LineCounter<'_> {
-    /// Line of the record that begins at `start`; the reader skips blank lines first.
+    /// Line of the record that begins at `start`; the reader skips preceding blank lines.
     fn of_record(&mut self, start: usize) -> u64 {
         let rest = self.text.get(start..).unwrap_or_default();
         let blank = rest.iter().take_while(|byte| matches!(byte, b'\r' | b'\n')).count();
@@ -466,7 +464,7 @@ mod tests {
                 "t.csv:1: <!doctype html> in the first line: must be the names of the columns",
             ),
             ("{\n", "t.csv:1: { in the first line: must be the names of the columns"),
-            // A title that a spreadsheet has above the table.
+            // A title that a spreadsheet writes above the table.
             ("Muscle 3 of Monday\ntime_s,p\n0,1\n", TITLE),
             ("Muscle 3 of Monday,\ntime_s,p\n0,1\n", TITLE),
             ("Muscle 3 of Monday\r\n\r\ntime_s;p\r\n0;1\r\n", TITLE),
@@ -515,7 +513,7 @@ mod tests {
         assert_eq!(empty, "t.csv:4: column b = (empty): must be a number");
     }
 
-    /// It was "not UTF-8 text".
+    /// The message used to be "not UTF-8 text".
     #[test]
     fn the_file_of_another_program_is_named() {
         let sheet = "a spreadsheet or an archive: must be text; export the sheet as CSV (UTF-8, with commas)";
@@ -539,7 +537,7 @@ mod tests {
             let bytes: Vec<u8> = mark.iter().copied().chain(letters).collect();
             let message = "t.csv: is UTF-16 text: must be UTF-8".to_owned();
             assert_eq!(record(&bytes), Err(message.clone()));
-            // Without the mark it can be read as text.
+            // Without the mark the bytes can be read as text.
             if let Ok(text) = str::from_utf8(&bytes) {
                 assert_eq!(parse(text), Err(message));
             }

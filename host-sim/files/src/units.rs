@@ -1,18 +1,18 @@
-//! Units: one table of the quantities, with the unit in which each is shown and the units in which
-//! people may write it.
+//! Units: one table of the quantities, with the unit in which each is displayed and the units in
+//! which people may write it.
 
 use std::fmt;
 
-/// How an SI unit is shown.
+/// Display of an SI unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Unit {
-    /// Symbol of the shown unit; empty when dimensionless.
+    /// Symbol of the displayed unit; empty if dimensionless.
     pub symbol: &'static str,
-    /// Shown value per SI value.
+    /// Displayed value per SI value.
     pub factor: f64,
 }
 
-/// SI value of a written one.
+/// Conversion of a written value to SI.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Scale {
     /// Times ten to this power, without a rounding error.
@@ -28,7 +28,7 @@ use Scale::{From, Ten, Times};
 pub struct Quantity {
     /// Suffix of its keys and columns; empty for a ratio.
     suffix: &'static str,
-    /// SI symbol, as the keys' declarations have it.
+    /// SI symbol, as in the keys' declarations.
     pub si: &'static str,
     shown: &'static str,
     /// Units that may be written, the SI unit first.
@@ -42,7 +42,7 @@ const CELSIUS_K: f64 = 273.15;
 /// 0 degrees Fahrenheit \[K\].
 const FAHRENHEIT_K: f64 = 459.67 * 5.0 / 9.0;
 
-/// The quantities. Longer suffixes stand before their own ends.
+/// The quantities. A longer suffix comes before any suffix that it ends with.
 const QUANTITIES: [Quantity; 31] = [
     row("_w_m2_k", "W/(m2 K)", "W/(m² K)", &[("W/(m² K)", Ten(0))]),
     row(
@@ -130,15 +130,15 @@ pub fn si_of_column(name: &str) -> &'static str {
 }
 
 impl Unit {
-    /// Without unit or conversion.
+    /// No unit and no conversion.
     pub const NONE: Self = Self { symbol: "", factor: 1.0 };
 
-    /// The unit of a key or trace column, by its suffix: `pressure_pa` is shown in kPa.
+    /// The unit of a key or trace column, by its suffix: `pressure_pa` is displayed in kPa.
     pub fn of_column(name: &str) -> Self {
         QUANTITIES.iter().find(|row| name.ends_with(row.suffix)).map_or(Self::NONE, Quantity::unit)
     }
 
-    /// The shown unit of an SI symbol, where there is one.
+    /// The displayed unit of an SI symbol, if there is one.
     pub(crate) fn of_si(symbol: &str) -> Option<Self> {
         QUANTITIES.iter().find(|row| row.si == symbol && !symbol.is_empty()).map(Quantity::unit)
     }
@@ -172,7 +172,7 @@ impl UnitSystem {
         }
     }
 
-    /// The number without its unit. `decimals` are those in the practical unit; in SI as many as
+    /// The number without its unit. `decimals` applies to the practical unit; SI gets as many as
     /// show the same digits. A temperature is absolute.
     pub fn number(self, value: f64, si: &'static str, decimals: usize) -> String {
         let (_, practical) = Self::Practical.unit(si);
@@ -219,7 +219,7 @@ impl Quantity {
 pub struct Wanted {
     /// SI symbol; empty for a ratio.
     pub si: &'static str,
-    /// A temperature is absolute, and may be written in degC; otherwise it is a difference.
+    /// Whether a temperature is absolute, and may be written in degC; otherwise it is a difference.
     pub absolute: bool,
 }
 
@@ -241,7 +241,7 @@ impl Wanted {
         }
     }
 
-    /// As [`Self::read`], but the unit has to be there.
+    /// As [`Self::read`], but the unit is required.
     pub fn read_with_unit(self, text: &str) -> Result<f64, Unread> {
         let (number, unit) = split(text.trim());
         let unit = plain(unit);
@@ -257,8 +257,8 @@ impl Wanted {
         value.filter(|value| value.is_finite()).ok_or(Unread(self))
     }
 
-    /// Units that may be written for it. A set point is of one quantity or another ("Pa or 1"):
-    /// other keys decide which, and limit the value.
+    /// Units that may be written for this quantity. A set point is of one quantity or another ("Pa
+    /// or 1"): other keys decide which, and limit the value.
     fn units(self) -> impl Iterator<Item = (&'static str, Scale)> {
         let of_one = |si: &'static str| {
             let si = if si == "1" { "" } else { si };
@@ -277,7 +277,7 @@ impl Wanted {
     }
 }
 
-/// A text that states no value of the wanted quantity. Its text is the rest of "must be ".
+/// A text that states no value of the wanted quantity. Its `Display` is the rest of "must be ".
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unread(Wanted);
 
@@ -321,7 +321,7 @@ fn split(text: &str) -> (&str, &str) {
     (number, text[number.len()..].trim())
 }
 
-/// The number times ten to that power, as close as an `f64` gets.
+/// The number times ten to this power, as precise as an `f64` allows.
 fn times_ten(number: &str, power: i32) -> Option<f64> {
     let (digits, exponent) = match number.split_once(['e', 'E']) {
         Some((digits, exponent)) => (digits, exponent.parse::<i32>().ok()?),
@@ -330,7 +330,7 @@ fn times_ten(number: &str, power: i32) -> Option<f64> {
     format!("{digits}e{}", exponent.checked_add(power)?).parse().ok()
 }
 
-/// A symbol as it is typed: cm3, degC.
+/// A symbol as typed: cm3, degC.
 fn plain(symbol: &str) -> String {
     let symbol = symbol.replace("°C", "degC").replace("°F", "degF").replace('°', "deg");
     symbol.replace('²', "2").replace('³', "3").replace(['µ', 'μ'], "u")
