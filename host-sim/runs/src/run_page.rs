@@ -18,7 +18,7 @@ use thermyo_simulation::run::SetPoints;
 
 /// Strokes in the enlarged temperature chart.
 const DETAIL_STROKES: f64 = 3.0;
-/// Measured values on the page: all rows of two columns, a tenth of the rows of twenty.
+/// Measured values on the page: all rows of two columns, or a tenth of the rows of twenty.
 const MEASURED_CELLS: usize = 2 * CAPACITY;
 
 /// Records the page's data in bounded memory during a run.
@@ -146,7 +146,7 @@ fn thinned(measured: &Measured) -> Vec<Vec<(f64, f64)>> {
     names[1..].iter().map(points).collect()
 }
 
-/// The message; the purpose of the run comes first.
+/// The first paragraph; the purpose of the run comes first.
 fn lead(summary: &Summary) -> String {
     let faulted = Faulted(&summary.core);
     let mut text = faulted.lead();

@@ -1,4 +1,4 @@
-//! Page of a run that has no page of its own: recorded quantities over time.
+//! Page of a run without a page of its own: recorded quantities over time.
 
 use thermyo_files::number::{quantity, significant};
 use thermyo_files::units::Unit;
@@ -12,7 +12,7 @@ use thermyo_scenario::PlantKind;
 
 /// The plant's gas temperature, with which the others are compared.
 const TRUTH: &str = "gas_temperature_k";
-/// Columns drawn against their measurement; the table has all.
+/// Most columns that are drawn against their measurement; the table contains all.
 const MOST_COMPARED: usize = 6;
 
 pub(crate) fn label(column: &str) -> &str {
@@ -61,9 +61,9 @@ pub struct Measured {
     pub column: String,
     /// Time \[s\] and value \[SI\].
     pub points: Vec<(f64, f64)>,
-    /// RMSE of the run against them, as in `summary.json` \[SI\].
+    /// RMSE of the run against the points, as in `summary.json` \[SI\].
     ///
-    /// Computed from the run's own samples: recorded rows are thinned.
+    /// Computed from the run's own samples, since recorded rows are thinned.
     pub rmse: f64,
     /// Largest difference between the run and the points, computed likewise \[SI\].
     pub max: f64,
@@ -98,21 +98,20 @@ pub struct RunReport<'a> {
     /// The scenario with all defaults filled in.
     pub scenario_toml: &'a str,
     pub tiles: Vec<Tile>,
-    /// Columns named as in `trace.csv`, `time_s` among them; any other may be missing. Beyond the
-    /// trace, `estimate_error_k` and `sensor_gas_error_k` (against the plant's gas temperature) and
-    /// `tracking_error` (the controlled value less its set point) are drawn where they were
-    /// recorded.
+    /// Columns named as in `trace.csv`, `time_s` among them; any other may be missing. Beyond the trace,
+    /// `estimate_error_k` and `sensor_gas_error_k` (against the plant's gas temperature) and `tracking_error` (the
+    /// controlled value minus its set point) are drawn if they were recorded.
     pub series: &'a Recorder,
-    /// The quantity that the set point controls, where a loop is closed.
+    /// The quantity that the set point controls, if a loop is closed.
     pub controlled: Option<Controlled>,
-    /// The set point is a mass flow, drawn beside the flows: inflow positive, outflow negative.
+    /// Whether the set point is a mass flow, drawn beside the flows: inflow positive, outflow negative.
     pub drives_flow: bool,
     /// Measurements to draw over the run.
     pub measured: &'a [Measured],
     pub summary: &'a [SummaryRow],
     /// Wall temperature per zone at the end, port first \[K\]; drawn from two zones on.
     pub axial_wall_k: &'a [f64],
-    /// Length at rest; with it, contraction is drawn below length \[m\].
+    /// Length at rest \[m\]; if it is present, contraction is drawn below length.
     pub rest_length_m: Option<f64>,
     pub kind: PlantKind,
     /// Volume \[m3\] and absolute pressure \[Pa\] through the last stroke, every sample; may be empty.
@@ -129,7 +128,7 @@ pub fn render(input: &RunReport) -> String {
 }
 
 impl RunReport<'_> {
-    /// The sections of the page, for a page that adds its own.
+    /// The sections of the page, for pages that add their own.
     pub fn sections(&self) -> Vec<Section> {
         [
             self.control(),
@@ -321,7 +320,7 @@ impl RunReport<'_> {
         Some(self.column("length_m")?.iter().map(|length| 1.0 - length / rest).collect())
     }
 
-    /// The plant's true values were recorded; a record of a board has none.
+    /// Whether the plant's true values were recorded; a record of a board has none.
     fn has_plant(&self) -> bool {
         self.column(TRUTH).is_some()
     }
@@ -423,7 +422,7 @@ impl RunReport<'_> {
         })
     }
 
-    /// Chambers other than muscles get a curve in place of the picture.
+    /// Chambers other than muscles get a curve instead of the picture.
     fn wall_profile(&self) -> Section {
         let zones = self.axial_wall_k.len() as f64;
         let places: Vec<f64> =

@@ -13,7 +13,7 @@ pub fn rms_difference(a: &[f64], b: &[f64]) -> f64 {
     (squares / a.len().min(b.len()) as f64).sqrt()
 }
 
-/// Pearson's correlation coefficient of two signals of one length; 0 where one is constant.
+/// Pearson's correlation coefficient of two signals of one length; 0 if one is constant.
 pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let (mean_a, mean_b) = (mean(a), mean(b));
     let mut products = 0.0;
@@ -28,9 +28,9 @@ pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     if scale > 0.0 { products / scale } else { 0.0 }
 }
 
-/// Number of samples by which `late` has to be moved back for the highest correlation with `early`,
-/// searched from `-most` to `most`, and the correlation there. A parabola through the best three
-/// gives the fraction of a sample.
+/// Number of samples by which `late` has to be shifted back for the highest correlation with
+/// `early`, searched from `-most` to `most`, and the correlation there. A parabola through the best
+/// three gives the fraction of a sample.
 pub fn time_shift(early: &[f64], late: &[f64], most: usize) -> (f64, f64) {
     let length = early.len().min(late.len());
     let most = most.min(length / 2) as isize;

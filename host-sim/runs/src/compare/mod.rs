@@ -18,19 +18,19 @@ use thermyo_files::table::Table;
 use thermyo_files::units::UnitSystem;
 use thermyo_record::measured::ordered;
 
-/// Relative difference up to which two records last equally long \[-\].
+/// Relative difference up to which two records count as equally long \[-\].
 const SAME_LENGTH: f64 = 0.01;
-/// Rows so many usual distances apart have a gap between them \[-\].
+/// Distance of rows, in usual distances, above which there is a gap \[-\].
 const GAP_ROWS: f64 = 20.0;
 
 #[derive(Debug, Clone)]
 pub struct Run {
     pub name: String,
     pub subject: Subject,
-    /// `plant.kind` of its scenario, where that is known: a vessel's trace has a length too.
+    /// `plant.kind` of the run's scenario, if known: a vessel's trace has a length too.
     kind: Option<&'static str>,
     time_s: Vec<f64>,
-    /// Rows further apart have a gap between them \[s\].
+    /// Distance of rows above which there is a gap \[s\].
     gap_s: f64,
     /// Columns that have a value in any row; NaN where a cell is empty.
     columns: BTreeMap<&'static str, Vec<f64>>,
@@ -39,7 +39,7 @@ pub struct Run {
 /// Difference of a run from the first one, in one column.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Difference {
-    /// Mean of this run less the first \[SI\].
+    /// Mean of this run minus the first \[SI\].
     pub mean: f64,
     /// Root mean square \[SI\].
     pub rms: f64,
@@ -69,10 +69,10 @@ impl Compared {
 }
 
 impl Run {
-    /// The record of a plant of this `kind`.
+    /// Run of a plant of this `kind`, from its record.
     ///
     /// # Errors
-    /// When `time_s` is missing in a row, or times fall.
+    /// If `time_s` is missing in a row, or times fall.
     pub fn new(name: &str, kind: Option<&'static str>, table: &Table) -> Result<Self, InputError> {
         let time_s = ordered(table)?;
         let subject = Subject::of(table);
@@ -95,7 +95,7 @@ impl Run {
         self.columns.get(name).map(Vec::as_slice)
     }
 
-    /// Value of a column at a time, linear between rows; none outside of them and in a gap.
+    /// Value of a column at a time, linear between rows; none outside the rows and in a gap.
     fn at(&self, values: &[f64], time_s: f64) -> Option<f64> {
         let after = self.time_s.partition_point(|time| *time < time_s);
         let (end_s, end) = (*self.time_s.get(after)?, values[after]);
@@ -110,7 +110,7 @@ impl Run {
         Some(start + (end - start) * (time_s - start_s) / (end_s - start_s))
     }
 
-    /// Why a comparison with `first` may mean little: another kind of plant, or another length.
+    /// Reason why a comparison with `first` may mean little: another kind of plant, or another length.
     pub fn unlike(&self, first: &Self) -> Option<String> {
         let has_length = |run: &Self| run.columns.contains_key("length_m");
         let length_s = |run: &Self| run.time_s[run.time_s.len() - 1] - run.time_s[0];
@@ -137,7 +137,7 @@ impl Run {
         })
     }
 
-    /// Says where the first gap is.
+    /// Message that names the first gap.
     pub fn gap(&self) -> Option<String> {
         let [from_s, to_s] = gaps(&self.time_s, self.gap_s).next()?.map(short);
         Some(format!("{} has a gap from {from_s} to {to_s} s: it is not compared there", self.name))

@@ -19,7 +19,7 @@ const COLOURS: [Colour; 7] = [
     Colour::Sky,
 ];
 
-/// `compared` contains all runs but the first.
+/// Builds the page. `compared` contains all runs except the first.
 pub fn page(runs: &[Run], compared: &[Compared]) -> String {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let lead = format!("{}: each over the others, the differences to the first.", names.join(", "));
@@ -67,7 +67,7 @@ fn differences(compared: &[Compared]) -> Section {
     })
 }
 
-/// Quantity, RMS, mean and largest difference; a row that says so where there is none.
+/// Quantity, RMS, mean and largest difference; a single explanatory row if there is none.
 pub fn rows(compared: &Compared) -> Vec<[String; 4]> {
     let rows = compared.shown().map(|(name, difference)| {
         let shown = |value| text(value, name, UnitSystem::Practical);

@@ -1,4 +1,4 @@
-//! Several recorded runs, with the scenario and the summary beside their traces.
+//! Several recorded runs, with the scenarios and summaries beside their traces.
 
 use super::{Compared, Run, Subject, page};
 use serde::{Deserialize, Serialize};
@@ -9,7 +9,7 @@ use thermyo_files::table::Table;
 use thermyo_files::units::UnitSystem;
 use thermyo_record::tracking::Control;
 
-/// How a joint followed its set point, from its summary.
+/// Tracking of a joint's set point, from its summary.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 struct JointControl {
     rms_error_rad: f64,
@@ -40,7 +40,7 @@ impl JointControl {
     }
 }
 
-/// A run, and how it followed its set point: that part of its summary, or null.
+/// A run, and its tracking of the set point: that part of its summary, or null.
 #[derive(Debug, Clone)]
 pub struct Recorded {
     pub run: Run,
@@ -55,19 +55,19 @@ impl Recorded {
         Ok(Self { run, control })
     }
 
-    /// A record of which nothing else is known.
+    /// A record without scenario and summary.
     pub fn alone(name: &str, table: &Table) -> Result<Self, InputError> {
         Ok(Self { run: Run::new(name, None, table)?, control: Value::Null })
     }
 }
 
-/// `plant.kind` of the scenario beside a trace; none without one.
+/// `plant.kind` of the scenario beside a trace; none if there is no scenario.
 fn kind_of(trace: &Path) -> Option<&'static str> {
     let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml")).ok()?;
     Some(loaded.plant.plant.kind.word())
 }
 
-/// How the run followed its set point, from the summary beside its trace; null without one.
+/// Tracking of the set point, from the summary beside a trace; null if there is no summary.
 fn control_of(trace: &Path, subject: Subject) -> Value {
     let summary = std::fs::read(trace.with_file_name("summary.json")).unwrap_or_default();
     let summary: Value = serde_json::from_slice(&summary).unwrap_or_default();
@@ -82,12 +82,12 @@ fn control_of(trace: &Path, subject: Subject) -> Value {
 pub struct Comparison {
     runs: Vec<Run>,
     controls: Vec<Value>,
-    /// An entry for each run but the first.
+    /// An entry for each run except the first.
     pub compared: Vec<Compared>,
 }
 
 impl Comparison {
-    /// Compares the others with the first one; all are of the same [`Subject`].
+    /// Compares the other runs with the first; all have the same [`Subject`].
     pub fn of(recorded: Vec<Recorded>) -> Self {
         let (runs, controls): (Vec<Run>, Vec<Value>) =
             recorded.into_iter().map(|recorded| (recorded.run, recorded.control)).unzip();
@@ -126,7 +126,7 @@ impl Comparison {
         page::page(&self.runs, &self.compared)
     }
 
-    /// How each run followed its set point, below its name; empty without a set point.
+    /// Tracking of each run, below its name; empty without a set point.
     pub fn tracking(&self, units: UnitSystem) -> String {
         let all = self.runs.iter().zip(&self.controls).filter_map(|(run, control)| {
             let text = match run.subject {
@@ -143,7 +143,7 @@ impl Comparison {
         page::plot(&self.runs)
     }
 
-    /// Rows of quantity, RMS, mean and largest difference, of each run but the first.
+    /// Rows of quantity, RMS, mean and largest difference, of each run except the first.
     pub fn rows(&self) -> impl Iterator<Item = Vec<[String; 4]>> {
         self.compared.iter().map(page::rows)
     }

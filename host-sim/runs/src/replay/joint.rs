@@ -47,7 +47,7 @@ struct Inputs {
     sample: JointSample,
     /// Set point that holds after the step.
     set_point: JointSetPoint,
-    /// Highest pressure that the board was armed for, where the record has it \[Pa\].
+    /// Highest pressure for which the board was armed, if the record contains it \[Pa\].
     armed_pa: Option<f32>,
     /// Venting faults of the muscles and faults of the joint: latched until they are cleared.
     latched: [u32; 3],
@@ -66,7 +66,7 @@ pub struct Record {
 /// Reads a record of the scenario.
 ///
 /// # Errors
-/// When the trace does not have every step, or lacks a column.
+/// If the trace lacks a step or a column.
 pub fn read_record(loaded: &JointLoaded, table: &Table) -> Result<Record, InputError> {
     let config = loaded.config();
     let part = part_of(table, joint_checksum(&config))?;
@@ -82,17 +82,17 @@ pub fn read_record(loaded: &JointLoaded, table: &Table) -> Result<Record, InputE
 }
 
 struct Columns {
-    /// Codes of pressure and gas of each muscle, and whether they are of digital sensors.
+    /// Codes of pressure and gas of each muscle, and whether they come from digital sensors.
     codes: [[Vec<u32>; 2]; 2],
     digital: [[bool; 2]; 2],
     angle: Vec<u32>,
-    /// Emergency stop, heard, flooded.
+    /// Flags: emergency stop, heard, flooded.
     flags: [Vec<u32>; 3],
     missed_steps: Vec<u32>,
     kind: Vec<u32>,
     values: [Vec<f64>; 4],
     armed_pa: Option<Vec<Option<f64>>>,
-    /// Of muscle a, of muscle b, of the joint.
+    /// Faults of muscle a, of muscle b, and of the joint.
     faults: [Vec<u32>; 3],
 }
 
@@ -160,7 +160,7 @@ impl Record {
         self.part
     }
 
-    /// Runs its samples through the core.
+    /// Runs the record's samples through the core.
     pub(super) fn replay(
         &self,
         each: &mut dyn FnMut(&[f64]) -> bool,
@@ -207,12 +207,12 @@ impl Record {
     }
 }
 
-/// Bitwise equal: unknown equals itself, and the two zeros differ.
+/// Whether both are bitwise equal: unknown equals itself, and the two zeros differ.
 fn same(recorded: f64, replayed: f64) -> bool {
     recorded.to_bits() == replayed.to_bits() || recorded.is_nan() && replayed.is_nan()
 }
 
-/// One recorded step; the first is repeated until the startup check is over, as a board is on before a run.
+/// Runs one recorded step; the first is repeated until the startup check is over, since a board is on before a run.
 fn step(core: &mut Joint, before: Option<&Inputs>, inputs: &Inputs) -> JointTelemetry {
     let Some(before) = before else {
         // A refusal shows as a difference.
@@ -231,7 +231,7 @@ fn step(core: &mut Joint, before: Option<&Inputs>, inputs: &Inputs) -> JointTele
     if inputs.set_point == before.set_point {
         return core.step(&inputs.sample);
     }
-    // The core vents and locks by itself too, within a step: not the same as by request, before it.
+    // The core also vents and locks by itself within a step, which differs from a request before the step.
     if matches!(inputs.set_point, JointSetPoint::Vent | JointSetPoint::Lock) {
         let mut alone = core.clone();
         let telemetry = alone.step(&inputs.sample);

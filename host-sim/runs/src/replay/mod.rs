@@ -24,7 +24,7 @@ pub struct Mismatch {
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Replay {
     pub steps: u64,
-    /// Steps in which at least one bit of a number differs.
+    /// Number of steps in which at least one bit of a number differs.
     pub mismatches: u64,
     pub first: Option<Mismatch>,
 }
@@ -57,7 +57,7 @@ impl Record {
     /// Reads the `table` of a trace, and the `scenario.toml` beside it.
     ///
     /// # Errors
-    /// When the scenario cannot be read, or the trace does not have every step.
+    /// If the scenario cannot be read, or the trace lacks a step.
     pub fn read(trace: &Path, table: &Table) -> Result<Self, InputError> {
         match thermyo_joint::load(&trace.with_file_name("scenario.toml"))? {
             Some(loaded) => Ok(Self::Joint(Box::new(joint::read_record(&loaded, table)?))),
@@ -72,7 +72,7 @@ impl Record {
         }
     }
 
-    /// Columns and lines of its page.
+    /// Columns and lines of the replay's page.
     pub fn drawn(&self) -> Drawn {
         match self {
             Self::Muscle(_) => OF_MUSCLE,
@@ -80,8 +80,8 @@ impl Record {
         }
     }
 
-    /// Replays it on a board, a joint's in this process. `each` gets the cells of every step, until it returns that
-    /// this is enough.
+    /// Replays the record on a board, a joint's in this process. `each` gets the cells of every step, until it returns
+    /// that this is enough.
     pub fn replay(
         &self,
         board: &mut dyn Board,
@@ -113,23 +113,23 @@ fn cells(step_s: f64, recorded: &Telemetry, replayed: &Telemetry) -> [f64; 6] {
 /// The part of a record that is replayed: consecutive steps of one configuration.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Part {
-    /// Rows before it.
+    /// Number of rows before it.
     pub before: usize,
     pub rows: usize,
-    /// Rows after it.
+    /// Number of rows after it.
     pub after: usize,
-    /// Step of its first row. Beyond 0 the state of the core at that step is not in the record, and
-    /// the replay begins with a core that has just started.
+    /// Step of its first row. Beyond 0, the record lacks the state of the core at that step, and the replay begins with
+    /// a core that has just started.
     pub first_step: u32,
-    /// Its last step, and that of the row after it.
+    /// Last step of the part, and step of the row after it.
     ends: Option<[u32; 2]>,
 }
 
 impl Part {
-    /// The longest part from a start of the core on; without a start, the longest part.
+    /// The longest part that begins at a start of the core; without a start, the longest part.
     ///
-    /// `of_config` is whether a row was recorded with the configuration that is replayed. The board
-    /// states it some steps late: the last row of a part counts.
+    /// `of_config` returns whether a row was recorded with the replayed configuration. The board states it some steps
+    /// late: the last row of a part counts.
     fn of(steps: &[f64], of_config: impl Fn(usize) -> bool) -> Option<Self> {
         let ends = (1..=steps.len())
             .filter(|end| steps.get(*end).is_none_or(|step| *step != steps[end - 1] + 1.0));
@@ -151,7 +151,7 @@ impl Part {
         })
     }
 
-    /// Which rows are replayed, where it is not the whole record from a start on.
+    /// Message about the replayed rows, unless they are the whole record from a start on.
     pub fn note(&self) -> Option<String> {
         let Self { before, rows, after, first_step, ends } = *self;
         let all = before + rows + after;
@@ -184,7 +184,7 @@ fn most_code(digital: bool) -> u32 {
     if digital { u16::MAX.into() } else { CODE_MAX.into() }
 }
 
-/// The part of a record with the configuration of that checksum.
+/// The part of a record whose configuration has this checksum.
 fn part_of(table: &Table, checksum: u32) -> Result<Part, InputError> {
     let steps = table.filled("step")?;
     let is_step = |step: &f64| step.fract() == 0.0 && (0.0..=f64::from(u32::MAX)).contains(step);
@@ -192,7 +192,7 @@ fn part_of(table: &Table, checksum: u32) -> Result<Part, InputError> {
         return Err(table.cell_error(row, "step", "a whole number from 0 on"));
     }
     let has = |name: &str| table.columns().iter().any(|column| column.name == name);
-    // A board that has not stated it yet leaves it empty.
+    // The cells are empty until the board has stated its checksum.
     let checksums =
         if has("config_checksum") { Some(table.column("config_checksum")?) } else { None };
     let own = f64::from(checksum);

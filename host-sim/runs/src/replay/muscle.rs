@@ -23,8 +23,8 @@ pub struct Row {
     pub telemetry: Telemetry,
 }
 
-/// Runs the samples of `rows`, consecutive steps from step 0 on, through a board. `each` is called
-/// with every step, as recorded and as replayed, until it returns that this is enough.
+/// Runs the samples of `rows`, consecutive steps from step 0 on, through a board. Calls `each` with
+/// every step, as recorded and as replayed, until it returns that this is enough.
 pub fn replay(
     board: &mut dyn Board,
     config: &Config,
@@ -72,7 +72,7 @@ pub struct Record {
 /// Reads a run's record: the `table` of its `trace.csv`, and the `scenario.toml` beside it.
 ///
 /// # Errors
-/// When the scenario cannot be read, or the trace does not have every step.
+/// If the scenario cannot be read, or the trace lacks a step.
 pub fn read_record(trace: &Path, table: &Table) -> Result<Record, InputError> {
     let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml"))?;
     let config = core_config(&loaded.believed);
@@ -107,7 +107,7 @@ struct Recorded {
     codes: [Vec<u32>; 3],
     /// Whether pressure and gas are read from a digital part.
     digital: [bool; 2],
-    /// Emergency stop, heard, flooded.
+    /// Flags: emergency stop, heard, flooded.
     flags: [Vec<u32>; 3],
     missed_steps: Vec<u32>,
     estimate: [Vec<f64>; 7],
@@ -217,7 +217,7 @@ fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError>
     Ok(Some(logged.collect()))
 }
 
-/// Bitwise equal: a NaN equals itself, and the two zeros differ.
+/// Whether both are bitwise equal: a NaN equals itself, and the two zeros differ.
 pub fn identical(a: &Telemetry, b: &Telemetry) -> bool {
     difference(a, b).is_none()
 }
@@ -279,7 +279,7 @@ mod tests {
             .map(|step: u16| {
                 let set_point = (step == 100).then_some(SetPoint::Pressure { pressure_pa: 3.0e5 });
                 if step == 99 {
-                    // It acts from the step after the next on.
+                    // The set point acts from the step after the next on.
                     board.set(SetPoint::Pressure { pressure_pa: 3.0e5 }).unwrap();
                 }
                 let sample = Sample::new(
@@ -313,7 +313,7 @@ mod tests {
         assert_ne!(first.recorded, format!("wall_estimate_k = {}", first.replayed));
     }
 
-    /// Both estimates were printed whatever differed, and were equal then.
+    /// Both estimates used to be printed whatever differed, even if they were equal.
     #[test]
     fn what_differs_is_named() {
         let config = Config::default();

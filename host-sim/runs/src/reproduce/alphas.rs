@@ -20,7 +20,7 @@ pub struct Coefficient {
 /// Normal equations: squares, right side.
 type Normal = (Matrix3<f64>, Vector3<f64>);
 
-/// alpha_in, alpha_out and alpha of a run with that period; none where it does not determine them.
+/// alpha_in, alpha_out and alpha of a run with this period; none if the run does not determine them.
 pub fn fitted(signals: &Signals, plant: &Scenario, period_s: f64) -> Option<[Coefficient; 3]> {
     let strokes = (signals.time_s.last()? / period_s).round() as usize;
     let parts: Vec<Normal> =
@@ -72,7 +72,7 @@ fn of_stroke(signals: &Signals, plant: &Scenario, period_s: f64, stroke: usize) 
 mod tests {
     use super::*;
 
-    /// A pressure that follows eq. (9) exactly gives its coefficients back.
+    /// A pressure that follows eq. (9) exactly returns its coefficients.
     #[test]
     fn known_coefficients_are_found() {
         let (alpha_in, alpha_out, alpha) = (1.35, 1.05, 1.2);

@@ -1,9 +1,9 @@
 //! `thermyo reproduce`: the paper's isotonic working cycle, and conclusions from it.
 //!
-//! The main run is the plant `full` with the core in the loop. Beside it run the same muscle without
-//! friction heat (how much of a sensor's reading is friction), with a foil that averages over its
-//! length, as the paper's model (one gas volume, no air moving under the insulation), between
-//! adiabatic and isothermal walls (the bounds), and with the paper's reduced equations (6), (8), (9).
+//! The main run is the plant `full` with the core in the loop. In addition, the same muscle runs without friction heat
+//! (how much of a sensor's reading is friction), with an element that averages over its length, as the paper's model
+//! (one gas volume, no air moving under the insulation), between adiabatic and isothermal walls (the bounds), and with
+//! the paper's reduced equations (6), (8), (9).
 
 mod alphas;
 mod page;
@@ -65,7 +65,7 @@ impl Signals {
         self.flow_out_kg_s.push(truth.flow_out_kg_s);
     }
 
-    /// Largest less smallest value of a signal in the last whole stroke.
+    /// Largest minus smallest value of a signal in the last whole stroke.
     pub fn stroke_swing(&self, values: &[f64], period_s: f64) -> f64 {
         let stroke = &values[self.last_stroke(period_s)];
         let low = stroke.iter().copied().fold(f64::INFINITY, f64::min);
@@ -87,7 +87,7 @@ pub struct Study {
     signals: Signals,
 }
 
-/// A simulation that is compared with the main run.
+/// A simulation to compare with the main run.
 #[derive(Debug, Clone)]
 pub struct Variant {
     /// Name for legends.
@@ -103,11 +103,10 @@ pub struct SensorVerdict {
     pub gain: f64,
     /// Delay at the stroke's frequency \[s\].
     pub delay_s: f64,
-    /// Highest correlation with the gas temperature, the reading moved back by up to half a period
-    /// \[-\].
+    /// Highest correlation with the gas temperature, with the reading shifted back by up to half a period \[-\].
     pub correlation: f64,
-    /// Reading that friction heat makes, RMS over the run, over the amplitude that the gas makes at
-    /// the stroke's frequency \[-\].
+    /// RMS over the run of the reading due to friction heat, over the amplitude due to the gas at the stroke's
+    /// frequency \[-\].
     pub friction_to_gas: f64,
     /// Rise over the run, mean of the last stroke \[K\].
     pub rise_k: f64,
@@ -129,22 +128,22 @@ pub struct Findings {
     /// The paper's model: one gas volume with the same friction, without air moving under the
     /// insulation.
     pub model: Signals,
-    /// Rise of its sensor, mean of the last stroke \[K\].
+    /// Rise of the model's sensor, mean of the last stroke \[K\].
     pub model_rise_k: f64,
     /// Time by which the plant's sensor lags behind the model's \[s\].
     pub model_shift_s: f64,
     /// Correlation of the two after that shift \[-\].
     pub model_correlation: f64,
-    /// The foil in the gas.
+    /// The element in the gas.
     pub gas_sensor: SensorVerdict,
-    /// The same, averaging over the length of the muscle.
+    /// The same element, averaging over the length of the muscle.
     pub averaging_sensor: SensorVerdict,
-    /// Its RMS error as a gas temperature, and that of the estimate that reads it \[K\].
+    /// RMS error of the averaging element as a gas temperature, and of the estimate from it \[K\].
     pub averaging_rmse_k: [f64; 2],
     pub wall_sensor: SensorVerdict,
     /// The muscle without air moving under its insulation.
     pub still_air: Signals,
-    /// Rise of its sensor, mean of the last stroke \[K\].
+    /// Rise of the muscle's sensor in still air, mean of the last stroke \[K\].
     pub still_air_rise_k: f64,
     /// Coefficients of eq. (9), fitted to the plant: charging, discharging, change of volume.
     pub alphas: Option<[Coefficient; 3]>,
@@ -175,8 +174,8 @@ impl Study {
         let paper = |alpha_in: f64, alpha_out: f64, alpha: f64| {
             let mut variant = self.loaded.with_model(PlantModel::Paper);
             variant.plant.paper = Paper { alpha_in, alpha_out, alpha };
-            // Eq. (6) compresses the inflow at the inside temperature, which goes far beyond the
-            // range of a sensor for this muscle.
+            // Eq. (6) compresses the inflow at the inside temperature, which exceeds the range of this muscle's sensor
+            // by far.
             variant.with(|scenario| scenario.sensor.pressure.range_pa *= 3.0)
         };
         let frictionless = self.loaded.unexpected(|s| s.friction.heat_fraction = 0.0);

@@ -59,7 +59,7 @@ pub fn page(loaded: &Loaded, findings: &Findings, summary: &Summary) -> String {
     .render()
 }
 
-/// Largest less smallest value of the last stroke \[K\].
+/// Largest minus smallest value in the last stroke \[K\].
 fn swing_k(findings: &Findings, values: &[f64]) -> f64 {
     findings.signals.stroke_swing(values, findings.period_s)
 }
@@ -238,7 +238,7 @@ fn section_iv(findings: &Findings, summary: &Summary) -> Section {
         ))
 }
 
-/// Figures that decide between the sensors.
+/// Figures for the choice of the sensor.
 fn which_sensor(findings: &Findings, summary: &Summary) -> Table {
     let (foil, wall) = (&findings.gas_sensor, &findings.wall_sensor);
     let averaging = &findings.averaging_sensor;
@@ -372,7 +372,7 @@ fn equations(findings: &Findings) -> Section {
         )
 }
 
-/// The paper's only parameters, beside what the plant gives.
+/// The paper's only parameters, apart from those of the plant.
 fn coefficients(findings: &Findings, section: Section) -> Section {
     let Some(alphas) = &findings.alphas else {
         return section.paragraph("The coefficients of eq. (9) do not follow from this run.");
@@ -393,7 +393,7 @@ fn coefficients(findings: &Findings, section: Section) -> Section {
     ))
 }
 
-/// Quantities that the paper's text does not have.
+/// Quantities that the paper's text lacks.
 fn not_in_the_paper() -> Section {
     Section::new("Not to be had from the paper").paragraph(
         "Its text prints no length, diameter, thread or number of turns of the muscle (b and n of eq. (10)), no load, \
@@ -408,7 +408,7 @@ fn energy(findings: &Findings) -> Section {
     let books = &findings.stroke;
     let stored = books.energy_j - books.energy_initial_j;
     let heat_j = books.heat_to_wall_j;
-    // Named by its direction, which the muscle's friction decides.
+    // Named by its direction, which depends on the muscle's friction.
     let [of_gas, of_wall] = if heat_j > 0.0 {
         ["heat to the wall", "heat from the gas"]
     } else {
