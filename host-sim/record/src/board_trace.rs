@@ -1,5 +1,5 @@
-//! `trace.csv` of a real board: the columns of every trace, empty where only a plant has a value,
-//! followed by the core's configuration.
+//! `trace.csv` of a real board: the columns of every trace, empty if only a plant has a value, followed by the core's
+//! configuration.
 
 use crate::sinks::Sinks;
 use crate::trace::{COLUMNS, Row, cells_text};
@@ -96,15 +96,15 @@ pub fn status_cells(status: Option<&Status>) -> [f64; 4] {
     ]
 }
 
-/// Most missing steps when their count wraps at 2^32: three days at 1 kHz.
+/// Largest number of missing steps while their count wraps at 2^32: three days at 1 kHz.
 const MOST_MISSING: u32 = 1 << 28;
 
-/// Time from step counts that start over when the board restarts.
+/// Computes time from step counts that start over when the board restarts.
 #[derive(Debug, Default)]
 struct Clock {
     /// The last step, and its length \[s\].
     last: Option<(u32, f64)>,
-    /// Time at which steps of that length began \[s\].
+    /// Time at which steps of this length began \[s\].
     since_s: f64,
     steps: u64,
 }
@@ -156,7 +156,7 @@ impl<W: Write> Recorder<W> {
         Self { beside, ..self }
     }
 
-    /// Time since the first step \[s\], strictly increasing, of the step of that number and length \[s\].
+    /// Time since the first step \[s\], strictly increasing, of a step with its number and length \[s\].
     pub fn time_s(&mut self, step: u32, step_s: f64) -> f64 {
         self.clock.time_s(step, step_s)
     }
@@ -186,7 +186,7 @@ impl<W: Write> Recorder<W> {
         self.rows
     }
 
-    /// Hands over rows that have waited long enough.
+    /// Writes rows that have waited long enough.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         self.out.hand_over_in_time()?;
         self.beside.hand_over_in_time()

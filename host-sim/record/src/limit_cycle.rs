@@ -4,22 +4,22 @@
 use serde::Serialize;
 use std::collections::VecDeque;
 
-/// Swings in a row that make a limit cycle: five cycles.
+/// Consecutive swings that make a limit cycle: five cycles.
 const SWINGS: usize = 10;
-/// Swings in a row that make one even if it ends by itself: twenty cycles.
+/// Consecutive swings that make a limit cycle even if it ends by itself: twenty cycles.
 const MANY_SWINGS: usize = 40;
 /// Smallest ratio of the last swing to the first: below it the oscillation decays \[-\].
 const LASTS: f64 = 0.7;
-/// Slower than that, a value that one valve alone lifts or lowers is refilled: gas that relaxes, or leaks \[Hz\].
+/// Frequency below which a value that one valve alone lifts or lowers counts as refilled: gas relaxes, or leaks \[Hz\].
 const REFILLS_HZ: f64 = 10.0;
-/// Half cycles for which an oscillation that has no further turning point still lasts \[-\].
+/// Half cycles without a further turning point for which an oscillation still counts as lasting \[-\].
 const LAST_HALVES: f64 = 4.0;
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct LimitCycle {
-    /// Its end: that of the set point, unless it ended by itself \[s\].
+    /// End of the cycle: that of the set point, unless it ended by itself \[s\].
     pub time_s: f64,
-    /// It lasted until the set point ended.
+    /// Whether it lasted until the set point ended.
     pub lasts: bool,
     pub frequency_hz: f64,
     /// Amplitude: half of the distance between turning points, in the unit of the set point.
@@ -30,7 +30,7 @@ pub struct LimitCycle {
 struct Turn {
     time_s: f64,
     value: f64,
-    /// Valves that have been driven since the one before: inlet, outlet.
+    /// Valves that have been driven since the turning point before: inlet, outlet.
     driven: [bool; 2],
 }
 
@@ -46,14 +46,14 @@ pub struct Detector {
     /// Valves that have been driven since the last turning point: inlet, outlet.
     driven: [bool; 2],
     turns: VecDeque<Turn>,
-    /// The one around the present set point.
+    /// The limit cycle around the present set point.
     present: Option<LimitCycle>,
-    /// The largest one of earlier set points.
+    /// The largest limit cycle of earlier set points.
     largest: Option<LimitCycle>,
 }
 
 impl Detector {
-    /// For a controller's dead zone: swings below its width do not count.
+    /// Detector for a controller's dead zone: swings below its width do not count.
     pub fn new(dead_zone: f64) -> Self {
         Self {
             least_swing: 2.0 * dead_zone,
@@ -106,7 +106,7 @@ impl Detector {
         }
     }
 
-    /// The set point has ended. A cycle that lasted to its end counts.
+    /// Ends the set point. A cycle that lasted until then counts.
     fn end_set_point(&mut self) {
         self.find(SWINGS, true);
         let Some(mut found) = self.present.take() else { return };
@@ -118,7 +118,7 @@ impl Detector {
         }
     }
 
-    /// Keeps the last so many swings if they are a limit cycle that lasts until now.
+    /// Keeps the last `count` swings if they are a limit cycle that lasts until now.
     fn find(&mut self, count: usize, set_point_ends: bool) {
         let Some(skipped) = self.turns.len().checked_sub(count + 1) else { return };
         let turns: Vec<Turn> = self.turns.iter().skip(skipped).copied().collect();
@@ -176,11 +176,11 @@ mod tests {
         let cycle = found(swing, |_| 5.0).unwrap();
         assert!((cycle.frequency_hz - 19.0).abs() < 0.2, "{cycle:?}");
         assert!((cycle.amplitude - 0.5).abs() < 0.01 && cycle.lasts, "{cycle:?}");
-        // It ended with its set point, not with the run.
+        // The cycle ended with its set point, not with the run.
         let until = |t: f64| if t < 1.0 { swing(t) } else { 5.0 };
         let cycle = found(until, |t| if t < 1.0 { 5.0 } else { 6.0 }).unwrap();
         assert!((cycle.time_s - 0.999).abs() < 1e-9 && cycle.lasts, "{cycle:?}");
-        // It ended by itself, after 28 cycles.
+        // The cycle ended by itself, after 28 cycles.
         let cycle = found(|t| swing(t.min(1.5)), |_| 5.0).unwrap();
         assert!((cycle.amplitude - 0.5).abs() < 0.01 && cycle.time_s < 1.51, "{cycle:?}");
         assert!(!cycle.lasts, "{cycle:?}");
@@ -195,8 +195,8 @@ mod tests {
         assert_eq!(found(|t| swing(t.min(1.0)), |_| 0.0), None, "has come to rest");
     }
 
-    /// A pressure that falls while its gas cools, or leaks, and is lifted by the inlet alone now and then. With a leak that
-    /// takes a pulse in every other period it does not come to rest.
+    /// A pressure that falls while its gas cools, or leaks, and that only the inlet lifts now and then. With a leak
+    /// that needs a pulse in every other period it does not come to rest.
     #[test]
     fn what_one_valve_refills_now_and_then_is_none() {
         let found = |hz: f64, driven: fn(bool) -> [bool; 2]| {

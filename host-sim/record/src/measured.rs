@@ -1,4 +1,4 @@
-//! Measurements to compare a run with (`--measured`): time_s and any columns of the trace.
+//! Measurements to compare with a run (`--measured`): time_s and any columns of the trace.
 
 use std::path::Path;
 use thermyo_compute::math::usual_distance;
@@ -10,7 +10,7 @@ use thermyo_scenario::schema::Limits;
 
 pub const TIME: &str = "time_s";
 
-/// Limits of plausible values: beyond them the unit is wrong or a line is broken.
+/// Limits of plausible values: beyond them the unit is wrong or a wire is broken.
 const POSSIBLE: [(&str, Limits); 10] = [
     (TIME, Limits { min: 0.0, max: 1.0e6, unit: "s" }),
     ("pressure_pa", Limits { min: 1.0e3, max: 1.0e8, unit: "Pa" }),
@@ -24,13 +24,13 @@ const POSSIBLE: [(&str, Limits); 10] = [
     ("duty_out", Limits { min: 0.0, max: 1.0, unit: "" }),
 ];
 
-/// Below this share of the ambient pressure no muscle is, but gauge pressures are \[-\].
+/// Share of the ambient pressure below which pressures must be gauge pressures, since no muscle goes that low \[-\].
 pub const NOT_ABSOLUTE: f64 = 0.8;
-/// A record with no pressure above this one is in another unit \[Pa\].
+/// Pressure that a record must exceed at least once; otherwise it is in another unit \[Pa\].
 pub const LEAST_PRESSURE_PA: f64 = 2.0e4;
-/// As that of `supply.pressure_pa` \[Pa\].
+/// Upper limit, as for `supply.pressure_pa` \[Pa\].
 const MOST_PRESSURE_PA: f64 = 3.0e6;
-/// Distances of times from the file are rounded by less \[-\].
+/// Rounding of the distances of times in the file, at most \[-\].
 const ROUNDING: f64 = 1.0e-3;
 
 /// Refuses gauge pressures.
@@ -53,13 +53,13 @@ fn check_absolute(
     }
 }
 
-/// The unit that a length was measured in, where it is in range in that one.
+/// The unit of a measured length, if it is in range in that unit.
 pub fn unit_of_length(length: f64, [low, high]: [f64; 2]) -> Option<&'static str> {
     let units = [(1e-3, "mm"), (1e-2, "cm")];
     units.iter().find(|(metres, _)| (low..=high).contains(&(metres * length))).map(|unit| unit.1)
 }
 
-/// The question about a highest pressure of a muscle that is a number as small as this.
+/// The question about a muscle's highest pressure if the number is this small.
 pub fn question_of_highest(pressure: f64) -> &'static str {
     match pressure {
         ..0.0 => "is its sign reversed?",
@@ -95,10 +95,10 @@ pub fn check_pressures(table: &Table, column: &str, ambient_pa: f64) -> Result<(
     Err(table.cell_error(row, column, &allowed))
 }
 
-/// Refuses values that cannot have been measured; times may be any where the record begins anywhere.
+/// Refuses values that cannot have been measured; times may have any value if the record may begin anywhere.
 ///
 /// # Errors
-/// With the first line of a column that has one.
+/// With the line of the first such value in a column.
 pub fn check_possible(table: &Table, anywhere: bool) -> Result<(), InputError> {
     for column in table.columns().iter().filter(|own| !(anywhere && own.name == TIME)) {
         let Some((name, limits)) = POSSIBLE.iter().find(|(name, _)| *name == column.name) else {
@@ -112,10 +112,10 @@ pub fn check_possible(table: &Table, anywhere: bool) -> Result<(), InputError> {
     Ok(())
 }
 
-/// Times that do not fall, one a row.
+/// Times, one per row, that do not fall.
 ///
 /// # Errors
-/// For times that are missing, and with the first line whose time is before that of the row before it.
+/// For missing times, and with the first line whose time is before the preceding row's.
 pub fn ordered(table: &Table) -> Result<Vec<f64>, InputError> {
     let times = table.filled(TIME)?;
     match times.windows(2).position(|pair| pair[1] < pair[0]) {
@@ -130,7 +130,7 @@ pub fn ordered(table: &Table) -> Result<Vec<f64>, InputError> {
 /// Refuses times that do not rise.
 ///
 /// # Errors
-/// With the first line.
+/// With the first such line.
 pub fn check_rising(table: &Table, times: &[f64]) -> Result<(), InputError> {
     match times.windows(2).position(|pair| pair[1] <= pair[0]) {
         Some(row) => {
@@ -141,10 +141,11 @@ pub fn check_rising(table: &Table, times: &[f64]) -> Result<(), InputError> {
     }
 }
 
-/// Refuses times in ms or min, and rows too far apart, by their usual distance: at most `most_s`, which `why` needs.
+/// Refuses times in ms or min, and rows too far apart, judged by their usual distance: at most `most_s`, for which
+/// `why` is the reason.
 ///
 /// # Errors
-/// With the first row that is so far from the one before it, or so close to it.
+/// With the first row that is too far from the preceding one, or too close to it.
 pub fn check_distances(
     table: &Table,
     times: &[f64],
@@ -172,11 +173,11 @@ pub fn check_distances(
     }
 }
 
-/// From this distance of its rows and this length on a record may be one of milliseconds \[s\].
+/// Distance of rows, and length, from which a record may be in milliseconds \[s\].
 const DOUBTFUL_ROWS_S: f64 = 1.0;
 const DOUBTFUL_LENGTH_S: f64 = 3600.0;
 
-/// A question about the unit of times that last for hours. A slow logger's do too.
+/// A question about the unit of times that last for hours. A slow logger's times do so too.
 pub fn doubt(table: &Table) -> Option<InputError> {
     let times = table.filled(TIME).ok()?;
     let (usual_s, last_s) = (usual_distance(&times), since_s(*times.last()?, times[0]));
@@ -187,7 +188,7 @@ pub fn doubt(table: &Table) -> Option<InputError> {
     })
 }
 
-/// Time since the first row, to the nanosecond, so that its rounding decides nothing \[s\].
+/// Time since the first row, to the nanosecond, so that its rounding has no effect \[s\].
 pub fn since_s(time_s: f64, first_s: f64) -> f64 {
     ((time_s - first_s) * 1.0e9).round() / 1.0e9
 }
@@ -200,7 +201,8 @@ fn unknown(name: &str, known: &[&str]) -> Problem {
     Problem::UnknownColumn { column: quoted(name), instead }
 }
 
-/// The error of a table, where it is a cell of an unknown column that of the column: text in a lab's own column.
+/// The error of a table; if a cell of an unknown column is wrong, the error of that column: a lab's own column may
+/// contain text.
 pub fn of_unknown_column(error: InputError, known: &[&str]) -> InputError {
     match &*error.problem {
         Problem::Cell { column, .. } if column != TIME && !known.contains(&column.as_str()) => {
@@ -212,7 +214,7 @@ pub fn of_unknown_column(error: InputError, known: &[&str]) -> InputError {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Measured {
-    /// Columns with at least one value, in order of the file.
+    /// Columns with at least one value, in the file's order.
     pub columns: Vec<Column>,
 }
 
@@ -226,7 +228,7 @@ pub struct Column {
 }
 
 impl Measured {
-    /// The column time_s of a table and any of the `known` columns; cells may be empty.
+    /// Reads the column time_s of a table and any of the `known` columns; cells may be empty.
     ///
     /// # Errors
     /// For an unknown column, for times that are missing or fall, and for implausible values.
@@ -234,17 +236,17 @@ impl Measured {
         Self::read(table, known, false)
     }
 
-    /// As [`Self::new`], with times since the first row, which may be any.
+    /// As [`Self::new`], with times since the first row, which may be at any time.
     pub fn since_first(table: &Table, known: &[&str]) -> Result<Self, InputError> {
         Self::read(table, known, true)
     }
 
-    /// The column of that name, if it has a value.
+    /// The column of this name, if it has a value.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
 
-    /// The same of a column that is needed, of the file at `path`.
+    /// As [`Self::column`], for a required column of the file at `path`.
     ///
     /// # Errors
     /// If it is missing, or empty.
@@ -281,8 +283,8 @@ impl Measured {
         Ok(Self { columns })
     }
 
-    /// The part that a run of that length can be compared with, in `comparable` columns, and the
-    /// number of the table's rows after its end.
+    /// The part that can be compared with a run of this length, in `comparable` columns, and the number of the table's
+    /// rows after its end.
     ///
     /// # Errors
     /// If nothing remains.

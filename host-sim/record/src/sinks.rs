@@ -1,4 +1,4 @@
-//! Further sinks for the rows of a trace besides `trace.csv`: a record in another format, a live
+//! Sinks for the rows of a trace in addition to `trace.csv`: a record in another format, a live
 //! plot.
 
 use std::io;
@@ -8,7 +8,7 @@ use std::io;
 pub trait Sink: Send {
     fn row(&mut self, cells: &[f64]) -> io::Result<()>;
 
-    /// Hands over rows that have waited long enough; for callers that wait for the next row.
+    /// Writes rows that have waited long enough; for callers that wait for the next row.
     fn hand_over_in_time(&mut self) -> io::Result<()> {
         Ok(())
     }
@@ -30,12 +30,12 @@ impl Sinks {
         self.0.push(Box::new(sink));
     }
 
-    /// Passes a row to all of them.
+    /// Passes a row to all sinks.
     pub fn row(&mut self, cells: &[f64]) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.row(cells))
     }
 
-    /// Hands over rows that have waited long enough.
+    /// Writes rows that have waited long enough.
     pub fn hand_over_in_time(&mut self) -> io::Result<()> {
         self.0.iter_mut().try_for_each(|sink| sink.hand_over_in_time())
     }

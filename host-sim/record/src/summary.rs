@@ -16,13 +16,13 @@ use thermyo_protocol::Timing;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     pub duration_s: f64,
-    /// Working strokes; 0 where the drive has no period.
+    /// Working strokes; 0 if the drive has no period.
     pub strokes: u64,
     /// Simulated time per wall-clock time \[-\].
     pub real_time_factor: f64,
     pub board: String,
     pub pressure_pa: Range,
-    /// Contraction, as a fraction of the rest length \[-\]; of a muscle.
+    /// Contraction of a muscle, as a fraction of the rest length \[-\].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub contraction: Option<Range>,
     pub gas_temperature_k: Range,
@@ -81,7 +81,7 @@ pub struct Readings {
 pub struct Errors {
     pub sensor_gas: f64,
     pub sensor_wall: f64,
-    /// The forward model, which sees the mass flows only.
+    /// The forward model, which uses the mass flows only.
     pub model: f64,
     /// The core's estimate.
     pub estimate: f64,
@@ -111,7 +111,7 @@ const SHOWN: Faults = Faults(!VENTING.0);
 pub struct Found {
     /// "vented", or "reported" for faults that do not vent.
     pub what: &'static str,
-    /// Time of the first of them \[s\].
+    /// Time of the first fault of this kind \[s\].
     pub from_s: f64,
     pub faults: Faults,
 }
@@ -125,7 +125,7 @@ impl CoreFigures {
             .filter_map(|(what, from_s, faults)| Some(Found { what, from_s: from_s?, faults }))
     }
 
-    /// The same as text: "vented from 2.06 s: pressure sensor, overpressure".
+    /// The faults as text: "vented from 2.06 s: pressure sensor, overpressure".
     pub fn fault_text(&self) -> Option<String> {
         let each = self.found().map(|Found { what, from_s, faults }| {
             format!("{what} from {} s: {faults}", fixed(from_s, 2))
@@ -145,7 +145,7 @@ pub struct Difference {
     pub max: f64,
 }
 
-/// Number of complete strokes of that period.
+/// Number of complete strokes of this period.
 pub fn whole_strokes(duration_s: f64, period_s: f64) -> u64 {
     (duration_s / period_s + 1e-9).floor() as u64
 }
@@ -157,7 +157,7 @@ pub struct TimingFigures {
     pub step_mean_us: f64,
     /// Worst time of the core's step \[us\].
     pub step_worst_us: f64,
-    /// Worst delay of a start, from the mean one \[us\].
+    /// Worst delay of a start, relative to the mean delay \[us\].
     pub jitter_worst_us: f64,
     pub missed_steps: u32,
 }
@@ -174,7 +174,7 @@ impl From<&Timing> for TimingFigures {
     }
 }
 
-/// Inputs for the summary that the accumulator does not have.
+/// Inputs of the summary that the accumulator does not gather.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ending {
     pub wall_clock_s: f64,
@@ -289,11 +289,11 @@ impl Comparison {
 }
 
 impl Summary {
-    /// Below this fraction within two stated deviations the estimate is too confident: for normal
-    /// errors 95 % lie within.
+    /// Fraction within two stated deviations below which the estimate is too confident: for normal errors 95 % lie
+    /// within.
     pub const LEAST_WITHIN_2SD: f64 = 0.8;
-    /// An RMS error beyond so many RMS stated deviations is too large, however seldom: on a muscle of 4 mm and 50 mm,
-    /// 85 % lie within two, and the error is twice the deviation \[-\].
+    /// Ratio of RMS error to RMS stated deviation above which the error is too large, however rare: on a muscle of 4 mm
+    /// and 50 mm, 85 % lie within two deviations, and the error is twice the deviation \[-\].
     const MOST_STATED: f64 = 1.5;
 
     /// Warning about a loop that does not come to rest.
@@ -332,7 +332,7 @@ impl Summary {
 }
 
 impl Accumulator {
-    /// An empty accumulator of a run with that set point. `measured` columns must be among [`COLUMNS`].
+    /// An empty accumulator of a run with this set point. `measured` columns must be among [`COLUMNS`].
     pub fn new(duration_s: f64, reference: Reference, measured: Option<&Measured>) -> Self {
         let comparisons = measured.map_or_else(Vec::new, |measured| {
             measured

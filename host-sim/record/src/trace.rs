@@ -48,7 +48,7 @@ const CELLS: [Column; 37] = [
     ("limited", |row| flag(row.telemetry.limited)),
 ];
 
-/// Their names.
+/// Names of the columns.
 pub const COLUMNS: [&str; CELLS.len()] = names(&CELLS);
 
 /// The names of columns, at compile time.
@@ -99,7 +99,7 @@ pub struct Row {
     pub sensor_wall_k: f64,
     pub model_k: f64,
     pub model_sensor_k: f64,
-    /// The set point in its own unit; 0 where the drive has none.
+    /// The set point in its own unit; 0 if the drive has none.
     pub set_point: f64,
     /// The core's output for this step's sample.
     pub telemetry: Telemetry,

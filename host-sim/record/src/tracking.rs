@@ -1,4 +1,4 @@
-//! How closely a set point is followed: figures of `control` in every summary, gathered step by step.
+//! Tracking of the set point: figures of `control` in every summary, gathered step by step.
 
 use crate::trace::Row;
 use model_core::{Command, Mode};
@@ -11,10 +11,9 @@ use thermyo_scenario::{DriveKind, Scenario, Shape, ValveKind};
 
 /// An error within this fraction of a jump counts as settled, as in `thermyo tune` \[-\].
 const SETTLED: f64 = 0.05;
-/// A valve or the limit counts as what limits when it is at its end for this fraction of the time: an
-/// assumption \[-\].
+/// Fraction of the time at its end from which a valve, or the limit, counts as limiting: an assumption \[-\].
 const OFTEN: f64 = 0.1;
-/// Duties this close to 0 and 1 are no pulses \[-\].
+/// Distance of duties from 0 and 1 up to which they are no pulses \[-\].
 const END: f64 = 1e-3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -51,35 +50,36 @@ impl Controlled {
     }
 }
 
-/// Control errors, in the set point's unit. Those of a shape count after its first period, in which
-/// the muscle gets to where it begins.
+/// Control errors, in the set point's unit. The errors of a shape count after its first period, in which the muscle
+/// reaches the shape's start.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Control {
     pub quantity: Controlled,
     /// Root-mean-square error.
     pub rms_error: f64,
-    /// Mean error over the last tenth of the run, or from where the last jump within it has settled; none if the run
-    /// ended before.
+    /// Mean error over the last tenth of the run, or from the time at which the last jump within it has settled; none
+    /// if the run ended before.
     pub steady_error: Option<f64>,
-    /// Largest excess over the largest set point, or below the least one if it falls, relative to
-    /// the set point's range, or the way to the first one where that is longer; to a constant set point itself.
+    /// Largest excess over the largest set point, or below the smallest one if the set point falls, relative to the set
+    /// point's range, or to the way to the first one if that is longer; for a constant set point, relative to the set
+    /// point.
     pub overshoot: f64,
     /// Amplitude of the value over that of a sine of the set point, after its first period \[-\].
     pub gain: Option<f64>,
-    /// Phase of the value against that sine; negative where it is late \[deg\].
+    /// Phase of the value against that sine; negative if it lags \[deg\].
     pub phase_deg: Option<f64>,
-    /// Longest time from a jump of the set point until the error stays within 5 % of the jump, or
-    /// within twice the controller's dead zone \[s\]; none where one never did, or none was driven.
+    /// Longest time from a jump of the set point until the error stays within 5 % of the jump, or within twice the
+    /// controller's dead zone \[s\]; none if a jump never settled, or there was none.
     pub settled_s: Option<f64>,
     /// Jumps after which the value did not settle before the next one.
     pub unsettled: u64,
-    /// Pulses of both valves per second \[1/s\]; none of valves that open in proportion.
+    /// Pulses of both valves per second \[1/s\]; none for valves that open in proportion.
     pub pulses_per_s: Option<f64>,
     /// Fraction of the time in which the inlet is fully open \[-\].
     pub inlet_open: f64,
     /// Fraction of the time in which the outlet is fully open \[-\].
     pub outlet_open: f64,
-    /// Fraction of the time in which the set point asks for more than the allowed pressure \[-\].
+    /// Fraction of the time in which the set point requires more than the allowed pressure \[-\].
     pub limited: f64,
     /// The limit of the loop, in a sentence.
     pub diagnosis: String,
@@ -113,11 +113,11 @@ impl Control {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
     sine_s: Option<f64>,
-    /// The set point jumps and is constant in between.
+    /// Whether the set point jumps and is constant in between.
     jumps: bool,
-    /// Error that the controller leaves alone at rest, in the set point's unit.
+    /// Error that the controller tolerates at rest, in the set point's unit.
     dead_zone: f64,
-    /// Valves by pulses, not in proportion.
+    /// Whether valves are driven by pulses, not in proportion.
     switches: bool,
     pwm_hz: f64,
     step_s: f64,
@@ -174,11 +174,12 @@ pub(crate) struct Tracking {
     late_steps: u64,
     late_sum: f64,
     set_points: [f64; 2],
-    /// Least value since one was at or above the set point; largest since one was at or below it.
+    /// Smallest value since a value was first at or above the set point; largest since a value was first at or below
+    /// it.
     values: [f64; 2],
-    /// From the first value to the first set point.
+    /// Way from the first value to the first set point.
     way: f64,
-    /// The set point was below the first value, or below an earlier set point.
+    /// Whether the set point was below the first value, or below an earlier set point.
     falls: bool,
     /// Sums of set point and value with sine and cosine.
     sums: [[f64; 2]; 2],
@@ -228,7 +229,7 @@ impl Tracking {
         }
         let error = value - set_point;
         let command = row.telemetry.command;
-        // A fault, or a board that waits: the open outlet is not the loop's.
+        // During a fault, or while the board waits, the loop is not what opens the outlet.
         let vents = row.telemetry.mode == Mode::Vent && command == Command::VENT;
         if self.steps == 0 {
             self.way = error.abs();
@@ -310,7 +311,7 @@ impl Tracking {
     fn end_jump(&mut self) {
         let Some(Jump { at_s, beyond_s, .. }) = self.jump.take() else { return };
         if self.last_s <= at_s {
-            // The last step of the run: there is no time to settle.
+            // In the last step of the run there is no time to settle.
         } else if beyond_s >= self.last_s {
             self.unsettled += 1;
         } else {

@@ -1,6 +1,6 @@
 //! Units of the columns of a trace.
 
-/// The unit at the end of a name; none for a ratio, a count or a flag.
+/// The unit in the suffix of a name; none for a ratio, a count or a flag.
 pub fn unit_of(name: &str) -> Option<&'static Unit> {
     JOINT_UNITS.iter().chain(&UNITS).find(|unit| name.ends_with(unit.suffix))
 }
@@ -8,7 +8,7 @@ pub fn unit_of(name: &str) -> Option<&'static Unit> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Unit {
     suffix: &'static str,
-    /// As the SI writes it.
+    /// Name, as the SI writes it.
     pub name: &'static str,
     /// Exponents of kg, m, s and K.
     pub exponents: [(&'static str, i32); 4],
