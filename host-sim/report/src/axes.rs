@@ -6,7 +6,7 @@ use super::path::Path;
 use super::scale::Scale;
 use thermyo_files::number::px;
 
-/// Height that tick labels and the title of an x axis take below a plotting area \[px\].
+/// Height of tick labels and title of an x axis below a plotting area \[px\].
 pub(super) const FOOT: f64 = 42.0;
 
 /// A position on an axis \[px\] and its label.

@@ -35,7 +35,7 @@ pub struct Bars {
 }
 
 impl Bars {
-    /// Bars from zero, to the left if negative: a budget. `label` and `unit` are the axis'.
+    /// Bars from zero, to the left if negative: a budget. `label` and `unit` belong to the axis.
     pub fn linear(label: &str, unit: &str) -> Self {
         Self {
             label: label.to_owned(),

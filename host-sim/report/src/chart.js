@@ -169,7 +169,7 @@ export class Chart {
     this.readout = html("div", "readout");
     this.readout.setAttribute("role", "status");
     this.readout.hidden = true;
-    // The drawing without script stays for printing.
+    // The drawing without script remains for printing.
     this.box.querySelector("svg")?.classList.add("still");
     this.svg = element("svg", { class: "chart", role: "img", "aria-label": plot.name });
     this.box.append(this.svg, this.readout);
@@ -281,7 +281,7 @@ export class Chart {
     });
     const fill = getComputedStyle(document.body).backgroundColor;
     let top = 0;
-    // The title of a growing record stands outside, as HTML.
+    // The title of a growing record is outside the drawing, as HTML.
     if (this.plot.live) {
       const [wide, high] = ["width", "height"].map((name) => Number(copy.getAttribute(name)));
       top = -LIVE_TITLE;
@@ -643,7 +643,7 @@ export class Chart {
         if (i >= 0 && i < x.length && Number.isFinite(edge[i]) &&
           (best < 0 || Math.abs(x[i] - value) < Math.abs(x[best] - value))) best = i;
       }
-      // Beyond a trace's ends, and between single points, there is no value.
+      // There is no value beyond a trace's ends, and between single points.
       const beside = value < x[0] || value > x[x.length - 1] || layer.mark === "dots";
       const reach = 8 * (this.window[1] - this.window[0]) / (this.x.to - this.x.from);
       if (best >= 0 && beside && Math.abs(x[best] - value) > reach) return -1;
@@ -702,7 +702,7 @@ export class Chart {
       const i = this.off.has(layer.id) ? -1 : this.nearest(layer, at, place);
       if (i < 0) continue;
       const { y, layers } = this.plot.panels[layer.panel];
-      // With several panels, each heads its own traces.
+      // With several panels, each has a heading for its own traces.
       if (this.plot.panels.length > 1 && layer.panel !== before && layers.length > 1) list.append(html("dt", "of", y.label));
       before = layer.panel;
       row(layer.name || y.label, this.text(layer, i), layer);

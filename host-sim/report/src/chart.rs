@@ -3,8 +3,8 @@
 //! Written as SVG directly: the `plotters` crate rounds to whole pixels, sets its colours where a
 //! style sheet cannot reach them (dark mode, print), and draws its legend over the data.
 //!
-//! The y label stands level above its panel, the legend above the chart, the labels of reference
-//! lines to the right and those of markers on top: nothing covers the data.
+//! The y label is placed level above its panel, the legend above the chart, the labels of reference
+//! lines to the right and those of markers on top, so that nothing covers the data.
 
 use maud::{Markup, PreEscaped, html};
 
@@ -38,7 +38,7 @@ const HEAD: f64 = 28.0;
 /// Preferred distances of ticks \[px\].
 const X_TICK_DISTANCE: f64 = 90.0;
 const Y_TICK_DISTANCE: f64 = 45.0;
-/// Distance by which a line's own width may extend beyond its panel \[px\].
+/// Width by which a line may extend beyond its panel \[px\].
 const CLIP_MARGIN: f64 = 3.0;
 
 #[derive(Debug, Clone, PartialEq)]
@@ -68,7 +68,7 @@ impl Axis {
         self
     }
 
-    /// Logarithmic; values that are not positive are not drawn.
+    /// Makes the axis logarithmic; values that are not positive are not drawn.
     pub fn log(mut self) -> Self {
         self.spacing = Spacing::Log;
         self
@@ -149,7 +149,7 @@ impl Panel {
         self
     }
 
-    /// A series without a point is left out, of the legend too.
+    /// Adds a layer; a series without a point is left out, also from the legend.
     fn layer(mut self, layer: Layer) -> Self {
         if layer.x().next().is_some() {
             self.layers.push(layer);
@@ -185,13 +185,13 @@ impl Chart {
         Self { x, width: FULL_WIDTH, panels: Vec::new(), markers: Vec::new() }
     }
 
-    /// Half as wide, to stand beside another one.
+    /// Makes the chart half as wide, to be placed beside another one.
     pub fn half(mut self) -> Self {
         self.width = HALF_WIDTH;
         self
     }
 
-    /// Adds a panel below the others. Only the first one may have no series with a point: a chart
+    /// Adds a panel below the others. Only the first one may lack a series with a point: a chart
     /// without data has its frame.
     pub fn panel(mut self, panel: Panel) -> Self {
         if self.panels.is_empty() || !panel.layers.is_empty() {
@@ -333,7 +333,8 @@ impl Chart {
         (drawing, height)
     }
 
-    /// Left and right end of the panels: y ticks and labels of reference lines stand beside them.
+    /// Left and right end of the panels, which leaves room for y ticks and labels of reference
+    /// lines.
     fn sides(&self, window: (f64, f64)) -> (f64, f64) {
         let longest_tick = self
             .panels

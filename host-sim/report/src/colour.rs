@@ -64,7 +64,7 @@ pub(super) fn hex(map: colorous::Gradient, fraction: f64) -> String {
 
 /// Black or white, whichever is easier to read on `fraction` of a colour map.
 ///
-/// Relative luminance with the coefficients of ITU-R BT.709, on gamma-encoded values.
+/// Uses the relative luminance with the coefficients of ITU-R BT.709, on gamma-encoded values.
 pub(super) fn text_on(map: colorous::Gradient, fraction: f64) -> &'static str {
     let colorous::Color { r, g, b } = map.eval_continuous(fraction);
     let luma = 0.2126 * f64::from(r) + 0.7152 * f64::from(g) + 0.0722 * f64::from(b);

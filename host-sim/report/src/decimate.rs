@@ -1,4 +1,4 @@
-//! Fewer points, the same picture: the extremes of every stretch are kept.
+//! Fewer points, the same picture: keeps the extremes of every stretch.
 
 use std::ops::Range;
 
@@ -15,10 +15,10 @@ pub enum Keep {
     Both,
 }
 
-/// The index ranges of `0..len` without gap, where `present` returns whether a point exists.
+/// Gap-free index ranges of `0..len`; `present` returns whether a point exists.
 ///
 /// More than `most` ranges cannot be distinguished in the drawing: then the existing points are
-/// taken as one curve, and `None` is returned.
+/// taken as one curve, and this returns `None`.
 pub fn runs(len: usize, most: usize, present: impl Fn(usize) -> bool) -> Option<Vec<Range<usize>>> {
     let mut out: Vec<Range<usize>> = Vec::new();
     for i in (0..len).filter(|i| present(*i)) {

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 
 #[derive(Debug, Clone)]
 pub struct Drawing {
-    /// Stands above the drawing; may be empty.
+    /// Legend above the drawing; may be empty.
     pub legend: Markup,
     pub svg: Markup,
     /// Data for the interactive chart that replaces the drawing, if any.
@@ -28,7 +28,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// `caption` may be empty.
+    /// Creates a figure; `caption` may be empty.
     pub fn new(title: &str, caption: &str, drawing: Drawing) -> Self {
         Self { title: title.to_owned(), caption: caption.to_owned(), drawing }
     }

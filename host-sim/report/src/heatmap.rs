@@ -11,9 +11,9 @@ use super::path::Path;
 use super::scale::{Scale, Spacing, data_range};
 use thermyo_files::number::{MISSING, px, significant};
 
-/// Perceptually uniform, and suitable for colour-blind readers.
+/// A perceptually uniform map, suitable for colour-blind readers.
 const MAP: colorous::Gradient = colorous::CIVIDIS;
-/// White in the middle, suitable for colour-blind readers.
+/// A map that is white in the middle, suitable for colour-blind readers.
 const SIGNED_MAP: colorous::Gradient = colorous::PURPLE_ORANGE;
 /// Colour of the outline, which is far from all colours of the map.
 const LIMIT: Colour = Colour::Vermillion;
@@ -47,15 +47,15 @@ pub struct Heatmap {
 /// Colouring and width of a map.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Style {
-    /// Ends of the colour scale, so that maps can share it; `None` fits the cells.
+    /// Ends of the colour scale, by which maps can share it; `None` fits the cells.
     pub range: Option<(f64, f64)>,
     /// Linear or logarithmic colour scale.
     pub spacing: Spacing,
     /// Cells up to this value are outlined; the text is the label.
     pub limit: Option<(f64, String)>,
-    /// Half as wide, to stand beside another one.
+    /// Whether the map is half as wide, to be placed beside another one.
     pub half: bool,
-    /// Zero is neutral, and the scale as long below it as above.
+    /// Whether zero is neutral, and the scale equally long on both sides of it.
     pub signed: bool,
 }
 

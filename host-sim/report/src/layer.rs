@@ -161,7 +161,7 @@ impl Layer {
         (column("x"), names[1..=self.edges.len()].iter().map(|name| column(name)).collect())
     }
 
-    /// Whether both look the same in the legend.
+    /// Whether both layers look the same in the legend.
     pub(super) fn looks_like(&self, other: &Self) -> bool {
         (&self.name, self.colour, self.mark) == (&other.name, other.colour, other.mark)
     }

@@ -1,9 +1,9 @@
 //! `report.html`: one self-contained page per run, and the drawings on it.
 //!
-//! Bottom up: [`scale`] turns values into text and positions, [`decimate`] keeps the
-//! drawings small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a [`figure::Figure`] each,
-//! [`page`] puts text and figures on a page.
-//! [`series`] records what is drawn, in bounded memory, while the run streams by.
+//! Bottom up: [`scale`] turns values into text and positions, [`decimate`] keeps the drawings
+//! small, [`chart`], [`bars`], [`muscle`] and [`heatmap`] draw a [`figure::Figure`] each, [`page`]
+//! puts text and figures on a page. [`series`] records the data to draw, in bounded memory, during
+//! a run.
 //!
 //! A drawing names its colours by class and leaves their values to the page's style sheet, so one
 //! drawing serves light mode, dark mode and print. `plot` packs the points of the charts for

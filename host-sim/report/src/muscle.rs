@@ -18,7 +18,7 @@ use thermyo_files::number::{fixed, px};
 const MAP: colorous::Gradient = colorous::INFERNO;
 const ZERO_CELSIUS_K: f64 = 273.15;
 
-/// `count` colours of the map, cold to hot, for a page that draws a muscle by itself.
+/// `count` colours of the map, cold to hot, for a page with its own drawing of a muscle.
 pub fn palette(count: usize) -> Vec<String> {
     let last = count.saturating_sub(1).max(1) as f64;
     (0..count).map(|i| hex(MAP, i as f64 / last)).collect()
@@ -48,7 +48,7 @@ struct Layout {
     profile: Area,
 }
 
-/// Across the page: the profile stands below the muscle.
+/// Layout across the page: the profile is below the muscle.
 const WIDE: Layout = Layout {
     width: FULL_WIDTH,
     picture_height: 224.0,
@@ -59,7 +59,7 @@ const WIDE: Layout = Layout {
     profile: Area { left: LEFT, right: RIGHT, top: 264.0, bottom: 374.0 },
 };
 
-/// On a phone the text keeps its size and the muscle is smaller.
+/// Layout for a phone: the text keeps its size and the muscle is smaller.
 const NARROW: Layout = Layout {
     width: NARROW_WIDTH,
     picture_height: 136.0,
@@ -93,12 +93,12 @@ pub struct Muscle {
 }
 
 impl Muscle {
-    /// On the paper's colour scale, 20 to 40 degC.
+    /// A muscle on the paper's colour scale, 20 to 40 degC.
     pub fn new(zones_k: &[f64]) -> Self {
         Self { zones_k: zones_k.to_vec(), scale_degc: (20.0, 40.0) }
     }
 
-    /// Zones that are not finite are left out; without zones the body is drawn cold.
+    /// The drawing. Zones that are not finite are left out; without zones the body is drawn cold.
     pub fn figure(&self, title: &str, caption: &str) -> Figure {
         let drawings = html! {
             (self.svg(title, &self.id(), &WIDE))
@@ -206,7 +206,7 @@ impl Muscle {
     }
 }
 
-/// Linear between the zones' centres, constant beyond the outermost.
+/// Interpolates linearly between the zones' centres; constant beyond the outermost.
 fn interpolate(zones: &[(f64, f64)], at: f64) -> Option<f64> {
     let after = zones.partition_point(|(x, _)| *x < at);
     match (after.checked_sub(1).map(|i| zones[i]), zones.get(after)) {

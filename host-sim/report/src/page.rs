@@ -54,14 +54,14 @@ impl Tile {
 /// A table; every row has one cell per column.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Table {
-    /// Above the table; may be empty.
+    /// Text above the table; may be empty.
     pub caption: String,
     /// Column heads. All columns but the first are aligned right, like numbers.
     pub columns: Vec<String>,
     pub rows: Vec<Vec<String>>,
 }
 
-/// Most letters in the heads of a table that stays a table on a phone.
+/// Largest number of letters in the heads of a table that remains a table on a phone.
 const NARROW_HEADS: usize = 34;
 
 impl Table {
@@ -93,7 +93,7 @@ impl Table {
                             // On a phone a wide table shows each row as a list: each cell carries
                             // its column's head.
                             tr { @for (i, (cell, column)) in row.iter().zip(&self.columns).enumerate() {
-                                // A number alone would not be a heading of the list.
+                                // A number alone would not do as a heading of the list.
                                 @if i == 0 && cell.parse::<f64>().is_ok() {
                                     td.number data-column=(column) { (cell) }
                                 } @else {

@@ -1,7 +1,7 @@
 //! The points of a page's charts, packed for the script that makes the charts interactive.
 //!
-//! Every array is stored once, however many charts show it. A value is an integer of 16 or 32 bits
-//! between the array's ends, written in base64: a third of the size of digits.
+//! Every array is stored once, even if several charts show it. A value is an integer of 16 or 32
+//! bits between the array's ends, written in base64: a third of the size of digits.
 
 use serde_json::{Value, json};
 use std::collections::HashMap;
@@ -23,7 +23,7 @@ impl Bits {
         }
     }
 
-    /// Code of a gap; numbers lie below.
+    /// Code of a gap; codes of numbers are lower.
     fn gap(self) -> u32 {
         match self {
             Self::Sixteen => u32::from(u16::MAX),

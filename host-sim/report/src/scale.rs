@@ -68,7 +68,7 @@ pub fn data_range(values: impl Iterator<Item = f64>, spacing: Spacing) -> (f64, 
     }
 }
 
-/// `range` with room beyond the extremes; one that begins near zero begins at zero.
+/// Adds room beyond the extremes to `range`; a range that begins near zero begins at zero.
 pub fn with_room((low, high): (f64, f64), spacing: Spacing) -> (f64, f64) {
     match spacing {
         Spacing::Log => {
@@ -93,7 +93,7 @@ fn round_step(step: f64) -> f64 {
     decade * multiple
 }
 
-/// `range` with ends that almost reach a round value moved onto it: 0 to 99.999 becomes 0 to 100.
+/// Moves ends of `range` that almost reach a round value onto it: 0 to 99.999 becomes 0 to 100.
 pub fn to_round_ends((low, high): (f64, f64)) -> (f64, f64) {
     let span = high - low;
     let step = round_step(span / 10.0);

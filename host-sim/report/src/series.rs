@@ -1,14 +1,14 @@
 //! Recording a streamed run in bounded memory, for drawing.
 
-/// Most rows: 100 s of a run at the default logging are kept entirely, on a page below 1 MB.
+/// Largest number of rows: 100 s of a run at the default logging are kept entirely, on a page below 1 MB.
 pub const CAPACITY: usize = 10_240;
 
 /// Keeps named columns of an arbitrarily long run in at most [`CAPACITY`] rows, or in fewer.
 ///
-/// Samples are gathered in stretches of equal length, two rows each: the smallest and the largest
-/// value of the stretch, column by column, in the order in which they came. When the rows are used
-/// up, neighbouring stretches are joined and the stretches become twice as long. So no peak is lost,
-/// a rising column (time) stays sorted, and nothing is thinned before the rows are used up.
+/// Samples are gathered in stretches of equal length, two rows each: the smallest and the largest value of the stretch,
+/// column by column, in the order of their arrival. When the rows are used up, neighbouring stretches are joined and
+/// the stretches become twice as long. So no peak is lost, a rising column (time) stays sorted, and nothing is thinned
+/// before the rows are used up.
 ///
 /// Within a row the columns may stem from different samples of the stretch: figures (errors,
 /// RMSE) have to be computed from the samples themselves, or recorded as a column of their own.

@@ -1,4 +1,4 @@
-//! Style sheets and the script of charts, which reports, the live page and the playground share.
+//! Style sheets and the script of charts, shared by reports, the live page and the playground.
 
 pub const DRAWING_STYLE: &str = include_str!("drawing.css");
 /// Legend, cursor and buttons of the charts.
