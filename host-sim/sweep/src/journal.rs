@@ -1,5 +1,4 @@
-//! Finished points, kept in the folder of the results until all are there, so that a killed sweep
-//! can continue.
+//! Finished points, kept in the results folder until all are there, so that a killed sweep can continue.
 //!
 //! ```text
 //! DIR/unfinished-N/study.json      label: only the same sweep continues from it
@@ -22,7 +21,7 @@ const LABEL: &str = "study.json";
 const SCENARIO: &str = "scenario.toml";
 const TABLE: &str = "sweep.csv";
 const BEGUN: &str = "begun.txt";
-/// Most points that a message lists.
+/// Largest number of points that a message lists.
 const MOST_NAMED: usize = 3;
 
 #[derive(Debug)]
@@ -32,13 +31,13 @@ pub struct Journal {
     begun: Mutex<File>,
 }
 
-/// State of the folder that was found.
+/// State found in the folder.
 #[derive(Debug, Default)]
 pub struct Kept {
     pub rows: Vec<Point>,
-    /// Points that were begun but not finished when it ended.
+    /// Points that were begun but not finished when the sweep ended.
     pub died: Vec<usize>,
-    /// Damage of the table: its points are run again.
+    /// Damage of the table; its points are run again.
     pub damage: Option<InputError>,
 }
 
@@ -71,10 +70,10 @@ fn named(study: &Study, points: &[usize]) -> String {
 }
 
 impl Journal {
-    /// Continues the folder's sweep of this study, or begins one.
+    /// Continues this study's sweep in the folder, or begins one.
     ///
     /// # Errors
-    /// When the folder cannot be written, or another process runs the same study in it.
+    /// If the folder cannot be written, or another process runs the same study in it.
     pub fn open(folder: &Path, study: &Study) -> Result<(Self, Kept), InputError> {
         let label = study.label();
         // A folder with a damaged label belongs to an unknown study, not to this one.
@@ -111,7 +110,7 @@ impl Journal {
         let numbers = text.lines().filter_map(|line| line.parse::<usize>().ok()?.checked_sub(1));
         let died: BTreeSet<usize> = numbers.filter(|point| !done.contains(point)).collect();
         let mut out = OutputDir::reopen(folder, unfinished);
-        // Drops a row that was cut.
+        // Drops a truncated row.
         out.text(TABLE, &table(study, &rows))?;
         let table = append(&out.place().join(TABLE))?;
         let journal = Self { out, table: Mutex::new(table), begun: Mutex::new(begun) };
@@ -143,7 +142,7 @@ impl Journal {
     }
 }
 
-/// A single write: a killed process leaves whole lines, or cuts only the last one.
+/// Writes in one call: a killed process leaves whole lines, or truncates only the last one.
 fn write(file: &Mutex<File>, line: &str) -> io::Result<()> {
     file.lock().unwrap_or_else(PoisonError::into_inner).write_all(line.as_bytes())
 }
@@ -153,7 +152,7 @@ fn append(file: &Path) -> Result<File, InputError> {
     opened.map_err(|error| InputError::output(file, &error))
 }
 
-/// Two processes in one folder would do everything twice.
+/// Locks the folder: two processes in it would do everything twice.
 fn lock(unfinished: &Path) -> Result<File, InputError> {
     let file = append(&unfinished.join(BEGUN))?;
     match file.try_lock() {
@@ -163,7 +162,7 @@ fn lock(unfinished: &Path) -> Result<File, InputError> {
     }
 }
 
-/// Label of a folder's results; none where there is none.
+/// Label of a folder's results; none if there is no label.
 fn read_label(folder: &Path) -> Result<Option<Label>, InputError> {
     let file = folder.join(LABEL);
     if !file.exists() {
@@ -194,7 +193,7 @@ struct Table {
 }
 
 impl Table {
-    /// A last row without its end was cut by a kill, and is no damage.
+    /// A last row without its end was truncated by a kill, and does not count as damage.
     fn read(folder: &Path, study: &Study) -> Self {
         let file = folder.join(TABLE);
         let bytes = match read_bytes(&file) {

@@ -81,7 +81,7 @@ impl Sweep {
         Ok(sweep)
     }
 
-    /// For a scenario that has been read. The points are checked only when they run.
+    /// Sweep of a scenario that has been read. The points are checked only when they run.
     pub fn of(
         scenario: Swept,
         ranges: Vec<Range>,
@@ -106,8 +106,8 @@ impl Sweep {
         Ok(sweep)
     }
 
-    /// Warnings of the ends of each range, which hold with the first and the last values of the
-    /// other ranges: at most one for each range.
+    /// Warnings at the ends of each range, with the first and the last values of the other ranges: at most one for each
+    /// range.
     pub fn warnings(&self) -> Vec<SweepError> {
         let ranges = &self.study.plan.ranges;
         let ends = |range: &Range| [range.values.first(), range.values.last()].map(|v| *v.unwrap());
@@ -129,8 +129,8 @@ impl Sweep {
         ranges.iter().filter_map(of_range).collect()
     }
 
-    /// Checks that the values are consistent at every point of the shard. Only of the shard: for a
-    /// million points each of a thousand machines would check all.
+    /// Checks that the values are consistent at every point of the shard. Other points are left out: with a million
+    /// points, each of a thousand machines would check all.
     fn check(&self) -> Result<(), SweepError> {
         let own = self.study.own();
         let checked = parallel::map(&own, |point| self.assemble(*point).map(drop));
@@ -144,9 +144,8 @@ impl Sweep {
         Ok(())
     }
 
-    /// Runs these points on all cores; `begun` and `done` are called for each. `go_on` is called
-    /// before, during and after each point, and its error ends the work. A point that fails is no
-    /// error: see [`Point::figures`].
+    /// Runs these points on all cores, calling `begun` and `done` for each. `go_on` is called before, during and after
+    /// each point, and its error ends the work. A point that fails is no error: see [`Point::figures`].
     pub fn run(
         &self,
         points: &[usize],
@@ -166,8 +165,7 @@ impl Sweep {
         rows.into_iter().collect()
     }
 
-    /// Runs one point. Its errors are part of the result, those of `go_on`, which is called in each
-    /// step, too.
+    /// Runs one point. Its errors are part of the result, including those of `go_on`, which is called in each step.
     pub fn point(&self, point: usize, go_on: &mut dyn FnMut() -> io::Result<()>) -> Point {
         let failed = |settled_s, seed, failure: String| {
             let failure = failure.replace(['\n', '\r'], " ");

@@ -1,5 +1,4 @@
-//! One point of a sweep: a run, the error of each method for the gas temperature, and that of the
-//! set point.
+//! One point of a sweep: a run, the error of each method for the gas temperature, and the error of the set point.
 
 use std::io;
 use thermyo_joint::{JointLoaded, Row as JointRow, RunError as JointRunError};
@@ -30,12 +29,12 @@ pub struct Figures {
     /// Root-mean-square error of the set point over the whole run, in its unit; none without a
     /// controlled quantity.
     pub control_rms_error: Option<f64>,
-    /// Figures of a joint's summary, in the order of its columns in `sweep.csv`; none of one muscle.
+    /// Figures of a joint's summary, in the order of its columns in `sweep.csv`; empty for one muscle.
     pub of_joint: Vec<f64>,
 }
 
 impl Figures {
-    /// Whether every figure is that of another; one that neither has is the same.
+    /// Whether every figure equals the other's; a figure that both lack counts as equal.
     pub(super) fn is(&self, other: &Self) -> bool {
         let all = |figures: &Self| {
             let Errors { sensor_gas, sensor_wall, model, estimate } = figures.rmse_k;
@@ -90,8 +89,8 @@ pub fn measure(
     Ok(Figures { rmse_k, within_2sd, control_rms_error, of_joint: Vec::new() })
 }
 
-/// Runs the scenario of a joint. Temperature errors are those of the muscle with the larger one; a joint has
-/// neither wall sensors nor forward models. The error of the set point is that of the angle \[rad\].
+/// Runs the scenario of a joint. Temperature errors are those of the muscle with the larger error; a joint has neither
+/// wall sensors nor forward models. The error of the set point is the angle's \[rad\].
 pub fn measure_joint(
     mut loaded: JointLoaded,
     from_s: f64,
@@ -138,7 +137,7 @@ pub fn measure_joint(
     })
 }
 
-/// Gathers the errors of each way to know the gas temperature.
+/// Gathers the errors of each method for the gas temperature.
 #[derive(Debug, Clone, Copy, Default)]
 struct TemperatureErrors {
     squares: [f64; 4],

@@ -32,8 +32,8 @@ pub struct Summary {
     pub errors: BTreeMap<&'static str, Extent>,
     /// Smallest and largest fraction of time within two stated standard deviations \[-\].
     pub estimate_within_2sd: [Option<f64>; 2],
-    /// Smallest and largest root-mean-square error of the set point, in its unit; none where points control
-    /// different quantities.
+    /// Smallest and largest root-mean-square error of the set point, in its unit; none if points control different
+    /// quantities.
     pub control_rms_error: [Option<f64>; 2],
     pub conclusion: String,
     /// Keys without effect on any figure.
@@ -50,7 +50,7 @@ pub struct Extent {
 }
 
 impl<'a> Outcome<'a> {
-    /// `rows` may be in any order.
+    /// Outcome of a study; `rows` may be in any order.
     pub fn new(study: &'a Study, mut rows: Vec<Point>) -> Self {
         rows.sort_by_key(|row| row.point);
         Self { study, rows }
@@ -91,7 +91,7 @@ impl<'a> Outcome<'a> {
         }
     }
 
-    /// Errors of the set point, parted by the controlled quantity: they have different units.
+    /// Errors of the set point by controlled quantity, since their units differ.
     fn control(&self) -> Vec<(Option<Controlled>, [Option<f64>; 2])> {
         let errors: Vec<(Option<Controlled>, f64)> = self
             .rows
@@ -114,7 +114,7 @@ impl<'a> Outcome<'a> {
         kinds.into_iter().map(of_kind).collect()
     }
 
-    /// How closely the set point is followed, in a sentence for each quantity; none where no point has one.
+    /// Tracking of the set point, in a sentence for each quantity; empty if no point has one.
     fn tracking(&self) -> String {
         let control = self.control();
         let sentence = |(kind, ends): &(Option<Controlled>, [Option<f64>; 2])| {
@@ -145,7 +145,7 @@ impl<'a> Outcome<'a> {
         self.rows.iter().filter_map(|row| row.figures.as_ref().ok())
     }
 
-    /// Figures of each point of the whole grid; none where it was not run, or diverged.
+    /// Figures of each point of the whole grid; none if it was not run, or diverged.
     fn grid(&self) -> Vec<Option<&Figures>> {
         let mut grid = vec![None; self.study.plan.points()];
         for row in &self.rows {
@@ -154,7 +154,7 @@ impl<'a> Outcome<'a> {
         grid
     }
 
-    /// Errors over the whole grid \[K\]; NaN where there are none.
+    /// Errors over the whole grid \[K\]; NaN if there are none.
     pub(super) fn errors_k(&self, way: usize) -> Vec<f64> {
         let error = |figures: Option<&Figures>| figures.map(|figures| WAYS[way].2(&figures.rmse_k));
         self.grid().into_iter().map(|figures| error(figures).unwrap_or(f64::NAN)).collect()

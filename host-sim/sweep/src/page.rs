@@ -15,9 +15,9 @@ use thermyo_report::scale::{Spacing, data_range};
 
 /// Colours of the methods, as in the report of a run.
 const COLOURS: [Colour; 4] = [Colour::Vermillion, Colour::Orange, Colour::Green, Colour::Blue];
-/// Most points of a scatter chart, evenly chosen.
+/// Largest number of points of a scatter chart, evenly chosen.
 const MOST_DOTS: usize = 2000;
-/// Ratio from which on the errors' scale is logarithmic.
+/// Ratio above which the errors' scale is logarithmic.
 const WIDE: f64 = 5.0;
 
 pub fn page(outcome: &Outcome, within_k: f64) -> String {
@@ -186,7 +186,7 @@ fn pair(
     ]
 }
 
-/// Table with a row per line of the grid along the main key: where each method is within the limit.
+/// Table with a row per line of the grid along the main key, and the range in which each method is within the limit.
 fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let study = outcome.study;
     let main = outcome.main_key();
@@ -199,7 +199,7 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let section = Section::new("Limits");
     let interpolated = "Limits are interpolated between the points of the grid.";
     if others.is_empty() {
-        // With a single line, the methods distinguish the rows.
+        // With a single line, the rows are the methods.
         let rows = WAYS
             .iter()
             .zip(&reaches)

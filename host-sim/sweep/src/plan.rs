@@ -20,7 +20,7 @@ pub struct Latin {
 pub struct Plan {
     pub ranges: Vec<Range>,
     pub latin: Option<Latin>,
-    /// For a hypercube: by key, then by point.
+    /// Values of a hypercube: by key, then by point.
     drawn: Vec<Vec<f64>>,
 }
 
@@ -81,8 +81,8 @@ impl Plan {
         self.ranges.iter().zip(self.places(point)).map(|(range, i)| range.values[i]).collect()
     }
 
-    /// It can be drawn as lines or maps: a grid with at most three varying keys, all of them
-    /// numbers.
+    /// Whether the plan can be drawn as lines or maps: a grid with at most three varying keys, all
+    /// of them numbers.
     pub fn is_map(&self) -> bool {
         let mut changing = self.ranges.iter().filter(|range| range.values.len() > 1);
         let numbers = changing.clone().all(|range| range.words.is_empty());
@@ -148,7 +148,7 @@ mod tests {
         };
         assert_eq!(values(&["a.b=0:1"], 1), values(&["a.b=0:1", "c.d=0:1"], 1));
         assert_ne!(values(&["a.b=0:1"], 1), values(&["a.b=0:1"], 2));
-        // The same on every machine and in every version.
+        // The value is the same on every machine and in every version.
         assert_eq!(values(&["a.b=0:1"], 1)[0], 0.413_429_378_204);
     }
 }

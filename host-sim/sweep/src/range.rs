@@ -11,7 +11,7 @@ use thermyo_report::scale::Spacing;
 use thermyo_scenario::joint::{self, Setting};
 use thermyo_scenario::schema::{self, Allowed};
 
-/// Most values of one key, and most points of a sweep.
+/// Largest number of values of one key, and of points of a sweep.
 pub const MOST_POINTS: usize = 10_000_000;
 
 /// A key and the values that it takes.
@@ -24,9 +24,9 @@ pub struct Range {
     /// The words, for a key without numbers, or for integers with more digits than f64 holds.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<String>,
-    /// The values have a fixed ratio, not a fixed difference.
+    /// Whether the values have a fixed ratio, not a fixed difference.
     pub logarithmic: bool,
-    /// The range contains everything between its two ends.
+    /// Whether the range contains everything between its two ends.
     #[serde(skip)]
     pub interval: bool,
     #[serde(skip)]
@@ -39,12 +39,12 @@ impl Range {
         if self.logarithmic { Spacing::Log } else { Spacing::Linear }
     }
 
-    /// The range as written behind `--vary`.
+    /// The range as written after `--vary`.
     pub fn written(&self) -> &str {
         &self.written
     }
 
-    /// One of its values as text: the word, or the shortest text that reads back to the number.
+    /// One of the range's values as text: the word, or the shortest text that reads back to the number.
     pub fn text(&self, value: f64) -> String {
         match self.words.get(value as usize) {
             Some(word) => word.clone(),
@@ -52,7 +52,7 @@ impl Range {
         }
     }
 
-    /// One of its values for a reader: the word, or few digits of the number.
+    /// One of the range's values for display: the word, or few digits of the number.
     pub fn shown(&self, value: f64) -> String {
         match self.words[..] {
             [] => short(value),
@@ -99,7 +99,7 @@ pub enum RangeError {
     Form,
     #[error("{0} = \"{1}\": must be {2}")]
     NoNumber(&'static str, String, String),
-    /// An integer beyond 2^53: f64 does not hold its neighbours.
+    /// An integer beyond 2^53, whose neighbours f64 cannot represent.
     #[error(
         "{0} = \"{1}\": has too many digits for a range, beyond 2^53: name each value, KEY=A,B,C"
     )]
@@ -141,7 +141,7 @@ impl FromStr for Range {
                 Err(RangeError::TooManyDigits(name, text.to_owned()))
             }
             Ok(number) => Ok(number),
-            // The unit of an unknown key is unknown: the scenario refuses the key, and names the one that is meant.
+            // The unit of an unknown key is unknown: the scenario refuses the key, and suggests the intended one.
             Err(unread) => leading_number(text)
                 .filter(|_| allowed(key).is_none())
                 .ok_or_else(|| RangeError::NoNumber(name, text.to_owned(), unread.to_string())),
@@ -207,7 +207,7 @@ fn listed(text: &str, key: &str, list: &str) -> Result<Range, RangeError> {
     Ok(Range { key, values, words, logarithmic: false, interval: false, written })
 }
 
-/// The quantity of a key, for values with a unit; a ratio's for a key that takes no number.
+/// The quantity of a key, for values with a unit; that of a ratio for a key without numbers.
 fn wanted(key: &str) -> Wanted {
     match allowed(key) {
         Some(Allowed::Real(limits)) => limits.wanted(),
@@ -223,19 +223,19 @@ pub(super) fn allowed(full_path: &str) -> Option<Allowed> {
     key.map(|key| key.allowed)
 }
 
-/// The number that a text begins with.
+/// The number at the start of a text.
 fn leading_number(text: &str) -> Option<f64> {
     let end = text.find(|char: char| !"+-.0123456789".contains(char)).unwrap_or(text.len());
     text[..end].parse().ok()
 }
 
-/// f64 holds every digit of the number as written; a seed may have more.
+/// Whether f64 holds every digit of the number as written; a seed may have more.
 fn keeps(text: &str, number: f64) -> bool {
     text.parse::<i128>().map_or(true, |whole| whole == number as i128)
 }
 
-/// To 12 significant digits: 0.3 and not 0.30000000000000004, and the same value on every machine,
-/// independent of the last bit of its power function.
+/// Rounds to 12 significant digits: 0.3 and not 0.30000000000000004, and the same value on every machine, independent
+/// of the last bit of its power function.
 fn rounded(value: f64) -> f64 {
     format!("{value:.11e}").parse().unwrap_or(value)
 }
@@ -282,7 +282,7 @@ mod tests {
         assert_eq!(range.text(1.5), "1.5");
     }
 
-    /// For example seeds.
+    /// Whole numbers such as seeds.
     #[test]
     fn whole_numbers_keep_every_digit() {
         let range: Range = "run.seed=9007199254740995,9007199254740997".parse().unwrap();

@@ -3,7 +3,7 @@
 use thermyo_files::number::short;
 use thermyo_report::scale::Spacing;
 
-/// Most lines that are named by their values.
+/// Largest number of lines that are named by their values.
 const MOST_NAMED: usize = 3;
 
 /// Range of one key in which an error is within its limit.
@@ -24,7 +24,8 @@ pub enum Reach {
 }
 
 impl Reach {
-    /// `errors` belong to rising `values`; an error that is not finite stands for a missing run.
+    /// Finds the range. `errors` belong to rising `values`; an error that is not finite stands for
+    /// a missing run.
     pub fn new(values: &[f64], errors: &[f64], limit: f64, spacing: Spacing) -> Self {
         let run: Vec<(f64, f64)> = values
             .iter()
@@ -69,10 +70,10 @@ impl Reach {
 /// Lines along one key, distinguished by another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lines<'a> {
-    /// The key along which they run, and its unit.
+    /// The key along which the lines run, and its unit.
     pub key: (&'a str, &'a str),
     pub reaches: Vec<Reach>,
-    /// The other key, and its value on each line; none where several others change.
+    /// The other key, and its value on each line; none if several others change.
     pub other: Option<(&'a str, Vec<f64>)>,
 }
 

@@ -35,7 +35,7 @@ impl Swept {
         Ok(Self::Muscle(Document::parse(text, origin)?))
     }
 
-    /// The file.
+    /// Name of the file.
     pub(super) fn origin(&self) -> &Path {
         match self {
             Self::Muscle(document) => &document.origin,
@@ -58,7 +58,7 @@ impl Swept {
         })
     }
 
-    /// The warnings of a key, where the scenario is valid.
+    /// Warnings about a key, if the scenario is valid.
     pub(super) fn warnings_of(&self, full_path: &str) -> Vec<Problem> {
         let all = match (self, self.assemble()) {
             (Self::Muscle(document), Ok(Assembled::Muscle(loaded))) => {
@@ -76,7 +76,7 @@ impl Swept {
 }
 
 impl Assembled {
-    /// As `thermyo check` prints it.
+    /// The scenario as `thermyo check` prints it.
     pub(super) fn render(&self) -> String {
         match self {
             Self::Muscle(loaded) => thermyo_setup::render(loaded),
@@ -96,7 +96,7 @@ impl Assembled {
         (settled_s(self.run()), self.run().seed)
     }
 
-    /// Runs it. `go_on` is called in each step, and its error ends the run.
+    /// Runs the scenario. `go_on` is called in each step, and its error ends the run.
     pub(super) fn measure(
         self,
         from_s: f64,

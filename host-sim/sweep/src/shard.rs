@@ -6,7 +6,7 @@ use std::str::FromStr;
 /// Every N-th point of a grid, the I-th first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Shard {
-    /// From 0.
+    /// Index from 0.
     index: usize,
     of: usize,
 }
@@ -14,8 +14,8 @@ pub struct Shard {
 impl Shard {
     pub const WHOLE: Self = Self { index: 0, of: 1 };
 
-    /// The shard has this point of the grid, counted from 0. Neighbouring points take about equally
-    /// long, so all shards do.
+    /// Whether the shard has this point of the grid, counted from 0. Neighbouring points take about
+    /// equally long, so all shards do too.
     pub fn has(self, point: usize) -> bool {
         point % self.of == self.index
     }

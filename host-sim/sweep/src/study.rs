@@ -41,13 +41,13 @@ pub(super) struct Label {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct Point {
-    /// Its number in the whole sweep, from 0.
+    /// Number of the point in the whole sweep, from 0.
     pub point: usize,
-    /// `run.seed` of its run.
+    /// `run.seed` of the point's run.
     pub seed: u64,
     /// Start of the errors' evaluation \[s\].
     pub settled_s: f64,
-    /// Figures, or the reason of the failure.
+    /// Figures, or the reason for the failure.
     pub figures: Result<Figures, String>,
 }
 
@@ -95,7 +95,7 @@ impl Study {
         (0..self.plan.points()).filter(|point| self.shard.has(*point)).collect()
     }
 
-    /// "sensor.gas.time_constant_s = 3, plant.model = full".
+    /// The point's values: "sensor.gas.time_constant_s = 3, plant.model = full".
     pub fn values_text(&self, point: usize) -> String {
         let values = self.plan.ranges.iter().zip(self.plan.values(point));
         let each = values.map(|(range, value)| format!("{} = {}", range.key, range.text(value)));
@@ -123,7 +123,7 @@ impl Study {
         let varied = self.plan.ranges.iter().position(|range| range.key == "drive.kind");
         let own = varied.map(|key| self.plan.ranges[key].text(self.plan.values(point)[key]));
         let kinds = [("pressure", Controlled::Pressure), ("contraction", Controlled::Contraction)];
-        // No other table of the scenario has these kinds.
+        // No other table of the scenario has kinds of these names.
         let driven = |kind: &str| match &own {
             Some(own) => own == kind,
             None => {
@@ -197,7 +197,7 @@ impl Study {
         checksum.0
     }
 
-    /// Parses such a row; none where it is damaged, or of another study.
+    /// Parses such a row; none if it is damaged, or of another study.
     pub(super) fn read_row(&self, line: &str) -> Option<Point> {
         let point = line.split(',').next()?.parse::<usize>().ok()?.checked_sub(1)?;
         if point >= self.plan.points() {
@@ -236,7 +236,7 @@ impl Study {
             Err(unquoted(failure)?)
         };
         let row = Point { point, seed: seed.parse().ok()?, settled_s: number(settled_s)?, figures };
-        // A row that was cut or altered does not match its checksum.
+        // A truncated or altered row does not match its checksum.
         (self.csv_row(&row) == line).then_some(row)
     }
 }
@@ -249,7 +249,7 @@ fn unquoted(cell: &str) -> Option<String> {
     Some(cell.strip_prefix('"')?.strip_suffix('"')?.replace("\"\"", "\""))
 }
 
-/// FNV-1a of 64 bits: it tells scenarios apart, and keeps no secret.
+/// FNV-1a of 64 bits: it distinguishes scenarios, and is no secret.
 struct Checksum(u64);
 
 impl Default for Checksum {
@@ -341,7 +341,7 @@ mod tests {
         let failed = Point { figures: Err(failure), ..whole };
         let row = study.csv_row(&failed);
         assert_eq!(study.read_row(&row), Some(failed));
-        // A number without its last digits is a number too; its row lacks the last comma then.
+        // A number without its last digits is still a number; its row then lacks the last comma.
         assert!((0..text.len()).all(|end| study.read_row(&text[..end]).is_none()));
         assert!(study.read_row(&text.replace("full", "lumped")).is_none());
         for place in 0..text.len() {
