@@ -10,7 +10,7 @@ import { UsbHost } from './usb.mjs';
 const NANOS_PER_CYCLE = 8; // 125 MHz
 const UART0 = { slot: 0x40034, irq: 20 };
 const CONTROL_EXCEPTION = 16 + 27; // SWI_IRQ_1, the control task's executor
-const HARD_FAULT = 3; // its exception
+const HARD_FAULT = 3; // exception number
 const ROM_END = 0x4000;
 const OVERSAMPLING = 8;
 const ADC_NANOS = 2000;
@@ -45,8 +45,8 @@ export class Board {
     this.conversions = [0, 0, 0, 0, 0];
     this.runLine = false;
     this.adcStalled = false;
-    this.partFault = 0; // 1, 2: the gas sensor's bus is unplugged, it converts nothing; 3, 4: the pressure sensor's; 5: the encoder's bus is unplugged
-    this.hang = null; // what is to happen: { is: one of PLACES, instructions: left until it does }
+    this.partFault = 0; // 1, 2: the gas sensor's bus is unplugged, or it does not convert; 3, 4: the same for the pressure sensor; 5: the encoder's bus is unplugged
+    this.hang = null; // pending hang: { is: one of PLACES, instructions: number left until it occurs }
     this.uartBytes = [];
     this.usbBytes = [];
     this.identities = []; // USB identity, for each time that the board was plugged in
@@ -58,7 +58,7 @@ export class Board {
     this.flashReads = 0;
     this.flashMisses = 0;
     this.flashViolations = 0;
-    this.nanos = 0; // since power came
+    this.nanos = 0; // since power-up
     this.start();
   }
 
@@ -85,13 +85,13 @@ export class Board {
     const watchdog = chip.peripherals[0x40058];
     watchdog.onWatchdogTrigger = () => {
       this.restart = true;
-      watchdog.alarm.enable = false; // or it would fire again and again at this instant
+      watchdog.alarm.enable = false; // otherwise it would fire again and again at this instant
     };
 
     chip.adc.onADCRead = (channel) => this.convert(channel);
     this.conversion = chip.clock.createAlarm(() => chip.adc.completeADCRead(this.code, false));
-    // The firmware polls the converter. A poll that would last until the conversion is done takes
-    // that time at once: the same time passes in a few instructions instead of fifty.
+    // The firmware polls the converter. A poll that would last until the end of the conversion
+    // takes that time at once: the same time passes in a few instructions instead of fifty.
     const readAdc = chip.adc.readUint32.bind(chip.adc);
     chip.adc.readUint32 = (offset) => {
       if (offset === 0 && chip.adc.busy && !this.adcStalled) {
@@ -227,7 +227,7 @@ export class Board {
     this.mpr.set(pressure >> 1, fault === 3, fault === 4);
     this.as5600.set(gases.pop(), fault === 5, fault === 7);
     this.max31865.forEach((part, i) => {
-      // A fault is one of muscle a's.
+      // A fault affects muscle a's sensor.
       const wrong = i === 0 ? fault : 0;
       part.set(gases[i] >> 1, (gases[i] & 1) === 1, wrong === 1, wrong === 2, wrong === 6);
     });

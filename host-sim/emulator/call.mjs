@@ -1,11 +1,11 @@
 // Calls functions of the firmware's image, one after the other, on an emulated RP2040 that has run
-// only until its start has copied them into RAM. All numbers u32, little-endian.
+// only until its start code has copied them into RAM. All numbers u32, little-endian.
 //
 // request:  address of the function; its two arguments; number of instructions after which an
 //           interrupt calls it too, 0 for none; the two arguments of that call
 // response: the function's result; its cycles, without those of the interrupt
 //
-// Ends with exit code 1 as `calling.mjs` says.
+// Ends with exit code 1 as described in `calling.mjs`.
 
 import { readSync, writeSync } from 'node:fs';
 import { call } from './calling.mjs';
@@ -23,7 +23,7 @@ load(process.argv[2], flash);
 const chip = new Chip(flash);
 chip.boot();
 const { core } = chip;
-// The first instruction in RAM is executed after all of it has been copied.
+// Once the first instruction in RAM is executed, all of it has been copied.
 while (core.PC < RAM || core.PC >= RAM_END) {
   core.executeInstruction();
 }

@@ -1,7 +1,7 @@
-// Calls a function on an emulated core, whose stack pointer is set. Ends with exit code 1 when the function does
-// not return, or does not leave registers and stack as it found them.
+// Calls a function on an emulated core, whose stack pointer is set. Ends with exit code 1 if the function does not
+// return, or does not restore registers and stack.
 
-const RETURN = 0; // no function lies there: the call is over
+const RETURN = 0; // no function lies there: reaching it ends the call
 const MOST_INSTRUCTIONS = 10_000_000;
 
 /** Result and cycles of a call with two arguments; an `interrupt` calls the function too. */

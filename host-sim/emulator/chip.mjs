@@ -1,14 +1,14 @@
-// An RP2040 that reads flash through its cache, started like by the boot ROM (datasheet 2.8.1): the
-// second stage boot loader is copied into RAM, sets the serial interface up and enters the program.
+// An RP2040 that reads flash through its cache, started as by the boot ROM (datasheet 2.8.1): the
+// second stage boot loader is copied into RAM, sets up the serial interface and enters the program.
 
 import { RP2040 } from 'rp2040js';
 import { FlashCache } from './flash_cache.mjs';
 
 const FLASH = 0x10000000;
-const FLASH_END = 0x11000000; // of what is cached
+const FLASH_END = 0x11000000; // end of the cached flash
 const FLASH_MIRRORS_END = 0x14000000;
 const BOOT2_BYTES = 256;
-const BOOT2 = 0x20041f00; // where the boot ROM runs it
+const BOOT2 = 0x20041f00; // address at which the boot ROM runs it
 const RAM = 0x20000000;
 const NO_MEMORY = 0x1c000000; // from here to RAM (datasheet 2.2)
 const VECTORS = 0x10000100; // the first is the initial stack pointer
@@ -24,8 +24,8 @@ export class Chip extends RP2040 {
     this.flash.set(flash);
     this.cache = new FlashCache(this.peripherals[0x18000]);
     this.xip = true; // flash can be read
-    this.violations = 0; // reads when it could not
-    this.lockedUp = false; // only a reset ends that
+    this.violations = 0; // reads when flash could not be read
+    this.lockedUp = false; // only a reset ends a lock-up
   }
 
   readFlash(address) {
@@ -44,7 +44,7 @@ export class Chip extends RP2040 {
     this.stackBytes = Math.max(0, super.readUint32(VECTORS) - RAM);
     new Uint32Array(this.sram.buffer, 0, this.stackBytes >> 2).fill(UNUSED);
     this.core.SP = BOOT2;
-    this.core.LR = 0; // to the program, rather than back to a caller
+    this.core.LR = 0; // enters the program, rather than returning to a caller
     this.core.PC = BOOT2;
   }
 

@@ -12,18 +12,18 @@
 const SETS = 1024;
 const WAYS = 2;
 const SELECT_CYCLES = 8;
-const CACHED = 0x10; // upper byte of the addresses that the cache serves; 0x11 to 0x13 go round it
+const CACHED = 0x10; // upper byte of the addresses that the cache serves; 0x11 to 0x13 bypass it
 
 export class FlashCache {
   /** `ssi`: the serial interface to the flash (datasheet 4.10.13). */
   constructor(ssi) {
     this.ssi = ssi;
     this.tags = new Int32Array(SETS * WAYS);
-    this.halves = new Uint8Array(SETS * WAYS); // which of a line's are valid
-    this.oldest = new Uint8Array(SETS); // way that is replaced next
+    this.halves = new Uint8Array(SETS * WAYS); // which halves of a line are valid
+    this.oldest = new Uint8Array(SETS); // way to replace next
     this.reads = 0;
     this.misses = 0;
-    this.stalled = 0; // cycles not yet taken
+    this.stalled = 0; // cycles not yet spent
     this.flush();
   }
 

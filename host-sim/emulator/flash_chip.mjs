@@ -46,7 +46,7 @@ export class FlashChip {
     this.content = content;
     this.operations = 0;
     this.violations = 0; // operations with a wrong argument, or out of turn
-    this.cutIn = 0; // operations until power fails, 0: it does not
+    this.cutIn = 0; // operations until power fails; 0 if it does not
     this.cutDone = 0;
     this.random = 1;
   }

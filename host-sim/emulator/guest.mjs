@@ -5,7 +5,7 @@
 //           before the call; number of bytes to read there after it; the bytes to write
 // response: the function's result; its cycles; the bytes read
 //
-// Ends with exit code 1 as `calling.mjs` says.
+// Ends with exit code 1 as described in `calling.mjs`.
 
 import { readSync, writeSync } from 'node:fs';
 import { call } from './calling.mjs';

@@ -1,5 +1,5 @@
-// Digital sensors at the Pico's pins, by their data sheets: two MAX31865 on SPI1, a Honeywell MPR and an
-// ams AS5600 on I2C0. Their inputs are updated all the time; they convert at their own times.
+// Digital sensors at the Pico's pins, according to their data sheets: two MAX31865 on SPI1, a Honeywell MPR and an ams
+// AS5600 on I2C0. Their inputs are updated all the time; they convert at their own times.
 
 import { GPIOPinState } from 'rp2040js';
 
@@ -36,8 +36,8 @@ export class Max31865 {
     this.select.addListener(() => (this.address = -1));
     this.ready.setInputValue(true);
     this.conversion = chip.clock.createAlarm(() => this.convert());
-    this.earliest = Infinity; // when the host's mean may end a conversion
-    this.follows = false; // whether one has ended with the host's mean
+    this.earliest = Infinity; // earliest time at which the host's mean may end a conversion
+    this.follows = false; // whether a conversion has ended with the host's mean
   }
 
   /** Puts all of them on the chip's SPI1: the one that is selected answers. */
@@ -51,7 +51,7 @@ export class Max31865 {
   }
 
   exchange(byte) {
-    // An image that does not drive the pin has no such part.
+    // An image that does not drive the pin has no such sensor chip.
     const selected = this.select.value === GPIOPinState.Low;
     if (this.unplugged || !selected) {
       return 0xff;
@@ -252,7 +252,7 @@ export class As5600 {
 
   read() {
     const byte = this.registers[this.pointer] ?? 0;
-    // The angle may be read again without another address.
+    // The angle may be read again without setting the address.
     this.pointer = this.pointer === AS5600_RAW_ANGLE + 1 ? AS5600_RAW_ANGLE : this.pointer + 1;
     return byte;
   }

@@ -40,7 +40,7 @@ export class PacedUart extends BasePeripheral {
     this.tx = [];
     this.shifting = -1;
     this.rx = [];
-    this.line = []; // bytes that the host has sent and the receiver has not seen
+    this.line = []; // bytes that the host has sent and the receiver has not received
     this.registers = { [IBRD]: 0, [FBRD]: 0, [LCR_H]: 0, [CR]: 0x300, [IFLS]: 0x12, [IMSC]: 0 };
     this.raised = 0;
     this.txAlarm = rp2040.clock.createAlarm(() => this.byteSent());

@@ -1,8 +1,8 @@
 // A USB host with one serial port (CDC-ACM) at the chip's device controller. rp2040js has one too,
 // but clears the AVAILABLE bit of a buffer as soon as the firmware sets it
 // (dist/esm/peripherals/usb.js, DPRAMUpdated). The driver of embassy-rp waits for that bit: an
-// endpoint would have received 64 old bytes at once, again and again. Here the bit stays until the
-// packet is over, which takes time on a bus at full speed, and a host without data lets the device
+// endpoint would receive 64 old bytes at once, again and again. Here the bit stays until the end of
+// the packet, which takes time on a bus at full speed, and a host without data makes the device
 // wait.
 
 const SIE_STATUS = 0x50;
@@ -54,10 +54,10 @@ export class UsbHost {
     this.received = received;
     this.ready = ready;
     this.plugged = false;
-    this.open = false; // a program has the port open
-    this.deaf = false; // ... and does not read
-    this.announced = false; // ... as the device knows it
-    this.pulledUp = false; // the device is there
+    this.open = false; // whether a program has the port open
+    this.deaf = false; // ... and does not read it
+    this.announced = false; // ... as last reported to the device
+    this.pulledUp = false; // whether the device is present
     this.armed = new Map(); // buffers that the firmware gave the controller: endpoint and direction, control word
     this.bus = chip.clock.createAlarm(() => this.transact());
     this.next = chip.clock.createAlarm(() => this.startControl());

@@ -6,14 +6,14 @@ use std::thread;
 
 /// Receives the progress of long work, and ends it early on request.
 pub trait Watch: Sync {
-    /// `count` more parts are to be done.
+    /// Announces `count` more parts.
     fn parts(&self, _count: usize) {}
     fn done(&self) {}
     /// Whether to end early, such as by Ctrl-C: finished parts are kept.
     fn stopped(&self) -> bool {
         false
     }
-    /// Most threads to work on: all cores, where nothing else is to go on meanwhile.
+    /// Largest number of threads: all cores, unless other work must go on meanwhile.
     fn threads(&self) -> usize {
         thread::available_parallelism().map_or(1, usize::from)
     }
@@ -74,7 +74,7 @@ mod tests {
         }
     }
 
-    /// Stops after so many parts.
+    /// Stops after this number of parts.
     struct After(AtomicUsize);
 
     impl Watch for After {

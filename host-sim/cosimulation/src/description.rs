@@ -10,11 +10,11 @@ use thermyo_record::units::Unit;
 /// Name of the shared library with the interface.
 pub const LIBRARY: &str = "thermyo_fmu";
 
-/// A token that ties a description to the resources that it was made with.
+/// A token that ties a description to the resources with which it was built.
 pub fn token(model: &Model) -> String {
     let mut hasher = DefaultHasher::new();
     let mut scenario = model.scenario().clone();
-    // The tables' paths change when they are unpacked.
+    // The tables' paths change on unpacking.
     for path in scenario.files().into_iter().flat_map(|(_, paths)| paths) {
         *path = None;
     }
@@ -22,7 +22,7 @@ pub fn token(model: &Model) -> String {
     format!("thermyo-{}-{:016x}", env!("CARGO_PKG_VERSION"), hasher.finish())
 }
 
-/// The description of a model; `name` is the scenario's.
+/// The description of a model; `name` is that of the scenario.
 pub fn describe(model: &Model, name: &str) -> Result<String, ModelError> {
     let run = model.scenario().run();
     let what = match model.kind() {
@@ -147,7 +147,7 @@ mod tests {
         }
     }
 
-    /// As `thermyo run` does.
+    /// The experiment ends as in `thermyo run`.
     #[test]
     fn its_experiment_ends_with_a_whole_step() {
         for (duration_s, step_s, end_s) in

@@ -7,7 +7,7 @@ use model_core::joint::{JointError, JointField, JointSetPoint, Motion};
 use thermyo_joint::{Inputs as RigInputs, JointLoaded, Rig, Row, RunError};
 use thermyo_plant::Actuation;
 
-/// Plant and core in operation. The importer that drives the valves leaves the core's commands aside.
+/// Plant and core in operation. If the importer drives the valves, the core's commands are ignored.
 pub struct Joint {
     loaded: JointLoaded,
     kind: Kind,

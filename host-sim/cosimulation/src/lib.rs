@@ -21,14 +21,14 @@ pub mod variables;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
     Plant,
-    /// The plant and the core that drives it.
+    /// The plant, and the core that drives it.
     WithCore,
 }
 
 impl Kind {
     pub const ALL: [Self; 2] = [Self::Plant, Self::WithCore];
 
-    /// Name of the scenario in the unit's resources, which gives the kind of the unit.
+    /// Name of the scenario in the unit's resources, which identifies the unit's kind.
     pub fn scenario_file(self) -> &'static str {
         match self {
             Self::Plant => "plant.toml",

@@ -25,7 +25,7 @@ pub struct Model {
     variables: Vec<Variable>,
     inputs: Inputs,
     start_s: f64,
-    /// The importer's end, where it states one \[s\].
+    /// The importer's end, if it states one \[s\].
     stop_s: Option<f64>,
     running: Box<dyn Running>,
     /// Cells of the trace, current for the importer.
@@ -103,7 +103,7 @@ impl Model {
         Ok(())
     }
 
-    /// Begins to step.
+    /// Starts stepping.
     ///
     /// # Errors
     /// As [`Model::new`], for the values set since; once it steps.
@@ -155,7 +155,7 @@ impl Model {
         Ok(())
     }
 
-    /// Whether a reference is that of a Boolean.
+    /// Whether a reference belongs to a Boolean.
     fn is_switch(&self, reference: u32) -> bool {
         let variable = self.variables.get(reference as usize);
         variable.is_some_and(|variable| variable.role == Role::Parameter)
@@ -218,7 +218,7 @@ impl Model {
     }
 }
 
-/// Place of an input among the inputs.
+/// Index of an input among the inputs.
 fn input(reference: u32) -> usize {
     reference.saturating_sub(FIRST_INPUT) as usize
 }
@@ -300,7 +300,7 @@ mod tests {
         }
     }
 
-    /// As the standard wants it; without a stop time the importer may go on after the scenario's end.
+    /// As the standard requires; without a stop time the importer may continue after the scenario's end.
     #[test]
     fn a_step_past_the_stop_time_is_refused() {
         for kind in Kind::ALL {
@@ -360,7 +360,7 @@ mod tests {
         let value = |model: &Model, name| model.number(reference(model, name)).unwrap();
         assert!((value(&model, "angle_rad") - 0.3).abs() < 0.01);
         assert!((value(&model, "stiffness_n_m_rad") - 18.0).abs() < 0.5);
-        // Refused before anything moves.
+        // The value is refused before anything moves.
         model.set_number(angle, 2.0).unwrap();
         let refused = model.step(3.0, STEP_S).unwrap_err();
         assert!(refused.leaves_all());

@@ -24,9 +24,9 @@ pub struct Muscle {
     row: Row,
 }
 
-/// Where the valves' openings come from.
+/// Source of the valves' openings.
 enum Driver {
-    /// The importer. The sensors are read as the core would.
+    /// The importer. The sensors are read as by the core.
     Importer(Box<Reader>),
     Core {
         board: Box<CoreBoard>,
@@ -91,7 +91,7 @@ impl Running for Muscle {
             return Ok(());
         }
         match board.core()?.set(drive.of(inputs.numbers[0])) {
-            // Venting faults vent; the outputs have the reason.
+            // Venting faults vent; the outputs state the reason.
             Ok(()) | Err(SetPointError::Faults(_)) => self.given = inputs.numbers[0],
             Err(error) => return Err(refused(BoardError::SetPoint(error), inputs)),
         }

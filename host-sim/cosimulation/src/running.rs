@@ -4,7 +4,7 @@ use thermyo_files::input::InputError;
 use thermyo_plant::{BuildError, Diverged};
 use thermyo_simulation::board::BoardError;
 
-/// Why a request of the importer fails.
+/// Reason why a request of the importer fails.
 #[derive(Debug, thiserror::Error)]
 pub enum ModelError {
     #[error(transparent)]
@@ -30,7 +30,7 @@ pub enum ModelError {
         "a step from {asked_s} s, and the time is {time_s} s: a unit cannot go back, or leave out time"
     )]
     NotNow {
-        /// The time that the step should begin at \[s\].
+        /// The requested start time of the step \[s\].
         asked_s: f64,
         time_s: f64,
     },
@@ -41,7 +41,7 @@ pub enum ModelError {
     #[error("{call}: must come {must}")]
     OutOfTurn {
         call: &'static str,
-        /// When it is allowed.
+        /// Condition under which it is allowed.
         must: &'static str,
     },
     #[error("{name} = {value}: must be {allowed}")]
@@ -61,7 +61,7 @@ impl ModelError {
 /// Inputs from the importer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Inputs {
-    /// In the order of the variables.
+    /// Values in the order of the variables.
     pub numbers: Vec<f64>,
     pub follow_scenario: bool,
 }
@@ -71,9 +71,9 @@ pub trait Running {
     /// Takes the importer's set point, if it has changed.
     ///
     /// # Errors
-    /// For a set point out of its range; nothing has changed.
+    /// If the set point is out of its range; then nothing has changed.
     fn take(&mut self, inputs: &Inputs) -> Result<(), ModelError>;
-    /// Advances by one step, after which there have been `steps`.
+    /// Advances by one step, the `steps`-th.
     fn step(&mut self, steps: u64, inputs: &Inputs) -> Result<(), ModelError>;
     /// Cells of the trace now. Flows are means since the last call.
     fn look(&mut self) -> Vec<f64>;

@@ -55,7 +55,7 @@ impl Scenario {
         }
     }
 
-    /// Columns of its trace.
+    /// Columns of the scenario's trace.
     pub fn columns(&self) -> &'static [&'static str] {
         match self {
             Self::Muscle(_) => &thermyo_record::trace::COLUMNS,
@@ -63,7 +63,7 @@ impl Scenario {
         }
     }
 
-    /// Values of the inputs at the start. A muscle without power vents.
+    /// Initial values of the inputs. A muscle without power vents.
     pub fn inputs(&self, kind: Kind) -> Inputs {
         let numbers = match (self, kind) {
             (Self::Muscle(_), Kind::Plant) => vec![0.0, 1.0],
@@ -78,7 +78,7 @@ impl Scenario {
         Inputs { numbers, follow_scenario: true }
     }
 
-    /// Puts it into operation.
+    /// Starts the operation.
     pub fn start(&self, kind: Kind, inputs: &Inputs) -> Result<Box<dyn Running>, ModelError> {
         match self {
             Self::Muscle(loaded) => Ok(Box::new(Muscle::new(loaded, kind, inputs)?)),
@@ -86,7 +86,7 @@ impl Scenario {
         }
     }
 
-    /// Its text.
+    /// Text of the scenario.
     pub fn render(&self) -> String {
         match self {
             Self::Muscle(loaded) => thermyo_setup::render(loaded),
@@ -94,7 +94,7 @@ impl Scenario {
         }
     }
 
-    /// Names of its tables in a unit, and where the scenario names them.
+    /// Names of the scenario's tables in a unit, and the paths that name them.
     pub fn files(&mut self) -> Vec<(&'static str, Vec<&mut Option<PathBuf>>)> {
         match self {
             Self::Muscle(loaded) => {
@@ -110,7 +110,7 @@ impl Scenario {
                     vec![&mut muscle.plant.table.csv, &mut muscle.believed.table.csv]
                 });
                 let mut radii = vec![&mut joint.radius_csv];
-                // None where the core has another radius.
+                // There is none if the core has another radius.
                 radii.extend(Some(&mut believed.radius_csv).filter(|path| path.is_some()));
                 vec![
                     ("radius.csv", radii),
@@ -123,7 +123,7 @@ impl Scenario {
         }
     }
 
-    /// Units of its variables.
+    /// Units of the scenario's variables.
     pub fn units(&self) -> Vec<&'static Unit> {
         match self {
             Self::Muscle(_) => UNITS.iter().collect(),

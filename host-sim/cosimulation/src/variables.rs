@@ -5,13 +5,13 @@ use thermyo_record::units::{Unit, unit_of};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Variable {
-    /// Its name; for an output, the column of the trace.
+    /// Name of the variable; for an output, the column of the trace.
     pub name: &'static str,
     pub description: &'static str,
     pub role: Role,
 }
 
-/// Where a variable's value comes from.
+/// Source of a variable's value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Role {
     Time,
@@ -19,7 +19,7 @@ pub enum Role {
     Parameter,
     /// The importer, between two steps.
     Input,
-    /// The same, a share of time from 0 to 1.
+    /// The importer, between two steps: a share of time from 0 to 1.
     Opening,
     Plant,
     /// The board, once per step.
@@ -193,7 +193,7 @@ pub fn of_joint(kind: Kind) -> Vec<Variable> {
 }
 
 impl Variable {
-    /// The unit at the end of its name; none for a ratio, a count or a flag.
+    /// The unit in the suffix of the name; none for a ratio, a count or a flag.
     pub fn unit(&self) -> Option<&'static Unit> {
         unit_of(self.name)
     }

@@ -44,7 +44,7 @@ pub struct Instance {
 }
 
 impl Instance {
-    /// An instance from the unit's resources; null, and a message, if that fails.
+    /// Creates an instance from the unit's resources; null, and a message, if that fails.
     ///
     /// # Safety
     /// Texts end with a zero byte, or are null.

@@ -29,7 +29,7 @@ pub extern "C" fn fmi3SetDebugLogging(
     Status::Ok
 }
 
-/// Makes an instance from the unit's resources; null, and a message, if that fails.
+/// Creates an instance from the unit's resources; null, and a message, if that fails.
 ///
 /// # Safety
 /// As in the standard: texts end with a zero byte, or are null.
@@ -83,7 +83,7 @@ pub unsafe extern "C" fn fmi3EnterInitializationMode(
     }
 }
 
-/// Begins to step.
+/// Starts stepping.
 ///
 /// # Safety
 /// The instance is one of this library.
@@ -230,7 +230,7 @@ unsafe fn tell<T>(place: *mut T, value: T) {
     }
 }
 
-/// References, and as many values: every variable is a scalar.
+/// Pairs references with as many values, since every variable is a scalar.
 ///
 /// # Safety
 /// The arrays have the given lengths.

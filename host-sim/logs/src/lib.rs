@@ -1,4 +1,4 @@
-//! Records besides `trace.csv`.
+//! Records in addition to `trace.csv`.
 
 pub mod mcap;
 mod mcap_file;
@@ -26,12 +26,12 @@ pub struct Logs {
 }
 
 impl Logs {
-    /// Whether the address can be reached; for commands that record later.
+    /// Checks whether the address can be reached; for commands that record later.
     pub fn check(&self) -> Result<(), InputError> {
         self.open_stream(MUSCLE).map(drop)
     }
 
-    /// Starts a record in that folder: these columns of the layout as its file, and the chosen records beside it.
+    /// Starts a record in this folder: a file with these columns of the layout, and the chosen records beside it.
     pub fn record(
         &self,
         out: &mut OutputDir,

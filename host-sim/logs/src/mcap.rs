@@ -15,7 +15,7 @@ const LONGEST_WAIT: Duration = Duration::from_millis(500);
 
 pub struct McapLog<W: Write = File> {
     writer: Writer<W>,
-    /// For each channel the indices of its cells in a row, and their names.
+    /// For each channel, the indices of its cells in a row, and their names.
     channels: Vec<Vec<(usize, &'static str)>>,
     rows: u32,
     text: String,
@@ -23,7 +23,7 @@ pub struct McapLog<W: Write = File> {
 }
 
 impl<W: Write> McapLog<W> {
-    /// Begins with the topics and their schemas.
+    /// Writes the topics and their schemas.
     pub fn new(out: W, layout: Layout) -> io::Result<Self> {
         let all = (layout.columns)();
         let cells = |place| (place, all[place]);
@@ -77,7 +77,7 @@ impl<W: Write + Send> Sink for McapLog<W> {
     }
 }
 
-/// Logs have whole nanoseconds.
+/// Converts to the whole nanoseconds of logs.
 fn nanoseconds(time_s: f64) -> u64 {
     (time_s * 1e9).round() as u64
 }
@@ -118,7 +118,7 @@ mod tests {
         cells
     }
 
-    /// Messages up to the damage.
+    /// Messages before the damage.
     fn messages(bytes: &[u8]) -> Vec<(String, u64, Value)> {
         let Ok(stream) = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into())
         else {
@@ -137,7 +137,7 @@ mod tests {
     fn a_file_that_is_cut_anywhere_reads_up_to_the_cut() {
         let memory = Memory::default();
         let mut log = Box::new(McapLog::new(memory.clone(), MUSCLE).unwrap());
-        // Bytes after each chunk, and the rows in them.
+        // Bytes after each chunk, and the rows up to there.
         let mut ends = vec![(memory.bytes().len(), 0)];
         for number in 0..400 {
             log.row(&row(number)).unwrap();
@@ -167,7 +167,7 @@ mod tests {
         assert_eq!(first["pressure_pa"].as_f64(), Some(0.001 / 3.0));
     }
 
-    /// By the index, as a viewer jumps in a long file, with the checksums verified.
+    /// Reads by the index, as a viewer jumps in a long file, with the checksums verified.
     #[test]
     fn every_message_is_found_by_the_index() {
         let memory = Memory::default();

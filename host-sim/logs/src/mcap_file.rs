@@ -1,5 +1,5 @@
-//! Records of an MCAP file, <https://mcap.dev/spec>: JSON messages in uncompressed chunks, with an
-//! index. The format's own crate takes seventeen others; the tests read what is written here with it.
+//! Records of an MCAP file, <https://mcap.dev/spec>: JSON messages in uncompressed chunks, with an index. The format's
+//! own crate needs seventeen others; the tests use it to read what is written here.
 
 use std::io::{self, Write};
 
@@ -22,7 +22,7 @@ pub(crate) struct Writer<W: Write> {
     chunk: Chunk,
     chunk_indexes: Vec<u8>,
     chunks: u32,
-    /// Earliest and latest time, and messages of each channel.
+    /// Earliest and latest time, and number of messages of each channel.
     span_ns: Option<(u64, u64)>,
     counts: Vec<u64>,
 }
@@ -46,7 +46,7 @@ impl<W: Write> Writer<W> {
     pub(crate) fn new(out: W, channels: &[Channel]) -> io::Result<Self> {
         let mut definitions = Vec::new();
         for (id, channel) in (0_u16..).zip(channels) {
-            // Schema 0 means none.
+            // Schema 0 stands for none.
             let schema = (id + 1).to_le_bytes();
             let [name, encoding] =
                 [channel.schema, "jsonschema"].map(|text| block(text.as_bytes()));
@@ -75,7 +75,7 @@ impl<W: Write> Writer<W> {
         Ok(writer)
     }
 
-    /// Adds a message to the chunk, and writes the chunk when it is full.
+    /// Adds a message to the chunk, and writes the chunk once it is full.
     pub(crate) fn message(
         &mut self,
         channel: usize,
@@ -99,7 +99,7 @@ impl<W: Write> Writer<W> {
         self.out.flush()
     }
 
-    /// Writes the chunk at once, with the places of its messages behind it.
+    /// Writes the chunk at once, followed by the positions of its messages.
     fn write_chunk(&mut self) -> io::Result<()> {
         let chunk = std::mem::replace(&mut self.chunk, Chunk::new(self.counts.len()));
         let Some(span_ns) = chunk.span_ns else { return Ok(()) };
@@ -184,7 +184,7 @@ fn widened(span_ns: Option<(u64, u64)>, (first, last): (u64, u64)) -> (u64, u64)
     span_ns.map_or((first, last), |(from, to)| (from.min(first), to.max(last)))
 }
 
-/// Bytes with their length before them: a text, an array or a map.
+/// Bytes preceded by their length: a text, an array or a map.
 fn block(bytes: &[u8]) -> Vec<u8> {
     [&(bytes.len() as u32).to_le_bytes(), bytes].concat()
 }

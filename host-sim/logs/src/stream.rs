@@ -1,4 +1,4 @@
-//! `--stream udp:HOST:PORT`: a JSON datagram per recorded row, as PlotJuggler's UDP server takes it.
+//! `--stream udp:HOST:PORT`: a JSON datagram per recorded row, in the form that PlotJuggler's UDP server accepts.
 //!
 //! Receivers may be late, slow or gone: a datagram that cannot be sent at once is lost, and the
 //! record never waits.
@@ -10,7 +10,7 @@ use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, ToSocketAddrs, UdpSocket};
 use std::str::FromStr;
 use thermyo_record::sinks::Sink;
 
-/// Second name of a row's time besides `time_s`: every PlotJuggler accepts it.
+/// Second name of a row's time in addition to `time_s`: every PlotJuggler accepts it.
 const TIMESTAMP: &str = "timestamp";
 
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -81,7 +81,7 @@ impl Sink for Stream {
         let time = [(TIMESTAMP, cells.first().copied())].into_iter();
         let known = self.columns.iter().zip(cells).map(|(name, cell)| (*name, Some(*cell)));
         write_json(&mut self.text, time.chain(known));
-        // Lost if there is no receiver or the network is busy.
+        // The datagram is lost if there is no receiver or the network is busy.
         let _ = self.socket.send(self.text.as_bytes());
         Ok(())
     }
@@ -125,7 +125,7 @@ mod tests {
         assert_eq!(text, r#"{"timestamp":0.5,"time_s":0.5,"pressure_pa":100000,"length_m":0.2}"#);
     }
 
-    /// Rows continue without delay when the receiver does not read, and when it is gone.
+    /// Rows continue without delay if the receiver does not read, or is gone.
     #[test]
     fn a_listener_that_is_slow_or_gone_delays_nothing() {
         let listener = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();

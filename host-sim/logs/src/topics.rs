@@ -115,7 +115,7 @@ const TOPICS: [Topic; 5] = [
     },
 ];
 
-/// A muscle of a joint, with its columns behind `$side`.
+/// A muscle of a joint, with the prefix `$side` before its columns.
 macro_rules! muscle_of_joint {
     ($name:literal, $schema:literal, $about:literal, $side:literal) => {
         Topic {
@@ -220,7 +220,7 @@ const JOINT_TOPICS: [Topic; 5] = [
 ];
 
 impl Topic {
-    /// The JSON schema of its messages. Unknown values are left out of a message.
+    /// The JSON schema of the topic's messages. Unknown values are left out of a message.
     pub fn json_schema(&self) -> Value {
         let property = |(name, meaning): &(&str, &str)| {
             let unit = unit_of(name).map(|unit| format!(" [{}]", unit.name)).unwrap_or_default();
@@ -239,7 +239,7 @@ impl Topic {
         })
     }
 
-    /// Indices of its columns among all, the time first.
+    /// Indices of the topic's columns among all, the time first.
     pub fn places(&self, all: &[&str]) -> Vec<usize> {
         let names = [TIME].into_iter().chain(self.columns.iter().map(|(name, _)| *name));
         names.filter_map(|name| all.iter().position(|column| *column == name)).collect()

@@ -1,5 +1,5 @@
-// Side view of a joint: two muscles in the colours of their gas, pulling on a pulley against each other, and the arm that
-// they turn. Lengths, pulley and angle are to scale; the arm is drawn as it stands to gravity, which points down.
+// Side view of a joint: two muscles in the colours of their gas, pulling on a pulley against each other, and the arm
+// that they turn. Lengths, pulley and angle are to scale; the arm is drawn relative to gravity, which points down.
 import { air, braidRadius, colour, flowing, gradients, make, outline, scale } from "./muscle.js";
 
 const WIDTH = 860, HEIGHT = 270, AXIS = 135, LEFT = 118, LONGEST = 400, PLAIN_RADIUS = 16, FITTING = 7, ARM = 96, WEIGHT = 13;
@@ -25,7 +25,7 @@ export class Joint {
     const px = LONGEST / Math.max(...lengths_m);
     const radius = Math.min(60, Math.max(22, radius_m * px));
     const x = LEFT + LONGEST + 40 + radius;
-    // A growing angle turns against the clock, as muscle a, above, pulls.
+    // A growing angle turns anticlockwise, as muscle a, above, pulls.
     const along = (rad, from, to) => {
       const [right, down] = [Math.sin(rad - hangs_rad), Math.cos(rad - hangs_rad)];
       return `M${(x + from * right).toFixed(1)} ${(AXIS + from * down).toFixed(1)}L${(x + to * right).toFixed(1)} ${(AXIS + to * down).toFixed(1)}`;
@@ -63,7 +63,7 @@ class Side {
 
   draw({ gas, length, inlet, outlet }, { px, radius, x, braid }) {
     const y = AXIS + this.side * radius, long = length * px, end = LEFT + long;
-    // Neither reaches over the axis.
+    // Neither muscle may reach over the axis.
     const thick = Math.min(radius - 3, braid ? braidRadius(braid, length) * px : PLAIN_RADIUS);
     const body = outline([LEFT, y], long, thick, FITTING);
     this.gas.setAttribute("d", body);

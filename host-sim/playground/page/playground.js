@@ -23,7 +23,7 @@ function makeKnobs() {
   const made = view.knobs.filter((knob) => knob[7](settings)).map(([key, name, unit, factor, least, most, digits]) => {
     const label = document.createElement("label");
     const value = document.createElement("output"), slide = document.createElement("input");
-    // Otherwise the label would be that of its first control, the output.
+    // Otherwise the label would belong to its first control, the output.
     label.htmlFor = key;
     Object.assign(slide, { type: "range", id: key, step: "any", min: least, max: most });
     const show = () => {
@@ -81,7 +81,7 @@ function wrong(message) {
   $("wrong").hidden = !message;
 }
 
-// The address: scenario, changed keys, and whether the core has them too
+// The address: scenario, changed keys, and whether they apply to the core too
 
 /** Name of the running scenario; none for a file of the user's own, which an address cannot hold. */
 let shipped = null;
@@ -328,7 +328,7 @@ $("file").addEventListener("change", async ({ target }) => {
 });
 for (const radio of document.querySelectorAll("[name=rate]")) radio.addEventListener("change", () => (rate = +radio.value));
 $("pause").addEventListener("click", () => {
-  // The old speed does not apply to a page that stands still.
+  // The old speed does not apply to a paused page.
   $("speed").textContent = "";
   measured = { from: performance.now(), simulated_s: 0 };
 });

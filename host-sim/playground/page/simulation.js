@@ -1,4 +1,5 @@
-// Core and plant: the module of `host-sim/playground`, with texts and rows as JavaScript values.
+// Core and plant: wraps the module of `host-sim/playground`, with texts and rows as JavaScript
+// values.
 
 export class Simulation {
   /** Instantiates the bytes of `thermyo.wasm`. */
@@ -25,7 +26,7 @@ export class Simulation {
 
   give(text) {
     const bytes = new TextEncoder().encode(text);
-    // The call may grow the memory and so replace its buffer: it comes before the write.
+    // The call may grow the memory and so replace its buffer, so it comes before the write.
     const place = this.module.text(bytes.length);
     new Uint8Array(this.module.memory.buffer, place, bytes.length).set(bytes);
   }

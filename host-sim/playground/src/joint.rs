@@ -23,7 +23,7 @@ impl Joint {
         Ok(Self { document, loaded })
     }
 
-    /// Values of a key that the core is configured with, by the paths that set them.
+    /// Values of a key in the core's configuration, by the paths that set them.
     fn believed(&self, key: &str) -> Vec<(String, f64)> {
         if let Some(name) = key.strip_prefix("joint.") {
             let value = json!(self.loaded.believed)[name].as_f64();
@@ -55,7 +55,7 @@ impl Kind for Joint {
         thermyo_joint::render(&self.loaded)
     }
 
-    /// Parameters of muscle a with the joint's own; below `b` the ones of muscle b.
+    /// Parameters of muscle a with the joint's own; those of muscle b are below `b`.
     fn settings(&self) -> Value {
         let JointLoaded { muscles: [a, b], joint, drive, .. } = &self.loaded;
         let mut settings = json!(a.plant);

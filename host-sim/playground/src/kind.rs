@@ -5,7 +5,7 @@ use std::path::Path;
 
 /// File name in messages.
 const ORIGIN: &str = "scenario.toml";
-/// Longer than any use of the page \[s\].
+/// Duration longer than any use of the page \[s\].
 pub const ENDLESS_S: f64 = 1.0e9;
 
 /// A kind of scenario: one muscle, or a joint.
@@ -13,23 +13,23 @@ pub trait Kind: Sized {
     const COLUMNS: &'static [&'static str];
     type Run;
 
-    /// Reads a text; with the warnings of `thermyo run`, a line each.
+    /// Reads a text; returns it with the warnings of `thermyo run`, one per line.
     fn parse(text: &str) -> Result<(Self, String), String>;
     /// The text for `thermyo run`.
     fn render(&self) -> String;
     /// Parameters of the plant by table and key.
     fn settings(&self) -> Value;
-    /// The same with another number: of the plant; if `configured`, of the core too.
+    /// The same scenario with another number, in the plant; if `configured`, in the core too.
     fn turned(&self, key: &str, value: f64, configured: bool) -> Result<Self, String>;
-    /// The same without an end, every step logged.
+    /// The same scenario without an end, with every step logged.
     fn endless(&self) -> Self;
 
     /// A run at time zero.
     fn start(&self) -> Result<Self::Run, String>;
     /// Takes over the numbers of the plant in a run.
     fn retune(&self, run: &mut Self::Run) -> Result<(), String>;
-    /// Runs one step; adds the cells of its row to `rows` if it is logged and there are any. Returns
-    /// whether there is another step.
+    /// Runs one step. If it is logged and `rows` is given, adds the cells of its row to `rows`. Returns whether there
+    /// is another step.
     fn step(run: &mut Self::Run, rows: Option<&mut Vec<f64>>) -> Result<bool, String>;
     /// A line with the core's mode, a line with its faults; none before the first step.
     fn state(run: &Self::Run) -> String;

@@ -46,7 +46,7 @@ impl Playground {
     }
 }
 
-/// Makes room for a text of that many bytes.
+/// Makes room for a text of this many bytes.
 #[unsafe(no_mangle)]
 pub extern "C" fn text(length: usize) -> *mut u8 {
     with(|playground| {
@@ -90,7 +90,7 @@ pub extern "C" fn turn(value: f64, configured: bool) -> bool {
     })
 }
 
-/// Present parameters of the plant, as JSON.
+/// Writes the present parameters of the plant, as JSON.
 #[unsafe(no_mangle)]
 pub extern "C" fn settings() -> bool {
     with(|playground| {
@@ -141,7 +141,7 @@ pub extern "C" fn state() -> bool {
     })
 }
 
-/// Warnings of `thermyo run` about the scenario that was started, a line each.
+/// Warnings of `thermyo run` about the started scenario, one per line.
 #[unsafe(no_mangle)]
 pub extern "C" fn warnings() -> bool {
     with(|playground| {

@@ -1,4 +1,4 @@
-//! A scenario that runs without an end, with parameters that change meanwhile.
+//! A scenario that runs without an end, with parameters that may change meanwhile.
 
 use crate::joint::Joint;
 use crate::kind::Kind;
@@ -8,7 +8,7 @@ use thermyo_scenario::joint::is_joint;
 
 /// A run of any kind of scenario.
 pub trait Running {
-    /// First line of its trace.
+    /// First line of the run's trace.
     fn header(&self) -> String;
     /// Present parameters of the plant, as JSON.
     fn settings(&self) -> Vec<u8>;
@@ -18,14 +18,14 @@ pub trait Running {
     fn advance(&mut self, steps: u32, every: u32, rows: &mut Vec<f64>) -> Result<(), String>;
     /// A line with the core's mode, a line with its faults.
     fn state(&self) -> String;
-    /// Warnings of `thermyo run`, a line each.
+    /// Warnings of `thermyo run`, one per line.
     fn warnings(&self) -> String;
     fn scenario(&self) -> String;
 }
 
 /// A run in progress, with the present values of its scenario.
 struct Live<K: Kind> {
-    /// Its duration is that of the text.
+    /// Scenario with the duration of the text.
     scenario: K,
     run: K::Run,
     warnings: String,

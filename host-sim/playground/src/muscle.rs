@@ -50,7 +50,7 @@ impl Kind for Muscle {
         if configured && known {
             turned.believed = thermyo_scenario::with_numbers(&turned.believed, [(key, value)]);
         }
-        // The core's drive is always that of the plant.
+        // The core's drive is always the plant's.
         turned.believed.drive = turned.plant.drive.clone();
         // Checked like a file, with the same messages.
         Ok(Self::parse(&Self(turned).render())?.0)

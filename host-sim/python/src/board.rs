@@ -27,14 +27,14 @@ use thermyo_setup::core_config::core_config;
 use thermyo_setup::parse;
 use thermyo_studies::stops::Asked;
 
-/// A board that sends nothing for this long is reported as gone.
+/// Time without data after which a board is reported as gone.
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// A board. It vents when it is closed.
 #[pyclass(frozen, module = "thermyo")]
 pub struct Board {
     live: Held,
-    /// Number of streams so far; only the latest gets telemetry.
+    /// Number of streams so far; only the latest receives telemetry.
     streams: AtomicU32,
 }
 
@@ -149,10 +149,10 @@ impl Board {
         let (number, step_s) = board.ask(py, |live| {
             let number = board.streams.fetch_add(1, Ordering::Relaxed) + 1;
             live.telemetry_anew(steps)?;
-            // As decimals: in f32 steps of 1 ms, 2 s end a little after 2 s, and their last row would be lost.
+            // As decimals: with f32 steps of 1 ms, 2 s end slightly after 2 s, and their last row would be lost.
             Ok((number, short(live.config()?.step_s)))
         })?;
-        // An emulated board beside other work may take three times as long.
+        // An emulated board may take three times as long if the machine is busy.
         let patience = PATIENCE + Duration::from_secs_f64(3.0 * f64::from(steps) * step_s);
         let first = Mutex::new(None);
         Ok(Stream { board: this.unbind(), number, step_s, patience, duration_s, first })
@@ -244,7 +244,7 @@ pub struct Stream {
     step_s: f64,
     patience: Duration,
     duration_s: Option<f64>,
-    /// Step at which its time starts.
+    /// Step at which the stream's time starts.
     first: Mutex<Option<u32>>,
 }
 

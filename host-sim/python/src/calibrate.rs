@@ -1,4 +1,4 @@
-//! The two points of a calibration, whose reference a function of Python reads.
+//! The two points of a calibration, whose reference a Python function reads.
 
 use crate::error::{self, BoardError};
 use crate::experiments::Watch;
@@ -13,10 +13,9 @@ use thermyo_boards::subject::Subject;
 use thermyo_simulation::board;
 use thermyo_studies::calibrate::{self, Calibrated, Dialogue, Sensor, wait};
 
-/// A point that is refused this often is given up: a program that reads a reference would try without
-/// end.
+/// Number of refusals after which a point is given up: a program that reads a reference would try without end.
 const MOST_REFUSALS: u32 = 3;
-/// Pause between two looks at the board, in which other threads get it.
+/// Pause between two uses of the board, in which other threads get it.
 const PAUSE: Duration = Duration::from_millis(1);
 
 const SENSORS: [(&str, Sensor); 3] =
@@ -44,7 +43,7 @@ pub fn calibrate(
     let calibrated = calibrate::calibrate(&mut reader, *sensor, hold_pa);
     let raised = reader.raised;
     calibrated.map_err(|error| {
-        // The board is vented whatever came first; that it cannot be reached then is not the cause.
+        // The board is vented whatever happened first; if it cannot be reached then, that is not the cause.
         let _ = board.with(py, |live| live.stop().map_err(error::board));
         raised.unwrap_or_else(|| match error {
             calibrate::CalibrateError::Board(error) => error::board(error),
@@ -53,7 +52,7 @@ pub fn calibrate(
     })
 }
 
-/// Reads the reference by a function of Python.
+/// Reads the reference by a Python function.
 struct Reader<'a, 'py> {
     py: Python<'py>,
     board: &'a Held,

@@ -32,7 +32,7 @@ create_exception!(
     "A board cannot be used, or refuses a request."
 );
 
-/// A number that the caller gave.
+/// Checks a number from the caller.
 pub fn within<T>(name: &str, value: T, allowed: RangeInclusive<T>) -> PyResult<T>
 where
     T: PartialOrd + Display,
@@ -44,7 +44,7 @@ where
     Err(PyValueError::new_err(format!("{name} = {value}: must be from {least} to {most}")))
 }
 
-/// A seed, which Python may give as a negative number.
+/// Checks a seed, which Python may pass as a negative number.
 pub fn seed(value: i128) -> PyResult<u64> {
     Ok(within("seed", value, 0..=u64::MAX.into())? as u64)
 }
@@ -79,7 +79,7 @@ pub fn identify(error: IdentifyError) -> PyErr {
     }
 }
 
-/// Error in a sweep's `vary`; the command's options are keywords here.
+/// Error in a sweep's `vary`; here the command's options are keywords.
 pub fn sweep(error: impl Display) -> PyErr {
     let text = error.to_string().replace("--vary", "vary").replace("--lhs", "lhs");
     ScenarioError::new_err(text)
@@ -99,7 +99,7 @@ pub fn board(error: board::BoardError) -> PyErr {
         return pressure_range("pressure_pa", [pressure_pa, least_pa, most_pa]);
     }
     match error {
-        // By the keyword's name and in its unit.
+        // States the keyword's name and its unit.
         board::BoardError::Refused(Refusal::SetPoint(range @ SetPointError::Range { .. })) => {
             let now =
                 match range {
@@ -114,7 +114,7 @@ pub fn board(error: board::BoardError) -> PyErr {
     }
 }
 
-/// The same of `board.arm`, whose keyword has another name.
+/// As [`board`], for `board.arm`, whose keyword has another name.
 pub fn arming(error: board::BoardError) -> PyErr {
     match error {
         board::BoardError::Pressure { pressure_pa, least_pa, most_pa } => {
@@ -124,9 +124,9 @@ pub fn arming(error: board::BoardError) -> PyErr {
     }
 }
 
-/// The allowed pressures by the keyword's name and in its unit.
+/// The allowed pressures, with the keyword's name and in its unit.
 fn pressure_range(name: &str, [pressure_pa, least_pa, most_pa]: [f32; 3]) -> PyErr {
-    // Rounded inwards: what is printed is allowed.
+    // Rounded inwards, so that the printed values are allowed.
     let (least, most) = (least_pa.ceil(), most_pa.floor());
     let meant = [("bar", 1e5), ("kPa", 1e3)].into_iter().find_map(|(unit, unit_pa)| {
         let meant_pa = pressure_pa * unit_pa;

@@ -37,7 +37,7 @@ fn refused(error: impl std::fmt::Display) -> PyErr {
     BoardError::new_err(error.to_string())
 }
 
-/// Tunes a board on its muscle, whose load is that of the scenario.
+/// Tunes a board on its muscle, whose load is the scenario's.
 pub fn tune_on(
     live: &mut LiveBoard,
     loaded: &Loaded,
@@ -65,7 +65,7 @@ pub fn tuned<'py>(py: Python<'py>, tuned: &Tuned) -> PyResult<Bound<'py, PyAny>>
     Ok(findings)
 }
 
-/// Measures stops on a board with the muscle that it is configured for.
+/// Measures stops on a board with the muscle of its configuration.
 pub fn measure_stop(live: &mut LiveBoard, asked: &Asked, arm: bool) -> PyResult<Findings> {
     let config = live.config().map_err(error::board)?;
     tune::highest_pa(&config, asked.highest_pa)

@@ -41,7 +41,7 @@ mod thermyo {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        // Where it is missing, the first array would panic.
+        // If numpy is missing, the first array would panic.
         module.py().import("numpy")?;
         module.add("Run", super::run::results(module.py())?.getattr("Run")?)?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))

@@ -96,7 +96,7 @@ struct Table {
 }
 
 impl Table {
-    /// Raises where the memory does not suffice: the allocation itself would end the interpreter.
+    /// Raises if the memory does not suffice: the allocation itself would end the interpreter.
     fn new(names: &'static [&'static str], scenario: &Scenario) -> PyResult<Self> {
         let rows = (scenario.run.steps() / scenario.run.log_every) as usize + 2;
         let mut columns = vec![Vec::new(); names.len()];

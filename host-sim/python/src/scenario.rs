@@ -19,7 +19,7 @@ const NAME: &str = "scenario";
 const SEED: &str = "run.seed";
 /// A text with this ending names a file.
 const SUFFIX: &str = ".toml";
-/// Deeper than the tables of any scenario; stops a dict that contains itself.
+/// Depth beyond that of the tables of any scenario; stops a dict that contains itself.
 const DEEPEST: usize = 32;
 
 /// The scenario with every default filled in and its meaning, as TOML: the output of `thermyo
@@ -33,7 +33,7 @@ pub fn check(scenario: &Bound<'_, PyAny>) -> PyResult<String> {
     })
 }
 
-/// Loads and checks the scenario of a joint; `None`: it is of one chamber.
+/// Loads and checks the scenario of a joint; `None` if it is of one chamber.
 pub fn joint(
     given: &Bound<'_, PyAny>,
     seed: Option<&Bound<'_, PyAny>>,
@@ -80,7 +80,7 @@ fn document(given: &Bound<'_, PyAny>) -> PyResult<(Document, bool)> {
     Ok((document, from_dict))
 }
 
-/// Reads a scenario, of one chamber or of a joint, whose keys are set in a sweep.
+/// Reads a scenario, of one chamber or of a joint, for a sweep to set its keys.
 pub fn swept(given: &Bound<'_, PyAny>) -> PyResult<Swept> {
     let Source { text, origin, from_dict } = Source::of(given)?;
     Swept::parse(&text, &origin).map_err(|e| error::input(placed(e, &origin, from_dict)))
@@ -125,7 +125,7 @@ fn file(given: &Bound<'_, PyAny>) -> Option<PathBuf> {
     (!is_text || path.to_string_lossy().ends_with(SUFFIX)).then_some(path)
 }
 
-/// Drops line numbers of a text that was made from a dict.
+/// Drops line numbers of a text generated from a dict.
 fn placed(mut error: InputError, origin: &Path, from_dict: bool) -> InputError {
     if from_dict && error.file == origin {
         error.line = None;

@@ -1,1 +1,1 @@
-//! Benches alone: integrators of the plant (`integrators`).
+//! Only benches: integrators of the plant (`integrators`).

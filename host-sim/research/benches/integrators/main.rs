@@ -6,12 +6,12 @@
 //! The case is the largest for which an adaptive solver can use the same equations: the default
 //! muscle of the model `lumped` with stop, friction, both valves and wall, over four cycles of
 //! filling, holding, venting and holding. Openings do not change within a phase, and are known in
-//! advance. Friction does not soften as the wall warms: the plant's speed leaves that drift out.
-//! `full`, with zones and pulses, is compared only with itself.
+//! advance. Friction does not soften as the wall warms, since the plant's speed leaves that drift
+//! out. `full`, with zones and pulses, is compared only with itself.
 //!
-//! A time is that of all 20 s, without core and trace. Solvers return a state every 10 ms; the
-//! plant computes a state and its sensors in every step. "Restarted every 1 ms" is a solver that
-//! restarts every step, as it must where a controller sets the openings.
+//! Times are for all 20 s, without core and trace. Solvers return a state every 10 ms; the plant
+//! computes a state and its sensors in every step. "Restarted every 1 ms" is a solver that restarts
+//! every step, as it must if a controller sets the openings.
 
 mod muscle;
 
@@ -31,20 +31,20 @@ use thermyo_scenario::{HeatModel, PlantModel, Scenario};
 /// Phases of a motion: duration \[s\], openings of inlet and outlet.
 type Drive = [(f64, f64, f64)];
 
-/// From 124 to 404 kPa, 287 to 307 K, 0.300 to 0.212 m.
+/// Cycle from 124 to 404 kPa, 287 to 307 K, 0.300 to 0.212 m.
 const CYCLE: [(f64, f64, f64); 4] =
     [(2.0, 0.108, 0.0), (0.5, 0.0, 0.0), (2.0, 0.0, 0.27), (0.5, 0.0, 0.0)];
 const CYCLES: usize = 4;
 /// Interval of the samples from which the errors are computed \[s\].
 const SAMPLE_S: f64 = 0.01;
-/// The exchange step, in which a core is called and openings may change \[s\].
+/// Exchange step, in which a core is called and openings may change \[s\].
 const STEP_S: f64 = 0.001;
 const ROUNDS: usize = 7;
 /// Relative tolerance of the finest solution.
 const FINEST: f64 = 1e-13;
 /// An absolute tolerance per relative one: a small mass \[kg\].
 const LEAST_KG: f64 = 1e-4;
-/// Exit code of the script without SciPy.
+/// Exit code of the script if SciPy is missing.
 const NO_SCIPY: i32 = 3;
 
 /// Pressure \[Pa\], gas temperature \[K\], length \[m\].
@@ -217,8 +217,8 @@ fn start_m(scenario: &Scenario) -> f64 {
 /// arguments are the initial state and the relative tolerance.
 type Solver = fn(Phase<'_>, f64, f64, State, f64) -> Vec<State>;
 
-/// Time by which a solver is run longer \[s\]. `ode_solvers` 0.6.2 returns the state at the very
-/// end only when it is due next, from the polynomial of a step that has not come that far.
+/// Time by which a solver runs longer \[s\]. `ode_solvers` 0.6.2 returns the state at the very end
+/// only when it is due next, from the polynomial of a step that has not reached that far.
 const BEYOND_S: f64 = 1e-8;
 
 fn dopri5(phase: Phase<'_>, duration_s: f64, every_s: f64, y: State, rtol: f64) -> Vec<State> {
@@ -243,7 +243,7 @@ struct ScipyRun {
     samples: Vec<Sample>,
 }
 
-/// Solves the case with SciPy; empty where it is not installed.
+/// Solves the case with SciPy; empty if it is not installed.
 fn scipy(scenario: &Scenario, drive: &Drive) -> Vec<ScipyRun> {
     let muscle = Muscle::of(scenario);
     let held_m = start_m(scenario);
