@@ -30,7 +30,7 @@ fn a_board_is_configured_armed_driven_and_queried() {
     assert!(bar.contains(" kPa; use 1.3bar, which is 130000 Pa\n"), "{bar}");
     let duty = bench.refused("thermyo board emulated set duty 2 0 --arm --hold 1");
     assert!(duty.contains("a duty of the inlet of 200 %"), "{duty}");
-    // A refused set point left the board armed.
+    // A refused set point used to leave the board armed.
     assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
     fs::write(bench.path("bar.csv"), "time_s,pressure_pa\n0,1.2\n1,1.4\n").unwrap();
     let bar = bench.path("bar.csv").display().to_string();
@@ -44,7 +44,7 @@ fn a_board_is_configured_armed_driven_and_queried() {
     let last = held.lines().last().unwrap();
     let mean_kpa: f64 = last.split_whitespace().next().unwrap().parse().unwrap();
     assert!((128.0..132.0).contains(&mean_kpa), "{held}");
-    // The armed pressure stops a flow and a contraction, which is summed up as one.
+    // The armed pressure stops a flow and a contraction; the message sums that up in one sentence.
     let flow = bench.ok("thermyo board emulated set flow 1g/s --hold 2");
     assert!(flow.trim_end().ends_with("it is armed for; it vents"), "{flow}");
     let contraction = bench.ok("thermyo board emulated set contraction 5% --hold 1.5");
@@ -69,7 +69,7 @@ fn a_board_is_configured_armed_driven_and_queried() {
     assert_a_drive_is_recorded(&bench);
 }
 
-/// Profiles, limits and units that are refused; the board is armed up to 2 bar in the end.
+/// Checks refusals of profiles, limits and units; the board is armed up to 2 bar at the end.
 fn assert_the_limits_are_stated(bench: &Bench) {
     // The whole profile is checked before the board is armed. A new configuration disarms.
     bench.ok("thermyo board emulated config write scenarios/contraction.toml");
@@ -91,7 +91,7 @@ fn assert_the_limits_are_stated(bench: &Bench) {
         "two.csv: has set points in pressure_pa and in contraction: must have one of them";
     assert!(two.contains(expected), "{two}");
     assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
-    // They were driven for no time, with exit code 0, and without an end.
+    // Such tables used to be driven for no time, with exit code 0, or without an end.
     for (rows, end) in [("", "0.0"), ("1e300,120000\n", "1e300")] {
         let once = bench.path("once.csv");
         fs::write(&once, format!("time_s,pressure_pa\n0,120000\n{rows}")).unwrap();
@@ -116,7 +116,7 @@ fn assert_the_limits_are_stated(bench: &Bench) {
     kilograms.says("or one with its unit: Pa, kPa, MPa, bar, ");
 }
 
-/// The emulated board has a muscle at its pins, whatever it is configured with.
+/// The emulated board has a muscle at its pins, whatever its configuration.
 fn assert_another_muscle_is_warned_of(bench: &Bench) {
     let warned = |text: &str| {
         let file = bench.path("muscle.toml");
@@ -135,7 +135,7 @@ fn assert_another_muscle_is_warned_of(bench: &Bench) {
     assert!(tune.contains(expected), "{tune}");
 }
 
-/// The board returns its configuration, to the bit.
+/// The board returns its configuration to the bit.
 fn assert_configurations_are_returned(bench: &Bench) {
     let checksum = |bench: &Bench| {
         bench.json("thermyo board emulated info")["status"]["config_checksum"].clone()
@@ -157,12 +157,12 @@ fn assert_configurations_are_returned(bench: &Bench) {
     assert_eq!(checksum(bench), before, "refused as a whole");
 }
 
-/// A run on it is recorded as a simulated one, and replays to the bit.
+/// A run on the board is recorded like a simulated one, and replays to the bit.
 fn assert_a_drive_is_recorded(bench: &Bench) {
     fs::write(bench.path("steps.csv"), "time_s,pressure_pa\n0,120000\n0.2,140000\n0.6,125000\n")
         .unwrap();
     let steps = bench.path("steps.csv").display().to_string();
-    // It begins when the muscle has vented.
+    // The drive begins once the muscle has vented.
     bench.ok("thermyo board emulated set pressure 2bar --arm --hold 1");
     let run = format!("thermyo board emulated drive {steps} --arm --quiet --out out/drive");
     let summary = bench.json(&run);
@@ -176,7 +176,7 @@ fn assert_a_drive_is_recorded(bench: &Bench) {
     assert!(bench.path("out/drive/report.html").is_file());
 }
 
-/// A busy emulated board closes connections: the line is opened again, until patience ends.
+/// A busy emulated board closes connections: the link is opened again, until patience ends.
 #[test]
 fn a_connection_that_is_closed_is_opened_again() {
     let bench = Bench::new();
@@ -190,7 +190,7 @@ fn a_connection_that_is_closed_is_opened_again() {
     let board = TcpStream::connect(("127.0.0.1", port.parse().unwrap())).unwrap();
     let turned_away = Arc::new(AtomicU32::new(0));
     let count = Arc::clone(&turned_away);
-    // It closes the first connections, and connects the next one with the board.
+    // Closes the first connections, and connects the next one to the board.
     thread::spawn(move || {
         for client in door.incoming().map_while(Result::ok) {
             if count.fetch_add(1, Ordering::Relaxed) < 3 {
@@ -203,12 +203,12 @@ fn a_connection_that_is_closed_is_opened_again() {
             }
         }
     });
-    // The board looks at its card every half a second while it has a client.
+    // The board looks at its card every half second while it has a client.
     fs::write(&card, before_it).unwrap();
     assert!(bench.ok("thermyo board emulated info").contains(" RP2040, firmware "));
     assert!(turned_away.load(Ordering::Relaxed) > 3);
 
-    // One that accepts and is silent: no wiring is to blame.
+    // A port that accepts and stays silent: wiring is not to blame.
     let silent = TcpListener::bind("127.0.0.1:0").unwrap();
     fs::write(&card, format!("{} {build}", silent.local_addr().unwrap().port())).unwrap();
     let message = bench.refused("thermyo board emulated info");
@@ -236,7 +236,7 @@ fn a_saved_configuration_survives_a_power_cut() {
     assert!(found.contains("the core's defaults") && found.contains("not configured"), "{found}");
 }
 
-/// The board was opened first, so that a wrong name of the file waited for it.
+/// The board used to be opened first, so that an error in the file name waited for it.
 #[test]
 fn a_file_that_is_refused_is_so_without_a_board() {
     let bench = Bench::new();
@@ -244,7 +244,7 @@ fn a_file_that_is_refused_is_so_without_a_board() {
     assert!(said.ends_with("absent.toml: no such file\n"), "{said}");
 }
 
-/// Only `config write` warned.
+/// Earlier, only `config write` warned.
 #[test]
 fn a_scenario_that_is_plugged_in_is_warned_of() {
     let bench = Bench::new();
@@ -255,7 +255,7 @@ fn a_scenario_that_is_plugged_in_is_warned_of() {
     assert!(warned.contains("loose.toml:2: supply.pressure_pa = 7.0: not above "), "{warned}");
 }
 
-/// A table of twelve rows makes the longest configuration, which the flash refused as worn out.
+/// A table of twelve rows makes the longest configuration, which the flash used to refuse as worn out.
 #[test]
 fn the_longest_configuration_is_saved_too() {
     let bench = Bench::new();
@@ -304,8 +304,8 @@ fn commands_to_a_board_print_json_on_request() {
     assert!(bench.ok("thermyo board emulated info --quiet").contains("faults:"));
 }
 
-/// Cargo builds every image under the same name. This cargo takes each from the images of the bench, and a while
-/// longer, in which the other command builds.
+/// Cargo builds every image under the same name. This cargo takes each from the bench's images, and lasts a while
+/// longer, during which the other command builds.
 #[cfg(unix)]
 #[test]
 fn images_that_two_commands_build_at_once_are_not_mistaken() {
@@ -396,7 +396,7 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert!(bench.refused(set).contains("thermyo flash --joint"));
 }
 
-/// A configuration that is read is written back as the same one.
+/// A configuration that is read and written back stays the same.
 fn assert_a_configuration_comes_back(bench: &Bench) {
     let read = bench.path("read.toml").display().to_string();
     let checksum = |line: &str| {
@@ -431,7 +431,7 @@ fn assert_pressures_and_duties_are_taken(bench: &Bench) {
     assert!(duty.contains("a duty of the inlet of 110 %: must be from 0 to 100 %"), "{duty}");
 }
 
-/// A course on it is recorded as a simulated run, and replays to the bit.
+/// A course on the joint's board is recorded like a simulated run, and replays to the bit.
 fn assert_a_joint_is_driven(bench: &Bench) {
     let course = bench.path("course.csv");
     let drive = format!("thermyo board emulated drive {} --out out/drive", course.display());
@@ -454,10 +454,10 @@ fn assert_a_joint_is_driven(bench: &Bench) {
     assert!(muscle.contains("contraction.toml: has no [joint], and the board drives"), "{muscle}");
     let driven = bench.json(&format!("{drive} --arm"));
     assert_eq!((&driven["duration_s"], &driven["lost_steps"]), (&0.8.into(), &0.into()));
-    // Beside other work set points come late: 0.024 rad with six programs for each processor.
+    // On a busy machine set points come late: 0.024 rad with six programs per processor.
     assert!(driven["rms_error_rad"].as_f64().unwrap() < 0.05, "{driven}");
     let page = fs::read_to_string(bench.path("out/drive/report.html")).unwrap();
-    // A board measures neither.
+    // A board measures neither of them.
     assert!(page.contains("estimate") && !page.contains("(plant)") && !page.contains("Tension"));
     let replayed = bench.json("thermyo replay out/drive --out out/again");
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&801.into(), &0.into()));

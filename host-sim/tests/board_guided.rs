@@ -33,14 +33,14 @@ fn configured_joint() -> Bench {
     bench
 }
 
-/// Output of a calibration with these lines typed.
+/// Output of a calibration for these typed lines.
 fn typed(bench: &Bench, line: &str, text: &str) -> Said {
     let mut child = bench.command(line).stdin(Stdio::piped()).spawn().unwrap();
     child.stdin.take().unwrap().write_all(text.as_bytes()).unwrap();
     Said::of(line, child.wait_with_output().unwrap())
 }
 
-/// The end of a command that runs.
+/// End of a running command.
 fn end(child: Child) -> Said {
     Said::of("the command", child.wait_with_output().unwrap())
 }
@@ -55,7 +55,7 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     bench.ok("thermyo board emulated arm");
     let word = typed(&bench, calibrate, "one bar\n").ends(2);
     word.says("one bar\": the reference must be a number in Pa, or one with");
-    // The unit is wrong: it is refused at the first point.
+    // The unit is wrong, which is refused at the first point.
     let unit = typed(&bench, calibrate, "101.3\n");
     unit.says("the reference reads 0.10 kPa and the sensor 101.");
     // A reference far from the sensor's reading.
@@ -63,15 +63,15 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     typed(&bench, calibrate, "101325\n400000\n").ends(2).in_one_line();
     let before = bench.vented();
 
-    // After the second point, which was held, it vents.
+    // After the second point, which was held, the board vents.
     until("it has vented", || {
         bench.json("thermyo board emulated info")["pressure_pa"].as_f64().unwrap() < 103_000.0
     });
     bench.ok("thermyo board emulated arm");
-    // Typos do not end it.
+    // Typos do not end the calibration.
     let text = typed(&bench, calibrate, "101,3\n101.325 kPa\n2.5\n2.525 bar\n").ok().out;
     assert!(text.contains("it holds 250.0 kPa") && text.contains("put right by"), "{text}");
-    // It reads 1 % more from now on, until the power goes, as the message states.
+    // The sensor reads 1 % more from now on, until power is lost, as the message states.
     assert!(text.contains("not saved"), "{text}");
     let after = bench.ok("thermyo board emulated info");
     assert!(after.contains("armed:         no") && after.contains("contraction, "), "{after}");
@@ -84,14 +84,14 @@ fn a_sensor_is_calibrated_by_what_is_typed() {
     bench.ok(&format!("thermyo board emulated config read {file}"));
     let scenario = fs::read_to_string(&file).unwrap();
     assert!(scenario.contains("gain"), "{scenario}");
-    // A scenario from before it took the calibration away without a word.
+    // A scenario from before the calibration used to remove it without a message.
     let same = bench.run(&format!("thermyo board emulated config write {file}")).ok();
     assert_eq!(same.err, "");
     let lost = bench.run("thermyo board emulated config write scenarios/contraction.toml").ok();
     lost.in_one_line().says("contraction.toml: the board loses its calibration: sensor.pressure.");
 }
 
-/// The computer is busy for a while, within the link's timeout.
+/// The computer is busy for a while, but not longer than the link's timeout.
 #[test]
 fn a_host_that_is_held_up_does_not_flood_its_board() {
     let bench = configured();
@@ -109,7 +109,7 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
     until("it drives", || recorded(&fs::read_to_string(&trace).unwrap_or_default()).len() > 500);
     for _ in 0..3 {
         signal(&child, "-STOP");
-        // How long it is held up is what is tried, and no wait for anything.
+        // The length of the pause is the subject of the test, not a wait.
         thread::sleep(Duration::from_millis(350));
         signal(&child, "-CONT");
         let rows = || recorded(&fs::read_to_string(&trace).unwrap_or_default()).len();
@@ -121,7 +121,8 @@ fn a_host_that_is_held_up_does_not_flood_its_board() {
     assert!(summary["control"]["rms_error"].as_f64().unwrap() < 2.5e3, "{summary}");
 }
 
-/// The pressure of one muscle, with both held; an arm that hangs still gives no two angles.
+/// Calibrates the pressure of one muscle while both are held; an arm that hangs still does not give
+/// two angles.
 #[test]
 fn a_joints_sensors_are_calibrated_by_what_is_typed() {
     let bench = configured_joint();
@@ -143,16 +144,16 @@ fn a_calibration_that_is_interrupted_vents() {
     let bench = configured();
     let mut command = bench.command("thermyo board emulated calibrate gas");
     let mut child = command.stdin(Stdio::piped()).spawn().unwrap();
-    // It asks.
+    // The calibration asks a question.
     child.stdout.as_mut().unwrap().read_exact(&mut [0]).unwrap();
     signal(&child, "-INT");
-    // Its input stays open: a user who presses Ctrl-C has not closed the terminal.
+    // The input stays open: a user who presses Ctrl-C has not closed the terminal.
     until("it ends", || child.try_wait().unwrap().is_some());
     end(child).ends(130);
     bench.vented();
 }
 
-/// Sends Ctrl-C once a command has the board: another program that asks is refused then.
+/// Sends Ctrl-C once a command has the board, so that another program's request is refused.
 fn interrupted_with_the_board(bench: &Bench, child: Child) -> Said {
     until("it has the board", || {
         let asked = bench.run("thermyo board emulated info");
@@ -170,7 +171,7 @@ fn a_tune_that_is_interrupted_vents_and_leaves_nothing() {
     );
     interrupted_with_the_board(&bench, child);
     assert!(!bench.path("out/tune").exists(), "half a result is left");
-    // It was left with the scenario's configuration.
+    // The board was left with the scenario's configuration.
     let info = bench.vented();
     assert!(info.contains(&format!("configuration: {}", written.trim_end())), "{info}");
 }
@@ -206,7 +207,7 @@ fn holding(bench: &Bench) -> Child {
     child
 }
 
-/// A program that was killed cannot vent, and those after it only ask.
+/// A program that was killed cannot vent, and later programs only ask.
 #[test]
 fn a_program_that_asks_keeps_no_set_point_alive() {
     let bench = configured();
@@ -215,11 +216,11 @@ fn a_program_that_asks_keeps_no_set_point_alive() {
     child.wait().unwrap();
     let info = bench.vented();
     assert!(info.contains("link lost"), "{info}");
-    // Arming clears that, also where telemetry from before still says it.
+    // Arming clears that fault, even if earlier telemetry still reports it.
     bench.ok("thermyo board emulated set pressure 130000 --arm --hold 0.2");
 }
 
-/// A joint that has locked was reported as vented.
+/// A joint that has locked used to be reported as vented.
 #[test]
 fn a_joint_that_may_have_locked_is_not_reported_as_vented() {
     let bench = configured_joint();
@@ -252,7 +253,7 @@ fn a_monitor_whose_output_is_closed_keeps_its_record() {
     assert!(bench.path("out/monitor/trace.csv").exists());
 }
 
-/// Starts a command and waits until this file has more than so many bytes.
+/// Starts a command and waits until this file has more than `bytes` bytes.
 fn recording(bench: &Bench, line: &str, file: &str, bytes: u64) -> Child {
     let (child, file) = (bench.start(line), bench.path(file));
     until("it records", || fs::metadata(&file).is_ok_and(|found| found.len() > bytes));
@@ -287,11 +288,11 @@ fn a_set_point_that_expires_is_reported() {
     bench.vented();
 }
 
-/// A command at a terminal of its own, which accepts keys.
+/// A command at its own terminal, which accepts keys.
 struct AtTerminal {
     child: Child,
     keys: TTYPort,
-    /// Stays open while keys are pressed: without it the reads fail.
+    /// Stays open while keys are pressed; otherwise the reads fail.
     _held: TTYPort,
 }
 
@@ -336,7 +337,7 @@ fn the_monitors_keys_arm_drive_and_vent() {
         }
     };
     rows(&mut monitor, &|rows| rows.len() > 20, "it records");
-    // Its refusal has the key that helps.
+    // The refusal names the key that helps.
     monitor.press("\x1b[C");
     let mut shown = String::new();
     until("it is refused", || {
@@ -371,7 +372,7 @@ fn the_monitors_keys_arm_drive_and_vent() {
     assert_eq!(monitor.child.wait().unwrap().code(), Some(130));
 }
 
-/// Without a time it says how it ends, and a terminal has one line of it.
+/// Without a time the command states how it ends, and a terminal shows that in one line.
 #[test]
 fn a_set_point_without_a_time_says_how_it_ends() {
     let bench = configured();
@@ -390,7 +391,7 @@ fn a_set_point_without_a_time_says_how_it_ends() {
     });
     let ended = end(held.child).ends(130).says("Ctrl-C ends it, and vents\n");
     assert!(!ended.err.contains("60"), "{}", ended.err);
-    // The readings, in one line again and again, and the sentence at the end.
+    // The readings, rewritten in one line, and the sentence at the end.
     let lines: Vec<&str> = shown.trim().split('\n').collect();
     assert!(
         lines[0].matches("\r\u{1b}").count() + lines[0].matches("\u{1b}[K").count() > 4,
@@ -408,7 +409,7 @@ fn a_monitor_without_a_screen_records() {
     signal(&child, "-TERM");
     assert_eq!(end(child).ends(130).out, "");
     assert!(fs::metadata(bench.path("out/monitor/trace.csv")).unwrap().len() > 20_000);
-    // A row of every tenth step is no record of every sample, and the message has the option.
+    // A record of every tenth step does not contain every sample, and the message names the option.
     let gaps = bench.refused("thermyo replay out/monitor --out out/again");
     assert!(gaps.contains("`thermyo monitor PORT --every 1`"), "{gaps}");
 
@@ -437,12 +438,12 @@ fn a_monitor_records_a_joint() {
     let replayed = bench.ok("thermyo replay out/monitor --out out/again");
     let (steps, _) = replayed.split_once(" of ").unwrap();
     assert!(steps.parse::<u32>().unwrap() > 20, "{replayed}");
-    // Without a start of the core in the record no equal bits are claimed.
+    // Without a start of the core in the record, equal bits are not claimed.
     let whole = replayed.contains(" recorded steps replayed, 0 differ");
     assert!(whole || replayed.contains("the record has no start of the core"), "{replayed}");
 }
 
-/// A monitor's record begins at any step of the core: it was refused.
+/// A monitor's record begins at any step of the core; it used to be refused.
 fn assert_the_record_replays(bench: &Bench) {
     let rows = fs::read_to_string(bench.path("out/monitor/trace.csv")).unwrap().lines().count() - 1;
     let replayed = bench.ok("thermyo replay out/monitor --out out/again");

@@ -117,7 +117,7 @@ fn only_regular_files_are_read() {
     let pipe = folder.path("pipe.csv");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let writer = pipe.clone();
-    // Ends with the process if the pipe has no reader.
+    // The thread ends with the process if the pipe has no reader.
     std::thread::spawn(move || {
         loop {
             let _ = fs::write(&writer, "time_s,pressure_pa\n0,1e5\n");
@@ -144,7 +144,7 @@ fn only_regular_files_are_read() {
     }
 }
 
-/// The true gas temperature of a run stands for a reference sensor.
+/// The true gas temperature of a run takes the place of a reference sensor.
 #[test]
 fn a_recording_is_judged_by_its_reference() {
     let folder = Folder::new();
@@ -226,7 +226,7 @@ fn a_path_without_a_serial_port_is_reported() {
     output.refused("/dev/null: is no serial port");
 }
 
-/// Its run ended with "the plant diverged", and far outside by a panic.
+/// Its run used to end with "the plant diverged", and far outside with a panic.
 #[test]
 fn a_table_that_does_not_reach_to_where_a_run_begins_is_refused() {
     let folder = Folder::new();
@@ -330,7 +330,7 @@ fn figures_are_in_practical_units_and_in_si_on_request() {
     assert!(printed(&both).contains("pressure_pa            RMS 0 Pa, mean 0 Pa"));
 }
 
-/// A joint's columns have names of their own; a joint and a muscle have none in common.
+/// A joint's columns have their own names; a joint and a muscle have none in common.
 #[test]
 fn runs_of_joints_are_compared() {
     let folder = Folder::new();
@@ -358,7 +358,7 @@ fn runs_of_joints_are_compared() {
     thermyo(&["compare", &muscle, &first]).refused(&refused);
 }
 
-/// Runs that cannot be compared as a whole are, with a warning.
+/// Runs that cannot be compared as a whole are still compared, with a warning.
 #[test]
 fn runs_of_another_kind_are_compared_with_a_warning() {
     let folder = Folder::new();
@@ -466,7 +466,7 @@ fn check_and_replay_take_json_and_quiet() {
     }
 }
 
-/// The text of a table with another cell in that line, counted from the header's 1.
+/// The text of a table with another cell in this line, counted from the header's 1.
 fn with_cell(table: &str, line: usize, column: &str, cell: &str) -> String {
     let mut lines: Vec<String> = table.lines().map(str::to_owned).collect();
     let place = lines[0].split(',').position(|name| name == column).unwrap();
@@ -513,7 +513,7 @@ fn a_replayed_record_has_codes_and_flags_that_can_be() {
     }
 }
 
-/// The values are in the written scenario; bad input and lost data leave nothing.
+/// The values found are in the written scenario; bad input and lost data leave nothing.
 #[test]
 fn a_joint_is_tuned() {
     let folder = Folder::new();
@@ -611,7 +611,7 @@ fn a_joint_that_cannot_be_as_stiff_as_it_should_says_for_how_long() {
     assert!(line.contains(" % of the time: the range of pressures gave less stiffness"), "{line}");
 }
 
-/// Commands for one muscle name those that take a joint, not all tables that a muscle has.
+/// Commands for one muscle name the commands that take a joint, not all tables of a muscle.
 #[test]
 fn a_joint_is_refused_in_one_line_with_the_way_out() {
     let folder = Folder::new();
@@ -629,7 +629,7 @@ fn a_joint_is_refused_in_one_line_with_the_way_out() {
     }
 }
 
-/// A joint's samples are in its trace: the core gives the same bits again, also where it vented or locked.
+/// A joint's samples are in its trace: the core gives the same bits again, even if it vented or locked.
 #[test]
 fn a_joints_run_is_replayed_to_the_bit() {
     let folder = Folder::new();
@@ -652,7 +652,7 @@ fn a_joints_run_is_replayed_to_the_bit() {
     let emulated = thermyo(&["replay", &run, "--board", "emulated", "--out", &again]);
     emulated.refused("leave out --board");
 
-    // Too short and too uniform for values; the arguments of one muscle are not taken.
+    // Too short and too uniform for values; the arguments for one muscle are not accepted.
     let trace = path("run/joint_trace.csv");
     let found = thermyo(&["identify", &trace, "--config", &file, "--out", &path("identified")]);
     found.ends(1).says("nothing was found: the balance of torques");
@@ -707,7 +707,7 @@ fn ctrl_c_ends_tune_identify_and_evaluate_with_130() {
     folder.run(text, "recorded").ok();
     let [file, trace] = ["scenario.toml", "recorded/trace.csv"].map(|name| folder.name(name));
     let fine = folder.file("fine.toml", "[run]\nstep_s = 1e-4\n");
-    // From when on the signal is sent: by then the handler of Ctrl-C is installed.
+    // The signal is sent from this point on: by then the handler of Ctrl-C is installed.
     for (arguments, from, expected) in [
         (&["tune", &fine][..], "", "the experiment was not finished, nothing is kept"),
         (&["tune", &file, "--plan", "motion"], "motion.csv", "not finished, its record is "),
@@ -796,7 +796,7 @@ fn a_unit_that_exists_is_left_before_anything_is_built() {
     assert_eq!(folder.read("muscle.fmu"), "mine");
 }
 
-/// No folder can be made in /proc, by the superuser neither.
+/// No folder can be created in /proc, not even by the superuser.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_unit_that_cannot_be_written_is_named() {
@@ -930,7 +930,7 @@ fn a_vented_run_reports_time_and_cause() {
     let (tracking, _) = tracking.split_once("class=\"tile\"").unwrap();
     assert!(tracking.contains("✗ missed") && !tracking.contains("✓"), "{tracking}");
 
-    // It was "the core shown from".
+    // The message used to be "the core shown from".
     let (printed, _, page) = ran("[sensor.gas]\nnoise_k = 3.0\n");
     let found = printed.lines().find(|line| line.starts_with("warning: the core ")).unwrap();
     assert!(found.starts_with("warning: the core reported from 0."), "{found}");

@@ -1,4 +1,4 @@
-//! `thermyo` as users run it, in a process of its own, and a folder for its files.
+//! `thermyo` as users run it, in its own process, and a folder for its files.
 
 use serde_json::Value;
 use std::fs;
@@ -26,7 +26,7 @@ pub fn thermyo(arguments: &[&str]) -> Said {
     Said::of(&arguments.join(" "), command(arguments).output().unwrap())
 }
 
-/// The same without a process, where there are hundreds.
+/// Output of a command without a process, for tests with hundreds of calls.
 pub fn in_process(arguments: &[&str]) -> Said {
     let (mut out, mut err) = (Vec::new(), Vec::new());
     let code = host_sim::cli::run(["thermyo"].iter().chain(arguments), &mut out, &mut err);
@@ -51,34 +51,34 @@ impl Said {
         Self { code, out, err, whole }
     }
 
-    /// The same, of a command that has to end with this exit code.
+    /// Asserts this exit code.
     #[track_caller]
     pub fn ends(self, code: i32) -> Self {
         assert_eq!(self.code, Some(code), "{}", self.whole);
         self
     }
 
-    /// The same, of a command that has to succeed.
+    /// Asserts success.
     #[track_caller]
     pub fn ok(self) -> Self {
         self.ends(0)
     }
 
-    /// The same, with this in its messages.
+    /// Asserts that the messages contain this text.
     #[track_caller]
     pub fn says(self, expected: &str) -> Self {
         assert!(self.err.contains(expected), "{}", self.whole);
         self
     }
 
-    /// The same, with messages of one line.
+    /// Asserts that the messages are one line.
     #[track_caller]
     pub fn in_one_line(self) -> Self {
         assert_eq!(self.err.lines().count(), 1, "{}", self.whole);
         self
     }
 
-    /// Bad input or usage: exit code 2, this in its messages, and no output.
+    /// Asserts bad input or usage: exit code 2, this text in the messages, and no output.
     #[track_caller]
     pub fn refused(self, expected: &str) -> Self {
         let refused = self.ends(2).says(expected);

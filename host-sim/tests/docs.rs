@@ -67,7 +67,7 @@ fn paths(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c: char| !(c.is_ascii_alphanumeric() || "_-./".contains(c)))
         .map(|word| word.trim_end_matches('.'))
         .filter(|word| match word.split_once('/') {
-            // "src" is a package's own; build outputs are not in the repository.
+            // "src" belongs to a package; build outputs are not in the repository.
             Some((first, _)) if !word.ends_with(".rs") => {
                 FOLDERS.contains(&first) || first == "src"
             }

@@ -8,7 +8,7 @@ use thermyo_setup::Loaded;
 
 use crate::command_support::{Folder, Said, command};
 
-/// In a folder, without a terminal.
+/// Runs the command in a folder, without a terminal.
 fn thermyo(folder: &Folder, arguments: &[&str]) -> Said {
     let output = command(arguments).current_dir(folder.path("")).output().unwrap();
     Said::of(&arguments.join(" "), output)
@@ -44,7 +44,7 @@ fn flags_make_a_scenario_that_runs_and_nothing_is_overwritten() {
     assert_eq!(folder.read("muscle.toml"), written);
 }
 
-/// The drive was a contraction of 10 % in any case, which most of these rigs do not reach.
+/// The drive used to be a contraction of 10 % in any case, which most of these rigs do not reach.
 #[test]
 fn every_rig_of_presets_drives_what_it_reaches() {
     let folder = Folder::new();
@@ -72,7 +72,7 @@ fn every_rig_of_presets_drives_what_it_reaches() {
     }
 }
 
-/// The sensor's range is far below the supply, and the load moves later than the gas comes.
+/// The sensor's range is far below the supply, and the load moves later than the gas arrives.
 #[test]
 fn a_rig_with_a_heavy_load_and_a_sensor_of_a_small_range_does_not_vent() {
     let folder = Folder::new();
@@ -156,7 +156,7 @@ fn a_key_stands_above_its_preset_and_one_line_says_so() {
     let (_, lines) = warned(text);
     let line = "own.toml:2: valve.preset = \"mhe2-class\": valve.kind of the file stands above it";
     assert!(lines.contains(&line.to_owned()), "{lines:?}");
-    // A length of one's own was warned of at every run.
+    // A length of the user's own used to give a warning in every run.
     for length in ["", "rest_length_m = 0.25\n"] {
         let (_, none) = warned(&format!("[muscle]\npreset = \"dmsp-20\"\n{length}"));
         assert!(none.is_empty(), "{none:?}");

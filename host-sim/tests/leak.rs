@@ -10,7 +10,7 @@ use thermyo_scenario::{HeatModel, LoadKind, PlantKind, PlantModel, Scenario};
 
 const CRITICAL_RATIO: f64 = 0.3;
 
-/// A chamber of one size, shut, that leaks.
+/// A shut chamber of one size that leaks.
 fn leaking(kind: PlantKind, model: PlantModel, pressure_pa: f64) -> Scenario {
     let mut scenario = Scenario::default();
     scenario.plant.kind = kind;
@@ -46,10 +46,10 @@ fn a_leak_down_at_constant_temperature_is_the_closed_form() {
     for (kind, model, tolerance) in [
         (PlantKind::Vessel, PlantModel::Lumped, 1e-7),
         (PlantKind::Muscle, PlantModel::Lumped, 1e-6),
-        // Its tube empties through the same leak: as its wall has it, between P V^k and P V.
+        // The tube empties through the same leak, depending on its wall between P V^k and P V.
         (PlantKind::Muscle, PlantModel::Full, 2e-3),
     ] {
-        // Choked to its end, through the critical ratio, subsonic from the start.
+        // Choked to the end, through the critical ratio, and subsonic from the start.
         for (from_pa, fallen) in [(7.0e5, 0.2), (4.0e5, 0.4), (1.8e5, 0.6)] {
             let mut scenario = leaking(kind, model, from_pa);
             scenario.vessel.volume_m3 = 1.0e-4;
@@ -68,7 +68,7 @@ fn a_leak_down_at_constant_temperature_is_the_closed_form() {
                 plant.advance(Actuation::default()).unwrap();
             }
             let now = plant.truth();
-            // Exponential within a step.
+            // The pressure is exponential within a step.
             let ln = |pressure_pa: f64| (before.pressure_pa / pressure_pa).ln();
             let over = ln(to_pa) / ln(now.pressure_pa);
             let found_s = before.time_s + over * (now.time_s - before.time_s);
@@ -94,12 +94,12 @@ fn a_leak_that_is_too_large_to_integrate_is_named() {
     }
 }
 
-/// 1e-11 m3/(s Pa) takes half a percent of the gas in a second.
+/// 1e-11 m3/(s Pa) loses 0.5 % of the gas per second.
 const LEAKS: &str = "[leak]\nconductance_m3_s_pa = 1e-11\n";
 const UNCONFIGURED: &str =
     "[leak]\nconductance_m3_s_pa = 1e-11\n[believed.leak]\nconductance_m3_s_pa = 0.0\n";
 
-/// Error of the estimate in a shut, leaking muscle: a leak is no change of temperature, also where it is not configured.
+/// Error of the estimate in a shut, leaking muscle: a leak is no change of temperature, even if it is not configured.
 fn held_error_k(model: &str, leak: &str) -> f64 {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\n\
@@ -130,8 +130,7 @@ fn the_estimate_of_a_hold_takes_the_leak_along() {
     }
 }
 
-/// Mean error below the set point without the loop's integral, over two seconds of a leak of 5 % a
-/// second \[Pa\].
+/// Mean error below the set point without the loop's integral, over two seconds of a leak of 5 % per second \[Pa\].
 #[test]
 fn the_pressure_loop_feeds_a_configured_leak() {
     let low_pa = |leak: &str| {
@@ -157,8 +156,7 @@ fn the_pressure_loop_feeds_a_configured_leak() {
     assert!((unconfigured_pa - tight_pa) > 120.0, "{unconfigured_pa} Pa, tight {tight_pa} Pa");
 }
 
-/// Time at which a leak is first found \[s\] in a shut muscle; from 3 s on there is an additional
-/// hole.
+/// Time at which a leak is first found in a shut muscle \[s\]; from 3 s on there is an additional hole.
 fn found_s(leak: &str, hole_m3_s_pa: f64) -> Option<f64> {
     let text = format!(
         "run = {{ duration_s = 60, log_every = 10 }}\nplant.model = \"lumped\"\n\
@@ -176,7 +174,7 @@ fn found_s(leak: &str, hole_m3_s_pa: f64) -> Option<f64> {
 
 #[test]
 fn only_leakage_beyond_the_configured_leak_counts() {
-    // 8 % of the gas in a second.
+    // 8 % of the gas per second.
     let leak = |configured: &str| {
         format!(
             "[leak]\nconductance_m3_s_pa = 1.4e-10\n[believed.leak]\nconductance_m3_s_pa = {configured}\n"
@@ -188,7 +186,7 @@ fn only_leakage_beyond_the_configured_leak_counts() {
     // A configured leak that was repaired is no gain of gas.
     let mended = "[believed.leak]\nconductance_m3_s_pa = 1.4e-10\n";
     assert_eq!(found_s(mended, 0.0), None);
-    // It grows to three times that.
+    // The leak grows to three times that.
     let grown_s = found_s(&leak("1.4e-10"), 2.8e-10).unwrap();
     println!(
         "found after {unconfigured_s:.2} s where nothing is configured, {:.2} s after it grew",

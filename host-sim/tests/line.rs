@@ -48,7 +48,7 @@ struct Fine {
     valve: Iso6358,
     port: Iso6358,
     muscle_m3: f64,
-    /// Includes the momentum transported by the gas, which the plant leaves out.
+    /// Whether the momentum transported by the gas is included, which the plant leaves out.
     carries_momentum: bool,
 }
 
@@ -77,7 +77,7 @@ impl Fine {
             initial[4 + 3 * cell + 1] = density;
             initial[4 + 3 * cell + 2] = energy;
         }
-        // Usual parameters; the problem is stiff, and a slow explicit method is good enough.
+        // Usual parameters; the problem is stiff, and a slow explicit method suffices.
         let dense = OutputType::Dense;
         let mut solver = Dop853::from_param(
             self,
@@ -181,7 +181,7 @@ impl System<f64, DVector<f64>> for Fine {
 /// Time to fill to fractions of the supply's pressure, in the plant and with 200 cells.
 #[test]
 fn fill_times_agree_with_a_fine_discretisation() {
-    // The front, and the filling.
+    // Shares for the front, and for the filling.
     let shares = [0.01, 0.2, 0.5, 0.8];
     for length_m in [1.0, 2.0, 4.0, 8.0] {
         let scenario = filled(length_m);
@@ -309,7 +309,7 @@ fn pressure_and_position_are_held_through_a_line() {
     }
 }
 
-/// The gas in the line keeps the temperature of the line's wall: it is no dead volume of the
+/// The gas in the line keeps the temperature of the line's wall, so it is no dead volume of the
 /// muscle. Counted or not, the estimate is as good as without a line.
 #[test]
 fn the_gas_in_a_line_hardly_matters_to_the_estimate() {

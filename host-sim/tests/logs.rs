@@ -1,4 +1,4 @@
-//! Records beside `trace.csv`: the same numbers in another format, and over a socket.
+//! Records in addition to `trace.csv`: the same numbers in another format, and over a socket.
 
 use mcap::MessageStream;
 use serde_json::Value;
@@ -67,7 +67,7 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
         let mut bytes = [0; 4096];
         let mut datagrams: Vec<BTreeMap<String, f64>> = Vec::new();
         while datagrams.last().is_none_or(|row| row["time_s"] < 0.3) {
-            // The last one may be lost.
+            // The last datagram may be lost.
             let Ok(length) = listener.recv(&mut bytes) else { break };
             datagrams.push(numbers(&bytes[..length]));
         }
@@ -89,7 +89,7 @@ fn the_log_has_the_numbers_of_the_table_and_so_has_the_stream() {
         assert_eq!(row, Some(&datagram));
     }
 
-    // The earlier record moves as a whole.
+    // The earlier record is moved as a whole.
     let plain = ["run", &scenario, "--quiet", "--out", &out_text];
     thermyo(&plain).ok();
     assert!(!out.join("trace.mcap").exists() && out.join("earlier-1/trace.mcap").exists());

@@ -1,4 +1,4 @@
-//! `thermyo measure stop`, simulated: the true temperature is in its record.
+//! `thermyo measure stop`, simulated: the record contains the true temperature.
 
 use crate::command_support::{Folder, Said, command, thermyo};
 
@@ -29,7 +29,7 @@ fn a_muscle_shows_its_gas_temperature_and_its_heat_transfer() {
     identified_and_judged(&folder);
 }
 
-/// The record of a measurement is one for `identify` and `evaluate` too.
+/// The record of a measurement is also usable by `identify` and `evaluate`.
 fn identified_and_judged(folder: &Folder) {
     let [file, trace, out] =
         ["scenario.toml", "out/trace.csv", "fit"].map(|name| folder.name(name));
@@ -63,7 +63,7 @@ fn identified_and_judged(folder: &Folder) {
     assert!(judged.ok().out.contains("bare_k"));
 }
 
-/// The core that has the profile of still gas keeps the configured one.
+/// A core with the profile of still gas keeps the configured housing.
 #[test]
 fn a_housing_that_would_not_be_taken_is_not_left_open() {
     let folder = Folder::new();
@@ -85,8 +85,8 @@ fn stops_that_cannot_be_used_are_named_and_end_with_exit_code_1() {
     output.says("the wait of 6 s was too short").json();
 }
 
-/// Its leak was found as none in two of the stops, which were 0.8 K off with 0.3 K stated: the fit took it for a sensor
-/// that sees little of the gas.
+/// The leak used to be found as none in two of the stops, which were off by 0.8 K with 0.3 K stated: the fit took it
+/// for a sensor with a small location factor.
 #[test]
 fn a_small_leak_is_found_beside_a_lag_that_is_believed_wrong() {
     let folder = Folder::new();
@@ -105,7 +105,8 @@ fn a_small_leak_is_found_beside_a_lag_that_is_believed_wrong() {
     }
 }
 
-/// A quarter of the gas in its tube counted as the tube's: it was 0.5 K off, a twentieth of every swing.
+/// A quarter of the gas in the tube used to count as having the tube's temperature: the result was off by 0.5 K, 5 % of
+/// every swing.
 #[test]
 fn a_small_muscle_shows_its_gas_temperature_beside_its_tube() {
     let folder = Folder::new();
@@ -116,8 +117,8 @@ fn a_small_muscle_shows_its_gas_temperature_beside_its_tube() {
     assert!((0.05..0.4).contains(&off_k), "{off_k} K");
 }
 
-/// Gas that warms the wall of a wide muscle twice as fast warms its middle, where the foil is, least: the end was stated
-/// to 0.2 K where it was 0.6 K off.
+/// Gas that warms the wall of a wide muscle twice as fast warms its middle, where the element is, least: the end used
+/// to be stated to 0.2 K where it was off by 0.6 K.
 #[test]
 fn a_wall_that_is_warmer_than_its_foil_is_stated() {
     let folder = Folder::new();
@@ -134,7 +135,7 @@ fn a_wall_that_is_warmer_than_its_foil_is_stated() {
     assert!(stated_k < 0.6, "{stated_k} K");
 }
 
-/// The argument had to be UTF-8, also where it is a file.
+/// The argument used to have to be UTF-8, even for a file.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_scenario_to_measure_or_to_serve_may_have_any_name() {

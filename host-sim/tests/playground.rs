@@ -134,7 +134,7 @@ fn its_own_page_is_replaced_and_no_other() {
         || thermyo().args(["playground", "--quiet", "--out"]).arg(out.path()).output().unwrap();
     let names = || fs::read_dir(out.path()).unwrap().count();
     fs::write(&page, "mine").unwrap();
-    // Before the module is built, which takes minutes in a checkout: here it could not be.
+    // The refusal comes before the module is built, which takes minutes in a checkout: here it could not be built.
     let refused = thermyo()
         .args(["playground", "--quiet", "--out"])
         .arg(out.path())
@@ -150,7 +150,7 @@ fn its_own_page_is_replaced_and_no_other() {
     assert!(write().status.success());
     let files = names();
     fs::write(&page, "an older one").unwrap();
-    // The served folder has no other files.
+    // The served folder contains no other files.
     assert!(write().status.success());
     assert_eq!(names(), files);
     assert_ne!(fs::read(&page).unwrap(), b"an older one");
@@ -183,12 +183,12 @@ fn it_warns_of_implausible_values_and_refuses_files() {
     );
 }
 
-/// The arm follows, also with gravity that the core is not configured with; what is saved is as `thermyo run` has it.
+/// The arm follows, even with gravity that is not in the core's configuration; saved files are those of `thermyo run`.
 fn assert_the_joint_moves(seen: &serde_json::Value) {
     let joint = &seen["joint"];
     let number = |name: &str| joint[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));
     assert!((0.05..0.8).contains(&number("error_deg")), "{seen:#}");
-    // Held, the plant's stiffness is 0.2 to 0.4 N m/rad below the set point.
+    // While it is held, the plant's stiffness is 0.2 to 0.4 N m/rad below the set point.
     assert!((number("stiffness") - 20.0).abs() < 1.0, "{seen:#}");
     assert!((number("held_deg") - 10.0).abs() < 1.0, "{seen:#}");
     let refused = joint["refused"][0].as_str().unwrap();

@@ -1,5 +1,5 @@
-//! No data is lost: the record of a killed run can be read, damage is reported and affects only the
-//! rows behind it, and no result is overwritten.
+//! No data are lost: the record of a killed run can be read, damage is reported and affects only
+//! the rows behind it, and no result is overwritten.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ fn place(scenario: &str) -> (Folder, String, PathBuf) {
     (folder, file, out)
 }
 
-/// Starts a command and kills it once the file has so many bytes.
+/// Starts a command and kills it once the file has this many bytes.
 fn killed(arguments: &[&str], file: &Path, bytes: u64) {
     let mut child = command(arguments).spawn().unwrap();
     let start = Instant::now();
@@ -61,7 +61,7 @@ fn a_killed_sweep_goes_on_where_it_was() {
     let text = fs::read_to_string(&table).unwrap();
     let done = text.matches('\n').count() - 1;
     assert!((10..290).contains(&done), "{text}");
-    // As if it had been killed within a row.
+    // As if the sweep had been killed within a row.
     fs::write(&table, &text[..text.len() - 5]).unwrap();
 
     // Another process at work is not disturbed.
@@ -97,7 +97,7 @@ fn a_damaged_record_is_read_up_to_the_damage() {
     assert_eq!(ends.len(), 502);
 
     let mut torn = whole.clone();
-    // Within the last number of row 300, which without its last digits is still a number.
+    // Cut within the last number of row 300, which without its last digits is still a number.
     torn.truncate(ends[300] - 1);
     let mut holed = whole.clone();
     holed[ends[200] + 5..ends[205]].fill(0);
@@ -151,12 +151,12 @@ fn identify_uses_whole_rows_and_refuses_impossible_values() {
         "data.csv:52: the last line has no end: it may be cut; read up to there: 50 rows";
     assert!(code != Some(2) && err.lines().next().unwrap().ends_with(expected), "{err}");
 
-    // The cut line was named beside the missing column.
+    // The truncated line used to be named beside the missing column.
     identify("pressure_pa,sensor_gas_k\n5e5,300\n4e5,29")
         .refused("data.csv: column time_s is missing")
         .in_one_line();
 
-    // A pressure of 4.5 bar, given in bar.
+    // A pressure of 4.5, given in bar.
     let expected = "data.csv:52: column pressure_pa = 4.5: must be a number from 1000 to 1e8 Pa";
     identify(&format!("time_s,pressure_pa\n{rows}50,4.5\n51,4.4\n")).refused(expected);
 }
@@ -345,7 +345,7 @@ fn a_monitor_that_finds_no_board_leaves_the_last_recording() {
     assert_eq!(fs::read_dir(folder.path("")).unwrap().count(), 2, "something else is left");
 }
 
-/// Its trace has another name, and would be taken for that of the run beside it.
+/// The joint's trace has another name, and would be taken for that of the run beside it.
 #[test]
 fn the_trace_of_a_joint_moves_with_its_result() {
     let (folder, scenario, out) = place(RUN);

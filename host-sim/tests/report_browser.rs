@@ -1,4 +1,4 @@
-//! The report pages in headless Chromium, operated as by a reader.
+//! The report pages in headless Chromium, used as by a reader.
 
 use serde_json::Value;
 use std::fs;
@@ -55,7 +55,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         assert_ne!(chart["zoomed"], chart["whole"], "{name}: {chart}");
         assert_ne!(chart["panned"], chart["zoomed"], "{name}: {chart}");
         assert_eq!(chart["back"], chart["whole"], "{name}: {chart}");
-        // Charts without data in the window stay as they are, and print shows none of it.
+        // Charts without data in the window stay as they are, and print shows none of this.
         assert_eq!(chart["empty"], Value::Array(Vec::new()), "{name}: {chart}");
         assert_eq!(chart["printed"], chart["still"], "{name}: {chart}");
         let shown = ["touched", "left", "keyed"].map(|how| chart[how].as_bool().unwrap());
@@ -124,7 +124,7 @@ fn the_paper_s_page_can_be_looked_into() {
     let folder = tempfile::tempdir().unwrap();
     let reproduce = page(&folder, "reproduce", &["reproduce"]);
     let text = fs::read_to_string(&reproduce).unwrap();
-    // A bar of energy that enters is positive, and named so.
+    // A bar of incoming energy is positive, and named accordingly.
     let value = |label: &str| {
         let row = text.split(&format!("text-anchor=\"end\">{label}<")).nth(1)?;
         let shown = row.split("class=\"value\"").nth(1)?.split(['>', '<']).nth(1)?;

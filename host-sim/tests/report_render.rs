@@ -354,7 +354,7 @@ fn a_wide_table_labels_each_cell() {
     assert!(many.contains(head), "{many}");
 }
 
-/// A map of so many columns, half a page wide.
+/// A map of this many columns, half a page wide.
 fn narrow_map(columns: usize, value: f64) -> String {
     let x = (0..columns).map(|i| i.to_string()).collect();
     let style = Style { half: true, ..Style::default() };
@@ -374,7 +374,7 @@ fn a_cell_shows_its_value_where_there_is_room_for_it() {
             cells.map(|cell| &cell[cell.find('>').unwrap() + 1..cell.find('<').unwrap()]).collect();
         assert_eq!(texts, vec![shown; columns], "{map}");
     }
-    // Figures of ten columns would overlap: they are shown only under the pointer.
+    // Figures of ten columns would overlap, so they are shown only under the pointer.
     let map = narrow_map(10, 0.0123);
     assert_eq!(map.matches("cell-value").count(), 0, "{map}");
     assert_eq!(map.matches("<title>0.0123</title>").count(), 10, "{map}");
@@ -500,7 +500,7 @@ fn hardly_anything(series: &Recorder) -> RunReport<'_> {
 #[test]
 fn a_run_with_hardly_any_columns_has_a_page() {
     let mut series = Recorder::new(&["time_s", "pressure_pa"]);
-    // The chart, without a legend.
+    // Only the chart, without a legend.
     assert_eq!(drawings(&run_report::render(&hardly_anything(&series))).len(), 1);
     series.push(&[0.0, f64::NAN]);
     let page = run_report::render(&hardly_anything(&series));

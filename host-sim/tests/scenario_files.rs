@@ -412,8 +412,8 @@ fn keys_have_to_fit_each_other() {
             valid(&format!("plant.kind = \"{plant}\"\ndrive.kind = \"{kind}\""));
         }
     }
-    valid("paper.alpha_in = 1.5"); // of no consequence in another model
-    valid("plant.model = \"lumped\"\nvalve.pwm_hz = 1000"); // its valves are ideal
+    valid("paper.alpha_in = 1.5"); // has no effect in another model
+    valid("plant.model = \"lumped\"\nvalve.pwm_hz = 1000"); // the valves of this model are ideal
 }
 
 #[test]
@@ -547,7 +547,7 @@ const STEPS: &str = "[drive]\nkind = \"contraction\"\nprofile_csv = \"steps.csv\
 
 #[test]
 fn profiles_lie_beside_the_scenario() {
-    // Other columns are allowed, so a measured file can be used unchanged.
+    // Other columns are allowed, so that a measured file can be used unchanged.
     let csv = "time_s,pressure_pa,volume_m3\n0,1e5,0.02\n0.5,,0.01\n";
     let folder = folder(PISTON, &[("piston.csv", csv)]);
     let loaded = thermyo_setup::load(&folder.path().join(NAME)).unwrap();
@@ -1040,7 +1040,8 @@ fn the_core_takes_every_key_at_its_limits() {
                         taken += 1;
                     }
                     Err(message) => {
-                        // Only a rule with another key may forbid it, not the key's own range.
+                        // Only a rule with another key may forbid the value, not the key's own
+                        // range.
                         assert!(message.contains(", ") || message.contains("missing"), "{message}");
                     }
                 }
@@ -1051,7 +1052,7 @@ fn the_core_takes_every_key_at_its_limits() {
     assert!(taken * 10 > tried * 8 && taken < tried, "{taken} of {tried}");
 }
 
-/// An experiment has a duration of its own.
+/// An experiment has its own duration.
 #[test]
 fn a_late_fault_is_no_warning_of_an_experiment() {
     let folder = Folder::new();

@@ -14,10 +14,10 @@ use tungstenite::{Message, WebSocket};
 
 use crate::board_support::Bench;
 
-/// An emulated board needs a core for itself.
+/// Serialises the tests: an emulated board needs a core for itself.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
-/// Longest wait of a test \[s\], even on a busy machine: it detects hanging and is not a figure.
+/// Longest wait of a test \[s\], even on a busy machine: a limit against hanging, not a target.
 const HANGS_S: f64 = 60.0;
 
 /// A server, which is stopped with its board.
@@ -29,25 +29,25 @@ pub(crate) struct Served {
 }
 
 impl Served {
-    /// `what` is the argument; recordings go to `out/serve` in the test's folder.
+    /// Starts a server. `what` is its argument; recordings go to `out/serve` in the test's folder.
     pub(crate) fn new(what: &str) -> Self {
         Self::after("", what)
     }
 
-    /// The same by a shell that does something first.
+    /// As [`Self::new`], from a shell that runs `before` first.
     fn after(before: &str, what: &str) -> Self {
         Self::plugged("", before, what)
     }
 
-    /// The same with a scenario's muscle or joint at the board's pins.
+    /// As above, with a scenario's muscle or joint at the board's pins.
     pub(crate) fn plugged(scenario: &str, before: &str, what: &str) -> Self {
         let turn = ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let bench = Bench::new();
         let serve = bench.command(&format!("thermyo serve {what} --out out/serve"));
-        // The board does not start within what is left for the server.
+        // The board's start takes longer than the time left for the server.
         bench.ok(&format!("thermyo board emulated plug {scenario}"));
         let mut shell = Command::new("env");
-        // Tests that `nohup` started would hand their ignored SIGHUP down.
+        // Tests started by `nohup` would pass on their ignored SIGHUP.
         #[cfg(target_os = "linux")]
         shell.arg("--default-signal=HUP");
         shell.args(["sh", "-c", &format!("{before}\nexec \"$0\" \"$@\"")]);
@@ -104,7 +104,7 @@ impl Served {
         assert!(Command::new("kill").args([signal, &pid]).status().unwrap().success());
     }
 
-    /// Ends it by a signal, which its exit code shows; returns what it prints then.
+    /// Ends the server by a signal, which its exit code shows; returns its further output.
     pub(crate) fn end(&mut self, signal: &str) -> String {
         self.signal(signal);
         let mut text = String::new();
@@ -157,7 +157,7 @@ impl Page {
     /// Waits for a condition; returns the waiting time.
     pub(crate) fn until(&mut self, what: &str, done: impl Fn(&Self) -> bool) -> Duration {
         let start = Instant::now();
-        // It may have been behind.
+        // The page may have been behind.
         self.say(json!({ "seen": self.received }));
         while !done(self) {
             let events: Vec<&Value> =
@@ -179,7 +179,7 @@ impl Page {
         self.cell(1)
     }
 
-    /// A cell of the last row.
+    /// Cell of the last row.
     pub(crate) fn cell(&self, index: usize) -> f64 {
         let rows = self.frame["rows"].as_array();
         rows.and_then(|rows| rows.last()?[index].as_f64()).unwrap_or(f64::NAN)
@@ -232,7 +232,7 @@ fn only_its_own_page_comes_in() {
     assert!(served.page_from(Some(&format!("http://{host}"))).is_some());
 }
 
-/// A scenario that names a file: its content is for no page.
+/// A scenario that names a file: its content must not reach a page.
 fn assert_no_file_is_shown(served: &Served, page: &mut Page) {
     let file = served.bench.path("profile.csv");
     fs::write(&file, "a-line-of-the-file,7\n").unwrap();
@@ -244,7 +244,7 @@ fn assert_no_file_is_shown(served: &Served, page: &mut Page) {
     assert!(!page.happened("a-line-of-the-file"), "{}", page.state["events"]);
 }
 
-/// However many messages follow, the earlier ones stay in the log.
+/// The earlier messages stay in the log, however many follow.
 fn assert_a_flood_is_logged_once(second: &mut Page) {
     for i in 0..300 {
         second.say(json!({ "fire": i }));
@@ -287,7 +287,7 @@ fn a_page_steers_and_another_watches() {
 
     assert_a_flood_is_logged_once(&mut second);
 
-    // From the page to the board and back. What is ordered before a vent is carried out is dropped.
+    // From the page to the board and back. Orders before a vent is carried out are dropped.
     first.until("vents", |page| page.frame["mode"] == "vent");
     let mut slowest = Duration::ZERO;
     for _ in 0..5 {
@@ -299,7 +299,7 @@ fn a_page_steers_and_another_watches() {
     println!("vented {slowest:?} after the page said so, at worst of five");
 
     first.drive(1.3e5);
-    // It is up to date before the other page goes.
+    // The page is up to date before the other one closes.
     let began = Instant::now();
     second.until("driven", |page| {
         began.elapsed() > Duration::from_millis(500) && page.frame["mode"] != "vent"
@@ -321,7 +321,7 @@ fn a_page_steers_and_another_watches() {
     assert!(text.contains("it vents"), "{text}");
 }
 
-/// A muscle that is driven, and recorded.
+/// A muscle that is driven and recorded.
 #[cfg(unix)]
 fn recording() -> (Served, Page) {
     let served = Served::new("scenarios/contraction.toml");
@@ -332,7 +332,7 @@ fn recording() -> (Served, Page) {
     (served, page)
 }
 
-/// A terminal that is closed.
+/// The terminal is closed.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_hangup_vents_and_writes_the_report() {
@@ -346,7 +346,7 @@ fn a_hangup_vents_and_writes_the_report() {
     assert!(!info.contains("link"), "{info}");
 }
 
-/// `timeout` and some supervisors send it to the command and then to its group.
+/// `timeout` and some supervisors send the signal to the command and then to its group.
 #[cfg(unix)]
 #[test]
 fn a_second_sigterm_does_not_cut_the_report_off() {
@@ -356,7 +356,7 @@ fn a_second_sigterm_does_not_cut_the_report_off() {
     assert!(text.starts_with("it vents\nreport: "), "{text}");
 }
 
-/// The end without a link promises nothing about the valves.
+/// A server that ends without a link claims nothing about the valves.
 #[test]
 fn a_server_that_has_lost_its_board_does_not_claim_that_it_vents() {
     let mut served = Served::new("scenarios/contraction.toml");
@@ -368,7 +368,7 @@ fn a_server_that_has_lost_its_board_does_not_claim_that_it_vents() {
     assert!(!text.contains("it vents"), "{text}");
 }
 
-/// As `nohup` starts it.
+/// Started as by `nohup`.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_hangup_that_is_ignored_stays_so() {
@@ -390,7 +390,7 @@ fn half_open_connections_take_neither_the_page_nor_a_recording() {
     let strangers: Vec<TcpStream> = (0..300)
         .map(|_| {
             let mut stranger = TcpStream::connect(&host).unwrap();
-            // One that was closed to make room does not take it.
+            // A connection that was closed to make room does not accept the bytes.
             let _ = stranger.write_all(b"GET / HTTP/1.1\r\n");
             stranger
         })
@@ -405,7 +405,7 @@ fn half_open_connections_take_neither_the_page_nor_a_recording() {
     assert!(trace.lines().count() > 100, "{trace}");
 }
 
-/// The time from a page's Vent to the frame that shows it to that page.
+/// Measures the time from a page's Vent to the frame that shows it to that page.
 #[test]
 #[ignore = "measures a time"]
 fn a_vent_among_a_thousand_orders_a_second() {
@@ -509,7 +509,7 @@ fn a_slow_page_loses_frames_and_the_record_none() {
     let times: Vec<f64> =
         trace.lines().skip(1).map(|row| row.split(',').next().unwrap().parse().unwrap()).collect();
     assert!(times.len() >= 3000, "{} rows", times.len());
-    // It began while the core ran, and is replayed from there on.
+    // The record began while the core ran, and is replayed from its first step.
     let replayed = served.bench.ok("thermyo replay out/serve/record-1 --out out/again");
     assert!(replayed.contains("the record has no start of the core: replayed from its step "));
     assert!(times.windows(2).all(|pair| (pair[1] - pair[0] - 1e-3).abs() < 1e-9));
@@ -550,7 +550,7 @@ fn a_sensor_is_calibrated_step_by_step() {
     let text = page.state["guide"]["text"].as_str().unwrap().to_owned();
     assert!(text.starts_with("Put right by") && text.contains(" kPa"), "{text}");
     page.until("vents", |page| page.frame["mode"] == "vent");
-    // The configuration before is one click away.
+    // The former configuration is one click away.
     assert_eq!(page.state["guide"]["chooses"], true);
     page.until("calibrated", |page| page.state["configuration"]["checksum"] != checksum);
     page.order(json!("back"));
@@ -592,7 +592,7 @@ fn a_muscle_is_tuned_from_the_page() {
         page.happened("of 1e300 Pa: must be from 101325 Pa (ambient) to ")
     });
 
-    // To vent stops the tuning, without a result.
+    // Venting stops the tuning, without a result.
     page.order(json!({ "tune": { "most_pa": 4.0e5 } }));
     page.until("it moves", |page| progress(page) > 0.01 && page.pressure_pa() > 1.1e5);
     assert_eq!(page.state["guide"]["title"], "Tuning");
@@ -722,7 +722,7 @@ fn assert_records_are_used(seen: &Value) {
     assert_eq!(seen["records_px"], json!([1280, 390]), "{seen}");
 }
 
-/// Colours, units and widths of the page's parts.
+/// Checks colours, units and widths of the page's parts.
 fn assert_the_page_is_of_a_piece(seen: &Value) {
     assert_eq!(seen["palette"][0], seen["palette"][1], "{seen}");
     let calibrates = seen["calibrates"].as_str().unwrap();

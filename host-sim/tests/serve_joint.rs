@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 use std::fs;
 
 const SCENARIO: &str = "scenarios/joint_board.toml";
-/// Of a row: angle \[rad\], and stiffness \[N m/rad\].
+/// Indices in a row: angle \[rad\], and stiffness \[N m/rad\].
 const ANGLE: usize = 1;
 const STIFFNESS: usize = 3;
 
@@ -97,7 +97,7 @@ fn a_joint_is_steered_and_recorded_from_the_page() {
     second.until("reported", |page| page.happened("the page that steered was closed"));
 }
 
-/// Each gets one message, and the board stays as it is.
+/// Each order gets one message, and the board stays as it is.
 fn assert_orders_for_one_muscle_are_refused(page: &mut Page) {
     let times = |page: &Page| {
         let events = page.state["events"].as_array().unwrap().iter();

@@ -9,7 +9,7 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 
 impl Served {
-    /// Status and text of the answer to a file, whose length is stated and need not be true.
+    /// Status and text of the answer to a file, whose stated length need not be true.
     fn send(&self, length: usize, bytes: &[u8]) -> (u16, String) {
         let mut stream = TcpStream::connect(self.host()).unwrap();
         let (path, host) = (self.path("files"), self.host());
@@ -22,7 +22,7 @@ impl Served {
         (head.split(' ').nth(1).unwrap().parse().unwrap(), body.to_owned())
     }
 
-    /// A file that is kept, as orders name it.
+    /// Sends a file to keep; returns its form in orders.
     fn keeps(&self, name: &str, text: &str) -> Value {
         let (status, number) = self.send(text.len(), text.as_bytes());
         assert_eq!(status, 200, "{number}");
@@ -93,7 +93,7 @@ fn identified_values_are_applied_and_taken_back() {
     assert!(status == 200 && drawing.contains("<svg"), "{drawing}");
     assert!(served.bench.path("out/serve/identify-1/identified.toml").exists());
 
-    // Not by a page that watches, and not while the muscle is driven.
+    // Applying is refused for a page that watches, and while the muscle is driven.
     watcher.order(json!("apply"));
     page.until("refused", |page| page.happened("another page steers"));
     page.drive(2.0e5);
@@ -112,7 +112,7 @@ fn identified_values_are_applied_and_taken_back() {
     assert!(page.state["study"].is_null(), "{}", page.state["study"]);
 }
 
-/// Motion at 2 Hz for so many seconds, 100 rows each.
+/// Motion at 2 Hz for `duration_s` seconds, 100 rows each.
 fn motion(duration_s: u32) -> String {
     let mut text = "time_s,pressure_pa,length_m,duty_in,duty_out,sensor_gas_k\n".to_owned();
     for row in 0..100 * duration_s {

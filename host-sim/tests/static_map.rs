@@ -20,7 +20,7 @@ fn shipped() -> Loaded {
     thermyo_setup::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(CONFIG)).unwrap()
 }
 
-/// A muscle of that length and diameter at rest \[m\], angle \[deg\], K1 \[N\], e1 and slack over the length.
+/// A muscle of this length and diameter at rest \[m\], angle \[deg\], K1 \[N\], e1 and slack over the length.
 fn muscle([length_m, diameter_m, angle_deg, full_n, strain, slack]: [f64; 6]) -> Muscle {
     let law = Muscle {
         bladder_stiffness_n_m: 0.0,
@@ -233,7 +233,7 @@ fn identified(folder: &Folder, arguments: &[&str]) -> Said {
     Said::of(&arguments.join(" "), output)
 }
 
-/// The same of one map.
+/// Identifies from one map.
 fn of_map(map: &str) -> Said {
     identified(&folder(&[("map.csv", map)]), &["map.csv", "--config", CONFIG])
 }
@@ -274,7 +274,7 @@ fn a_comparison_with_nothing_or_another_muscle_is_refused() {
     assert!(out.contains(" of the largest, 1 reading\n"), "{out}");
 }
 
-/// Absolute pressures were fitted without a word.
+/// Absolute pressures used to be fitted without a remark.
 #[test]
 fn a_gauge_pressure_beyond_the_supply_is_remarked_on() {
     let remarked = |added_pa: f64| {
@@ -335,7 +335,7 @@ fn a_wrong_unit_is_named() {
 fn the_residual_map_shows_the_worse_of_two_and_any_pressures() {
     let muscle = muscle(MUSCLES[1]);
     let clean = map(&muscle, &grid(&[0.0]), 0.0, 0.0, 1);
-    // Of two readings at one place the second is 40 N off.
+    // Of two readings at one point, the second is off by 40 N.
     let row = clean.lines().find(|line| line.starts_with("0.15,300000,0.15,")).unwrap();
     let force_n: f64 = row.split(',').nth(3).unwrap().parse().unwrap();
     let twice = clean.clone() + &format!("0.15,300000,0.15,{},0\n", force_n + 40.0);
@@ -413,9 +413,8 @@ fn the_plan_refuses_what_the_fit_refuses() {
     }
 }
 
-/// A muscle around the measured one of 10 mm, whose length is stated to a millimetre, is read by a
-/// plan with 3 N of noise. Error of the fit at readings that it has not seen \[N\]; `None` where too
-/// few readings pull.
+/// A muscle around the measured one of 10 mm, whose length is stated to a millimetre, is read by a plan with 3 N of
+/// noise. Error of the fit at readings that it has not used \[N\]; `None` if too few readings pull.
 fn error_by_plan_n(
     loaded: &Loaded,
     plan: &str,

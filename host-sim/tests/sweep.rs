@@ -1,4 +1,4 @@
-//! `thermyo sweep` by the command line: every point equals the run of a file with its values.
+//! `thermyo sweep` on the command line: every point equals the run of a file with its values.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -236,7 +236,7 @@ fn shards_add_up_to_the_whole_to_the_byte() {
     }
 }
 
-/// A folder with a damaged label is not skipped: its points would be called missing.
+/// A folder with a damaged label is not skipped: its points would be reported as missing.
 #[test]
 fn a_damaged_label_of_a_shard_is_reported() {
     let shards = Shards::new();
@@ -356,7 +356,7 @@ fn the_estimate_is_content_with_a_slow_sensor() {
     let table = sweep(scenario, &vary, &folder.path(""));
     let rows: Vec<Vec<f64>> = table.lines().skip(1).map(cells).collect();
     let (bare, estimate) = (4, 7);
-    // A foil on the axis swings more than the mean of the gas, however fast it is.
+    // An element on the axis swings more than the mean of the gas, however fast it is.
     assert!((2.0..3.5).contains(&rows[0][bare]) && rows[1][bare] > 4.0, "{table}");
     assert!((0.7..1.4).contains(&rows[0][estimate]), "{table}");
     assert!((0.35..0.8).contains(&rows[2][estimate]), "{table}");
@@ -393,7 +393,7 @@ fn a_range_in_another_unit_is_warned_of() {
         "warning: --vary supply.pressure_pa=4:8:3: supply.pressure_pa = 4.0: not above ambient";
     assert!(sweep(&scenario, &[pascal]).contains(warning));
     assert!(!sweep(&scenario, &["supply.pressure_pa=4bar:8bar:2"]).contains("warning"));
-    // At one of the models the key has an effect.
+    // With one of the models the key has an effect.
     let position = "sensor.gas.position=0:1:2";
     assert!(sweep(&scenario, &[position]).contains("sensor.gas.position = 0: not used"));
     assert!(!sweep(&scenario, &[position, "plant.model=lumped,full"]).contains("warning"));

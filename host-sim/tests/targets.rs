@@ -1,4 +1,4 @@
-//! The compiler's targets are added where they are missing, once, or the message describes how.
+//! The compiler's targets are added if they are missing, once, or the message describes how.
 #![cfg(unix)]
 
 use std::fs;
@@ -11,7 +11,7 @@ use tempfile::TempDir;
 fn program(folder: &Path, name: &str, script: &str) {
     let file = folder.join(name);
     let at = folder.display();
-    // The scripts' own tools: the command under test does not find them.
+    // The scripts need their own tools: the command under test does not find them.
     let text = format!("#!/bin/sh\nPATH=/usr/bin:/bin\ncd '{at}'\n{script}\n");
     fs::write(&file, text).unwrap();
     fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).unwrap();

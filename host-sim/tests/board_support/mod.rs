@@ -1,6 +1,6 @@
-//! The emulated board as a user has it, with a separate folder for each test.
+//! The emulated board as users have it, with a separate folder for each test.
 
-#![allow(dead_code)] // Every test uses some of it.
+#![allow(dead_code)] // Every test uses some of this.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ pub struct Bench(TempDir);
 
 impl Bench {
     pub fn new() -> Self {
-        // Here, where its progress is no part of the output that a test compares.
+        // Built here, so that the progress is no part of the output that a test compares.
         image::firmware(Variant::Standard).unwrap();
         image::prepare_emulator().unwrap();
         Self(tempfile::tempdir().unwrap())
@@ -66,13 +66,13 @@ impl Bench {
         self.run(line).ok().out
     }
 
-    /// The same as JSON.
+    /// JSON output of a command that has to succeed.
     #[track_caller]
     pub fn json(&self, line: &str) -> Value {
         self.run(&format!("{line} --json")).ok().json()
     }
 
-    /// Info of the board once its mode is vent: its startup check, which vents as well, comes
+    /// Info of the board once its mode is vent. The startup check, which vents as well, comes
     /// first, and a command may have ended during it.
     pub fn vented(&self) -> String {
         let mut info = String::new();

@@ -3,7 +3,7 @@ import axe from "axe-core";
 
 /** Serious and critical findings, as "rule: place, place"; a page's own policy does not stop the script. */
 export async function findings(page) {
-  // Colours between two schemes are no colours of the page.
+  // Colours during a transition between two schemes do not count.
   await page.evaluate(() => Promise.allSettled(document.getAnimations().map(({ finished }) => finished)));
   const violations = await page.evaluate(`${axe.source}; axe.run().then(({ violations }) =>
     violations.map(({ id, impact, nodes }) => ({ id, impact, places: nodes.map(({ target }) => target.join(" ")) })))`);

@@ -52,7 +52,7 @@ async function used(page, id) {
   const readout = await figure.$eval(".readout", (node) => (node.hidden ? null :
     [...node.querySelectorAll("dt:not(.of)")].map((term) => [term.textContent, term.nextElementSibling.textContent])));
   const hair = await figure.$$eval(".hair", (all) => all.length);
-  // The downloads, caught at their link.
+  // The downloads, intercepted at their link.
   const saved = await figure.evaluate((node) => {
     const links = [], click = HTMLAnchorElement.prototype.click;
     HTMLAnchorElement.prototype.click = function () { links.push([this.download, decodeURIComponent(this.href.split(",").slice(1).join(","))]); };
@@ -68,7 +68,7 @@ async function used(page, id) {
   await page.mouse.up();
   const zoomed = await ticks(figure);
   const linked = await page.$$eval("figure .plot.zoomed", (all) => all.map((node) => node.closest("figure").id));
-  // Charts without a point or line in sight.
+  // Charts without a visible point or line.
   const empty = await page.$$eval("figure .plot.live", (all) => all.filter((node) => {
     const area = node.querySelector(":scope > svg:not(.still)").getBoundingClientRect();
     return ![...node.querySelectorAll(":scope > svg:not(.still) > svg path:not(.reference)")].some((path) => {
@@ -91,17 +91,17 @@ async function used(page, id) {
     await trace.click();
     again = await lines();
   }
-  // By a finger: the values stay when it lifts.
+  // With a finger: the values stay when it lifts.
   await inSight();
   await page.touchscreen.tap(...at(0.5));
   const touched = await figure.$eval(".readout", (node) => !node.hidden);
   await page.touchscreen.tap(2, 2);
   const left = await figure.$eval(".readout", (node) => !node.hidden);
-  // By the keyboard.
+  // With the keyboard.
   await plot.focus();
   await page.keyboard.press("ArrowRight");
   const keyed = await figure.$eval(".readout", (node) => !node.hidden);
-  // Zoomed as it is, the chart is printed whole.
+  // Although it is zoomed, the chart is printed whole.
   await page.keyboard.press("+");
   await page.emulateMediaType("print");
   const printed = await drawn(figure);

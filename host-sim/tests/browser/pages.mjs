@@ -1,7 +1,7 @@
-// Pages of a local server in headless Chromium, for the scripts that use them like a person.
+// Pages of a local server in headless Chromium, for scripts that use them like a person.
 import puppeteer from "puppeteer-core";
 
-// It bounds hanging, and is no figure.
+// A limit against hanging, not a target.
 const timeout = 60000;
 export const wide = { width: 1280, height: 900 };
 

@@ -11,9 +11,9 @@ import { launched, text, type, until, wide } from "./pages.mjs";
 
 const [executablePath, address, screenshots, thermyo, place, server] = process.argv.slice(2);
 const { browser, open, problems } = await launched(executablePath, address);
-// Before a screenshot, which nothing is asserted of.
+// Pause before a screenshot, about which nothing is asserted.
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
-// Waits until a pressure is held, and returns the reading. One look sees both: on the way there each pulse of the
+// Waits until a pressure is held, and returns the reading. Both come from one look: on the way there each pulse of the
 // inlet moves the reading by several kPa.
 async function reaches(page, set) {
   const held = await until(page, (set) => {
@@ -28,7 +28,7 @@ await until(page, () => !document.getElementById("own").hidden && !document.getE
 await page.screenshot({ path: `${screenshots}-fresh.png`, fullPage: true });
 await page.click("#own");
 await until(page, () => document.getElementById("configure").hidden && !document.querySelector("#arm .main").disabled);
-// The first limit is the one of docs/reference/board.md; one beyond the muscle's is refused at the field.
+// The first limit is the one of docs/reference/board.md; a limit beyond the muscle's is refused at the field.
 const most = [await page.$eval("#most", (field) => field.value)];
 await type(page, "most", "1500");
 await page.click("#arm .main");
@@ -63,8 +63,8 @@ for (const kpa of ["260", "180", "330"]) {
 const plot = await page.$("#plot-pressure .plot");
 const legend = () => page.$eval("#plot-pressure ul", (list) => list.textContent);
 const not_hovered = await legend();
-// A board on a busy machine has lived for seconds only, at the right end of the plot; and the plot may shift as the
-// page grows: look where it is now.
+// On a busy machine the board has existed only for seconds, which are at the right end of the plot; and the plot may
+// shift as the page grows: so its present position is used.
 let hovered = not_hovered;
 for (let back = 4; back < 400 && (hovered === not_hovered || !hovered.includes("kPa")); back += 12) {
   const box = await plot.boundingBox();
@@ -78,7 +78,7 @@ const ends = [await page.$$eval("#muscle svg > text", (all) => all.map((text) =>
 const watcher = await open(wide, "dark");
 await until(watcher, () => document.getElementById("watching").hidden === false);
 const watching = await watcher.$eval("#steer .main", (button) => button.disabled);
-// A page that is opened later shows the limit for which the board is armed.
+// A page that is opened later shows the pressure for which the board is armed.
 await until(watcher, () => document.getElementById("most").value !== "");
 most.push(await watcher.$eval("#most", (field) => field.value));
 await watcher.close();
@@ -98,7 +98,7 @@ await page.mouse.move(5, 5);
 await page.setViewport({ width: 390, height: 844, deviceScaleFactor: 2 });
 await until(page, () => innerWidth === 390);
 await pause(600);
-// As on a phone, and the full page.
+// Phone width, and the full page.
 await page.screenshot({ path: `${screenshots}-390-hand.png` });
 const serious = await findings(page);
 const narrow_px = await page.evaluate(() => document.documentElement.scrollWidth);
@@ -215,7 +215,7 @@ serious.push(...await findings(page));
 await page.click("[data-calibrate=pressure]");
 await until(page, () => !document.getElementById("reference").hidden);
 await page.screenshot({ path: `${screenshots}-guide.png`, fullPage: true });
-// The first point, in the page's unit, once the muscle has vented.
+// Takes the first point, in the page's unit, once the muscle has vented.
 await until(page, () => parseFloat(document.getElementById("r-pressure").textContent) < 103);
 await type(page, "reference-value", "101.3");
 await page.keyboard.press("Enter");
@@ -241,7 +241,7 @@ for (const width of [1280, 390]) {
 await page.setViewport(wide);
 await until(page, () => innerWidth === 1280);
 
-// Records: by the keyboard, and at both widths.
+// Records: with the keyboard, and at both widths.
 const record = (rows) => "time_s,pressure_pa,sensor_gas_k,length_m\n" + Array.from({ length: rows }, (_, i) =>
   `${i / 10},${2e5 + 1e4 * rows + 8e4 * Math.sin(i / 8)},${298 + 2 * Math.sin(i / 8 - 1)},${.22 - .01 * Math.sin(i / 8)}\n`).join("");
 const chosen = [["first.csv", 300], ["second.csv", 200]].map(([name, rows]) => {
@@ -256,7 +256,8 @@ for (const [i, path] of chosen.entries()) {
   await until(page, (count) => document.querySelectorAll("#compare-first option").length === count, i + 2);
 }
 const studied = (text) => until(page, (text) => document.getElementById("study-text").textContent.includes(text), text);
-// A box by Enter, the forms by their buttons; a record without duties cannot be identified from.
+// A box is ticked by Enter, the forms are sent by their buttons; a record without duties cannot be used for
+// identification.
 await page.focus("#identify-keys input");
 await page.keyboard.press("Enter");
 const ticked = await page.$$eval("#identify-keys input", (boxes) => boxes.map((box) => box.checked));
@@ -282,7 +283,7 @@ for (const width of [1280, 390]) {
 await page.setViewport(wide);
 await until(page, () => innerWidth === 1280);
 
-// The link, lost and restored, from the loss of the board on.
+// The link is lost and restored, starting with the loss of the board.
 const plugged = (how) => execFileSync(thermyo, ["board", "emulated", how, "--quiet"], { env: { ...process.env, TMPDIR: place } });
 const link = async (shown) => {
   const from = Date.now();
@@ -296,7 +297,7 @@ await page.screenshot({ path: `${screenshots}-lost.png`, fullPage: true });
 plugged("plug");
 const back_ms = await link("connected");
 
-// The server, killed: the page claims and offers nothing.
+// The server is killed: the page then claims and offers nothing.
 if (await page.$eval("#leave", (button) => button.checkVisibility())) await page.click("#leave");
 await until(page, () => !document.getElementById("configure").hidden && !document.getElementById("own").disabled);
 await page.click("#own");

@@ -14,7 +14,7 @@ const page = await open(wide);
 await until(page, () => !document.getElementById("configure").hidden && !document.getElementById("file").disabled);
 await (await page.$("#file")).uploadFile(scenario);
 await until(page, () => document.getElementById("configure").hidden && !document.querySelector("#arm .main").disabled);
-// The cards for one muscle alone are not there.
+// The cards for one muscle are not shown.
 const hidden = await page.evaluate(() => ["guide", "records", "muscle", "plot-length", "lock"].filter((id) => document.getElementById(id).checkVisibility()));
 const most = await page.$eval("#most", (field) => field.value);
 await type(page, "most", "5bar");
@@ -41,7 +41,7 @@ for (const degrees of [20, -10, 25]) {
   await pause(1500);
 }
 const readings = await page.$$eval(".readings[data-of=joint] dd", (all) => all.map((dd) => dd.textContent));
-// The drawn arm stands at its angle: upwards, to the right.
+// The drawn arm is at its angle: upwards, to the right.
 const arm = await page.$eval("#arm-scene path[stroke-width='12']", (path) => path.getAttribute("d").match(/[-\d.]+/g).map(Number));
 const drawn = Math.atan2(arm[1] - arm[3], arm[2] - arm[0]) * 180 / Math.PI;
 const serious = [], narrow = [];
@@ -64,7 +64,7 @@ await type(page, "first", "0.5");
 await type(page, "second", "10");
 await page.keyboard.press("Enter");
 await until(page, () => document.getElementById("mode").textContent.startsWith("torque"));
-// Both pressures, in another unit than they were typed in.
+// Both pressures, in a unit other than the typed one.
 await page.evaluate(() => document.querySelector("[name=mode][value=pressures]").click());
 await type(page, "first", "200");
 await type(page, "second", "9bar");

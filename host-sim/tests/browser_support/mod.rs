@@ -1,4 +1,4 @@
-//! Headless Chromium for tests of pages. Without it they are skipped with a message;
+//! Headless Chromium for tests of pages. Without it the tests are skipped with a message;
 //! `THERMYO_CHROMIUM` gives its path if it is elsewhere.
 
 use serde_json::Value;
