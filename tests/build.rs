@@ -1,4 +1,4 @@
-//! Leaves out the tests that need Node.js or a board's target where `THERMYO_SKIP_EMULATOR` is 1.
+//! Leaves out the tests that need Node.js or a board's target if `THERMYO_SKIP_EMULATOR` is 1.
 
 fn main() {
     println!("cargo::rustc-check-cfg=cfg(emulator)");

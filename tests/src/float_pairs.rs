@@ -1,6 +1,6 @@
-//! Pairs of single-precision numbers, given as their bits, that are hard on arithmetic.
+//! Pairs of single-precision numbers, given as their bits, that are difficult for arithmetic.
 
-/// Turns any pair into one of a kind.
+/// Turns any pair into a pair of one kind.
 pub type Shape = fn(u32, u32) -> (u32, u32);
 
 /// Kinds of pairs and their names.
@@ -73,12 +73,12 @@ fn with_exponent(x: u32, exponent: u32) -> u32 {
     x & 0x807f_ffff | (exponent & 0xff) << 23
 }
 
-/// `b` with an exponent at most 15 from that of `a`.
+/// `b` with an exponent that differs from that of `a` by at most 15.
 fn near(a: u32, b: u32) -> u32 {
     with_exponent(b, (a >> 23).wrapping_add((b >> 23) % 31).wrapping_sub(15))
 }
 
-/// With an exponent of 0 to 15.
+/// `x` with an exponent of 0 to 15.
 fn tiny(x: u32) -> u32 {
     with_exponent(x, x >> 23 & 0xf)
 }

@@ -11,7 +11,7 @@ use thermyo_boards::image::prepare_emulator;
 
 const TARGET: &str = "thumbv6m-none-eabi";
 
-/// Longest content of the guest's buffer \[bytes\].
+/// Size of the guest's buffer \[bytes\].
 const BUFFER_BYTES: usize = 2048;
 
 pub struct EmulatedJoint {
@@ -51,8 +51,8 @@ impl EmulatedJoint {
         guest
     }
 
-    /// Writes bytes, calls a function, and reads bytes at the same place: its result, its cycles, and
-    /// the bytes.
+    /// Writes bytes, calls a function, and reads bytes at the same place: returns its result, its cycles, and the
+    /// bytes.
     fn request(
         &mut self,
         function: u32,
@@ -91,7 +91,7 @@ impl EmulatedJoint {
         self.call("set", &encoded(&set_point), 0);
     }
 
-    /// One step: its telemetry, encoded, and the cycles of the core.
+    /// Runs one step; returns its telemetry, encoded, and the cycles of the core.
     pub fn step(&mut self, sample: &JointSample) -> (Vec<u8>, u32) {
         self.call("sample", &encoded(sample), 0);
         let (_, cycles, _) = self.call("step", &[], 0);
@@ -108,7 +108,7 @@ impl Drop for EmulatedJoint {
     }
 }
 
-/// In postcard's encoding, which keeps every bit.
+/// Encodes as postcard, which keeps every bit.
 pub fn encoded<T: Serialize>(value: &T) -> Vec<u8> {
     let mut bytes = [0; BUFFER_BYTES];
     postcard::to_slice(value, &mut bytes).expect("it fits the buffer").to_vec()

@@ -27,7 +27,7 @@ pub fn thermyo(arguments: &[&str]) -> Outcome {
     Outcome { code, out: text(out), err: text(err) }
 }
 
-/// A finished run: its folder and what is in it.
+/// A finished run: its folder and contents.
 #[derive(Debug)]
 pub struct Finished {
     /// Deleted when dropped.
@@ -93,8 +93,8 @@ pub fn repository(path: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(path)
 }
 
-/// The ELF file of a guest. From the firmware's folder, whose configuration says how its images are
-/// optimised.
+/// The ELF file of a guest. It is built in the firmware's folder, whose configuration sets how its
+/// images are optimised.
 fn guest(folder: &str, target: &str, package: &str) -> Vec<u8> {
     let folder = target_folder().join(folder);
     let build = Build {

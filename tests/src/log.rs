@@ -14,7 +14,7 @@ pub fn lines(image: &Path, frames: &[u8]) -> Vec<String> {
         match decoder.decode() {
             Ok(frame) => lines.push(frame.display(false).to_string()),
             Err(DecodeError::UnexpectedEof) => return lines,
-            // A damaged frame: the next one starts behind its end.
+            // After a damaged frame, the next one starts behind its end.
             Err(DecodeError::Malformed) => (),
         }
     }

@@ -22,7 +22,7 @@ const STACK: u32 = 0x2008_0000;
 /// Cycles between two updates of the emulated peripherals, of which the guest uses none.
 const QUANTUM: u32 = 1024;
 
-/// Looks at the mailbox after which the guest counts as hung.
+/// Number of looks at the mailbox after which the guest counts as hung.
 const PATIENCE: u32 = 10_000;
 
 /// A Cortex-M33 that steps the core.
@@ -94,7 +94,7 @@ impl EmulatedM33 {
         panic!("the guest hangs at {:#x}", self.emulator.core(0).regs.r[15]);
     }
 
-    /// The guest carries out a request; its sequence number.
+    /// Lets the guest carry out a request; returns its sequence number.
     fn exchange(&mut self, command: HostCommand) -> u8 {
         let (sequence, mut frame) = self.link.request(command);
         self.write(offset_of!(Mailbox, length), frame.len() as u32);
@@ -152,8 +152,8 @@ impl Board for EmulatedM33 {
     }
 }
 
-/// Addresses from which on there are instructions, or are none: the mapping symbols `$t` and `$d`
-/// (ELF for the Arm architecture, 5.5.5), and the sections' ends.
+/// Addresses at which instructions begin or end: the mapping symbols `$t` and `$d` (ELF for the Arm architecture,
+/// 5.5.5), and the sections' ends.
 fn code(file: &object::File) -> BTreeMap<u64, bool> {
     let text = file.sections().filter(|section| section.kind() == SectionKind::Text);
     let ends = text.map(|section| (section.address() + section.size(), false));
@@ -169,14 +169,14 @@ fn code(file: &object::File) -> BTreeMap<u64, bool> {
     ends.chain(marks).collect()
 }
 
-/// Encodes three kinds of instructions as the emulator reads them. The compiler could avoid them, but then this would
-/// not be the code that the boards run.
+/// Re-encodes three kinds of instructions for the emulator. The compiler could avoid them, but then this would not be
+/// the code that the boards run.
 ///
 /// - VSEL, VMAXNM, VMINNM: rp2350-emu 0.2.6 takes the lowest bit of the destination from bit 4 of the first
 ///   halfword and the condition from bits 6:5; they are in bit 6 and bits 5:4 (Armv8-M Architecture
 ///   Reference Manual, C2.4).
-/// - VPUSH, VPOP of double registers: it knows those of the single registers that they consist of.
-/// - PKHBT Rd, Rd, Rm, LSL #16, which it does not know, is BFI Rd, Rm, #16, #16.
+/// - VPUSH, VPOP of double registers: it only supports those of the single registers that they consist of.
+/// - PKHBT Rd, Rd, Rm, LSL #16, which it does not support, is BFI Rd, Rm, #16, #16.
 fn adapt(content: &mut [u8], address: u64, code: &BTreeMap<u64, bool>) {
     let halfword = |content: &[u8], at: usize| u16::from_le_bytes([content[at], content[at + 1]]);
     let end = address + content.len() as u64;

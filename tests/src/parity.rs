@@ -9,12 +9,12 @@ use thermyo_simulation::board::{Board, BoardStep, CoreBoard};
 
 pub const STEPS: u32 = 10_000;
 
-/// Step after which the second set point holds.
+/// Step from which the second set point holds.
 const SECOND: u32 = 5000;
 const CYCLE: SetPoint = SetPoint::MassFlowCycle { flow_kg_s: 3.6e-4, period_s: 2.0 };
 const PRESSURE: SetPoint = SetPoint::Pressure { pressure_pa: 3.0e5 };
 
-/// Two sensors fail for a while, and the emergency stop opens once.
+/// Makes two sensors fail for a while, and opens the emergency stop once.
 fn with_faults(step: u32, sample: Sample) -> Sample {
     let gas = if (3000..3200).contains(&step) { AdcCode(0).into() } else { sample.gas };
     let length = if (4000..4200).contains(&step) { AdcCode(32_760) } else { sample.length };
@@ -34,8 +34,8 @@ pub fn run<B: Board>(board: &mut B, mut look: impl FnMut(&B, &BoardStep)) -> Rec
     let config = *muscle.config();
     board.start(&config, CYCLE).expect("the board starts");
     let (mut rows, mut fed) = (Vec::new(), Vec::new());
-    // The last sample's telemetry may come two steps later: behind a status, and each frame takes
-    // most of a step.
+    // The last sample's telemetry may come two steps later: it waits for a status, and each frame
+    // takes most of a step.
     for step in 0..=STEPS + 1 {
         if step == SECOND {
             board.set(PRESSURE).expect("the set point is taken");

@@ -42,7 +42,7 @@ impl Muscle {
     }
 }
 
-/// Without the requests that the emulated board sends by itself as a host.
+/// Removes the requests that the emulated board sends by itself as a host.
 pub fn silent(sample: Sample) -> Sample {
     Sample { heard: false, ..sample }
 }
@@ -72,7 +72,7 @@ impl Rig {
         rig
     }
 
-    /// Another muscle at the same board.
+    /// Puts another muscle at the same board.
     pub fn replace_muscle(&mut self, scenario: &str) {
         self.muscle = Muscle::new(scenario);
     }
@@ -82,7 +82,7 @@ impl Rig {
         self.board.start(self.muscle.config(), set_point).expect("the board starts");
     }
 
-    /// One millisecond.
+    /// Runs one millisecond.
     pub fn exchange(&mut self) -> Exchange {
         self.exchange_with(|sample| sample)
     }
@@ -102,7 +102,7 @@ impl Rig {
         }
     }
 
-    /// Why the board refuses a request.
+    /// Returns the refusal of a request.
     #[track_caller]
     pub fn refused(&mut self, command: HostCommand) -> Refusal {
         match self.board.ask(command) {
@@ -111,7 +111,7 @@ impl Rig {
         }
     }
 
-    /// One millisecond in which the board reads the sample changed by `change`.
+    /// Runs one millisecond in which the board reads the sample changed by `change`.
     pub fn exchange_with(&mut self, change: impl FnOnce(Sample) -> Sample) -> Exchange {
         let sample = change(self.muscle.sample());
         let exchange = self.board.exchange(&sample).expect("the emulator goes on");
@@ -119,7 +119,7 @@ impl Rig {
         exchange
     }
 
-    /// Less than a millisecond, in which the muscle does not change.
+    /// Runs less than a millisecond, in which the muscle does not change.
     pub fn run(&mut self, nanoseconds: u32, change: impl FnOnce(Sample) -> Sample) -> Exchange {
         let sample = change(self.muscle.sample());
         self.board.run(&sample, nanoseconds).expect("the emulator goes on")

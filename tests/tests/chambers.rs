@@ -1,9 +1,9 @@
-//! Every chamber: closed forms, the estimate, pressure and position held. Bounds on both sides: a
-//! figure far better than it can be is a broken measurement.
+//! Every chamber: closed forms, the estimate, pressure and position held. Bounds are on both sides: a figure far better
+//! than possible means a broken measurement.
 
 use system_tests::{Finished, assert_within, run_text, thermyo};
 
-/// Valves for a tenth of a litre: the shortest pulse is half a percent of the pressure.
+/// Valves for 0.1 l: the shortest pulse is 0.5 % of the pressure.
 const SMALL_VALVES: &str = "[valve]\nconductance_m3_s_pa = 1.0e-9\n";
 const PUSHES: &str = "[plant]\nkind = \"cylinder\"\nmodel = \"MODEL\"\n[load]\nforce_n = -150.0\n";
 const PULLS: &str = "[plant]\nkind = \"cylinder\"\nmodel = \"MODEL\"\n\
@@ -15,7 +15,7 @@ const BELLOWS: &str = concat!(
     "/../scenarios/bellows.csv\"\n[load]\nforce_n = -40.0\n"
 );
 
-/// Name and scenario of a chamber, its rest length and its stroke \[m\], and the contraction of half of it.
+/// Name and scenario of a chamber, its rest length and its stroke \[m\], and the contraction at half of the stroke.
 const MOVING: [(&str, &str, f64, f64); 3] = [
     ("pushes", PUSHES, 0.25, -0.1),
     ("pulls", PULLS, 0.35, 0.1),
@@ -35,8 +35,8 @@ fn rms(run: &Finished, column: &str, of: impl Fn(usize) -> f64) -> f64 {
     (rows.map(|i| (values[i] - of(i)).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// At a constant load the pressure is constant, and whatever comes in adds R T_in/P to the volume,
-/// heat or none: cp dm T_in = P dV cp/R.
+/// At a constant load the pressure is constant, and an inflow adds R T_in/P to the volume, with or without heat: cp dm
+/// T_in = P dV cp/R.
 #[test]
 fn a_cylinder_under_a_constant_load_is_filled_at_constant_pressure() {
     for (name, chamber, rest_m, stroke_m) in MOVING.into_iter().take(2) {
@@ -60,7 +60,7 @@ fn a_cylinder_under_a_constant_load_is_filled_at_constant_pressure() {
         let (first, last) = (0, mass_kg.len() - 1);
         let added_m3 = 287.05 * 298.0 * (mass_kg[last] - mass_kg[first]) / 221_325.0;
         let expected_m = rest_m - sign * added_m3 / 1.25e-3;
-        // The first pascal brings it to its load.
+        // The first pascal moves it to its load.
         assert!(
             (length_m[last] - expected_m).abs() < 1e-6,
             "{name}: {} {expected_m}",
@@ -170,7 +170,7 @@ fn a_table_that_is_none_is_refused_by_cell() {
     assert!(err.contains("table.csv") && err.contains("needs it"), "{err}");
 }
 
-/// Its own trace, with friction and the heat transfer configured wrong, gives both back.
+/// A trace of its own, with wrong friction and heat transfer in the configuration, gives both back.
 #[test]
 fn identify_finds_what_was_configured_wrong() {
     let cycle = "kind = \"mass-flow\"\nperiod_s = 3.0\nflow_kg_s = 1.5e-4\n";

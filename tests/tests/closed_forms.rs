@@ -1,10 +1,10 @@
-//! Closed forms of thermodynamics, through the command line: what a user's scenario gives.
+//! Closed forms of thermodynamics, through the command line: the results of a user's scenario.
 
 use system_tests::{Finished, run_text};
 
 const R: f64 = 287.05;
 const K: f64 = 1.4;
-/// The issue of a closed form is arithmetic, not modelling: a part in a million.
+/// Bound of a closed form, whose error is arithmetic, not modelling: a part in a million.
 const BOUND: f64 = 1e-6;
 
 /// Mass flow through a choked nozzle per area and upstream p/sqrt(T).
@@ -74,7 +74,7 @@ fn adiabatic_filling_from_a_reservoir() {
     let flow = nozzle_area(0.0012, 0.8) * choked(K, R) * 3.0e6 / 285_f64.sqrt();
     let cv = R / (K - 1.0);
     let mass = |t: f64| 600_000.0 * 0.002 / (R * 310.0) + flow * t;
-    // cp T_in comes in with every kilogram: an empty vessel would tend to k T_in.
+    // Every kilogram brings cp T_in: an empty vessel would tend to k T_in.
     let energy = |t: f64| 600_000.0 * 0.002 / (K - 1.0) + K * cv * 285.0 * flow * t;
     compare(&run, "pressure_pa", |t| (K - 1.0) * energy(t) / 0.002);
     compare(&run, "gas_temperature_k", |t| energy(t) / (cv * mass(t)));

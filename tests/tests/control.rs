@@ -1,5 +1,5 @@
-//! Where the muscle goes: short cases of what `thermyo evaluate control` measures in full. Bounds
-//! on both sides: a figure far better than it can be is a broken measurement.
+//! The muscle's position: short cases of the full measurements of `thermyo evaluate control`. Bounds are on both sides:
+//! a figure far better than possible means a broken measurement.
 
 use model_core::Duty;
 use system_tests::assert_within;
@@ -20,8 +20,8 @@ fn nominal() -> Loaded {
     full(&thermyo_evaluate::nominal().unwrap())
 }
 
-/// Where the converter swallows a millimetre, no valve cures what it reads: the middle of the code drove them for 0.34 of
-/// the rest.
+/// Where the converter swallows a millimetre, no valve can correct the reading: in the middle of the code, valves used
+/// to be driven for 0.34 of the rest.
 #[test]
 fn a_wide_code_of_the_length_does_not_drive_the_valves() {
     let slippery = nominal().unexpected(|s| {
@@ -49,7 +49,7 @@ fn contraction_at_rest() {
         // The dead zone is 0.2 % of the stroke: an error far below it would be luck seven times.
         assert_within(&format!("{name}: error %"), held.error_percent, (0.1, 0.4));
         assert_within(&format!("{name}: ripple %"), held.ripple_percent, (1e-9, 0.6));
-        // Creep goes on, and gas that a pulse has warmed or cooled relaxes for seconds.
+        // Creep continues, and gas that a pulse has warmed or cooled relaxes for seconds.
         assert_within(&format!("{name}: driven"), held.driven, (0.0, 0.45));
     }
 }
@@ -76,7 +76,7 @@ fn what_is_not_as_believed_is_observed() {
     let heavy = nominal().unexpected(|s| s.load.mass_kg = 10.0);
     let fast = sine(&heavy, 2.0, 0.05, &mut CoreBoard::default()).unwrap();
     assert_within("10 kg, believed 2, mm", rms_mm(&heavy, &fast), (0.2, 0.55));
-    // 0.3 s for a mass that is not as believed too, where gas relaxes ten times as fast as air.
+    // 0.3 s also for a mass that is not as configured, if gas relaxes ten times as fast as air.
     for (loaded, most_s) in [(nominal(), 0.5), (twice, 1.2), (heavy, 1.2)] {
         let steps = load_steps(&loaded, &mut CoreBoard::default()).unwrap();
         assert_within("back after a load step, s", steps.back_s, (0.1, most_s));
@@ -85,8 +85,8 @@ fn what_is_not_as_believed_is_observed() {
     }
 }
 
-/// A load of 8 kg swings at 20 Hz on the gas of a short, wide muscle: faster than a lead could damp it, which drove it
-/// into a limit cycle of 28 mm at 10 Hz.
+/// A load of 8 kg swings at 20 Hz on the gas of a short, wide muscle: faster than a lead could damp it. The lead used
+/// to drive it into a limit cycle of 28 mm at 10 Hz.
 #[test]
 fn a_load_faster_than_the_lead_comes_to_rest() {
     let text = "[plant]\nmodel = \"full\"\n[muscle]\npreset = \"none\"\nrest_length_m = 0.1856\n\
@@ -112,7 +112,7 @@ fn gas_relaxes_onto_the_set_point_of_pressure() {
     assert!((2..=10).contains(&pulses[0]) && pulses[1] <= 5, "{pulses:?}");
 }
 
-/// Mean error from 3 s on \[kPa\], and the share of the time with a valve driven, of a pressure that is held for 6 s.
+/// Mean error from 3 s on \[kPa\], and the share of the time with a valve driven, for a pressure held for 6 s.
 fn held_pressure(text: &str, pressure_pa: f64) -> (f64, f64) {
     let text = format!("[run]\nduration_s = 6\n[plant]\nmodel = \"full\"\n{text}");
     let held = parse(&text, "a held pressure".as_ref()).unwrap();
@@ -131,8 +131,8 @@ fn held_pressure(text: &str, pressure_pa: f64) -> (f64, f64) {
     (off_kpa / rows, driven / rows)
 }
 
-/// Gas that is on its way counts: valves whose pulse arrives in the next period, or the one after it, were driven for two
-/// thirds of the time at rest, in and out by turns, and proportional ones that are slow too.
+/// Gas on its way counts. Valves whose pulse arrives in the next period, or the one after it, used to be driven for two
+/// thirds of the time at rest, in and out alternately; so did slow proportional ones.
 #[test]
 fn late_valves_come_to_rest() {
     for valve in [
@@ -148,7 +148,7 @@ fn late_valves_come_to_rest() {
     }
 }
 
-/// Valves whose shortest pulse is more than the loop's share of an error rested up to 22 kPa off.
+/// Valves whose shortest pulse exceeds the loop's share of an error used to rest up to 22 kPa off.
 #[test]
 fn coarse_valves_come_near_enough() {
     for (valve, most_kpa) in [
@@ -194,7 +194,7 @@ fn pressure_as_fast_as_the_valve() {
     }
 }
 
-/// Whether their dead band is as wide as believed, or not.
+/// Proportional valves, with a dead band as configured or not.
 #[test]
 fn proportional_valves_do_not_hunt() {
     for believed in [0.7, 1.0, 1.3] {
@@ -206,17 +206,16 @@ fn proportional_valves_do_not_hunt() {
         let held = rest::hold(&loaded, 0, &mut CoreBoard::default()).unwrap();
         assert_within("error %", held.error_percent, (0.1, 0.4));
         assert_within("ripple %", held.ripple_percent, (0.02, 0.5));
-        // Creep needs a command now and then, and one takes 0.2 s of the half second.
+        // Creep needs a command now and then, and a command takes 0.2 s of the half second.
         assert_within("driven", held.driven, (0.0, 0.5));
         let slow = sine(&loaded, 0.5, 0.15, &mut CoreBoard::default()).unwrap();
         assert_within("error at 0.5 Hz, % of stroke", slow.rms_percent, (0.1, 0.5));
     }
 }
 
-/// A loop that took the set point for its last value threw 20 kg by 12.7 mm with valves of 200 Hz, by 1.4 with 125 Hz and
-/// by 3.2 mm from a host of 50 values a second.
-/// 39 mm of bore: friction, creep and flow that are off by a fifth are more than the 300 N which the load of a muscle of
-/// 20 mm may be off by. It rested 6.8 mm beside its goal.
+/// A loop that took the set point for its last value threw 20 kg by 12.7 mm with valves of 200 Hz, by 1.4 with 125 Hz
+/// and by 3.2 mm from a host of 50 values a second. With 39 mm of bore, an error of 20 % in friction, creep and flow
+/// exceeds the 300 N by which the load of a muscle of 20 mm may be off. The muscle used to rest 6.8 mm beside its goal.
 #[test]
 fn a_wide_muscle_rests_where_it_should() {
     let text = "[plant]\nmodel = \"full\"\n[supply]\npressure_pa = 8.0e5\n[run]\nduration_s = 3.0\n\
@@ -281,8 +280,8 @@ fn peak_pa(rows: &[Row], from_s: f64, until_s: f64) -> f64 {
     within.map(|row| row.truth.pressure_pa).fold(0.0, f64::max)
 }
 
-/// The paper's cycle neither climbs nor falls from stroke to stroke, whatever is believed of supply
-/// and valves, and whether or not a stroke is a whole number of PWM periods.
+/// The paper's cycle neither climbs nor falls from stroke to stroke, whatever the configured supply and valves, and
+/// whether or not a stroke is a whole number of PWM periods.
 #[test]
 fn the_working_cycle_stays_where_it_is() {
     for model in [PlantModel::Lumped, PlantModel::Full] {
@@ -311,7 +310,8 @@ fn the_working_cycle_stays_where_it_is() {
     }
 }
 
-/// A weight at the end of what the pressure lifts swings on its gas; that tripped the limit, and the muscle let it fall.
+/// A weight near the limit of what the pressure lifts swings on its gas; that used to trip the limit, and the muscle
+/// dropped it.
 #[test]
 fn a_weight_that_swings_at_the_limit_is_held() {
     for mass_kg in [14.0, 20.0] {

@@ -1,11 +1,11 @@
-//! The image that is flashed drives the muscle as the core in this process does: the same cases of
-//! pressure and contraction control. Mass flow and duty are in `emulated_parity`.
+//! The flashed image drives the muscle like the core in this process: the same cases of pressure and contraction
+//! control. Mass flow and duty are in `emulated_parity`.
 
 use thermyo_boards::emulated::EmulatedBoard;
 use thermyo_evaluate::control::{full, pressure_step, pressure_step_between, rest};
 use thermyo_evaluate::control_proportional::{FROM_10_TO_90_PA, proportional};
 
-/// One core step takes 119 us in the mean for pressure, 124 us for contraction, and 243 us at worst.
+/// One core step takes a mean of 119 us for pressure, 124 us for contraction, and 243 us at worst.
 fn assert_on_time(board: &mut EmulatedBoard) {
     let timing = board.timing().unwrap();
     println!("{timing:?}");

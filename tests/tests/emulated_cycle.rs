@@ -1,4 +1,4 @@
-//! The image that is flashed, in closed loop with the plant, against the core in this process.
+//! The flashed image, in closed loop with the plant, against the core in this process.
 
 use system_tests::{Finished, run_text, thermyo};
 
@@ -24,7 +24,8 @@ fn the_papers_cycle_is_the_same_on_the_emulated_board() {
     assert_eq!(there.column("time_s").len(), 20_001);
     let (estimate_k, pressure) = distance(&here, &there);
     println!("estimate {estimate_k} K, pressure {pressure}");
-    // Its timer rounds the duties: the same to the bit would mean that nothing was emulated.
+    // The board's timer rounds the duties: equality to the bit would mean that nothing was
+    // emulated.
     assert!((1e-9..0.05).contains(&estimate_k), "{estimate_k} K");
     assert!((1e-12..0.005).contains(&pressure), "{pressure}");
     // The core computes the same from the same samples.

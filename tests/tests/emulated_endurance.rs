@@ -1,5 +1,4 @@
-//! Hangs, emergency stops and floods by the hundred, at random, with a muscle at the emulated
-//! board.
+//! Hundreds of hangs, emergency stops and floods, at random, with a muscle at the emulated board.
 //!
 //! `cargo test` runs a few of each. All of them take long:
 //! `cargo test --release -p system-tests emulated_endurance -- --ignored --nocapture`
@@ -16,7 +15,7 @@ use thermyo_protocol::{HostCommand, LastReset, Name, Phase, Request, encode};
 
 /// Both coils must be without power within this time \[ms\].
 const SAFE_MS: f64 = 100.0;
-/// Worst delay of a step's start under a flood \[us\]; 16 are reached.
+/// Worst delay of a step's start under a flood \[us\]; 16 is reached.
 const JITTER_US: u32 = 20;
 /// Worst delay without a flood \[us\].
 const QUIET_JITTER_US: u32 = 5;
@@ -28,7 +27,7 @@ const LONG_STEP_MEAN_NS: u32 = 138_000;
 const STEP_WORST_US: u32 = 238;
 /// Longest PWM period of the board \[steps\].
 const LONGEST_PERIOD: u32 = 102;
-/// The most that a flood commands \[-\].
+/// Largest duty that a flood commands \[-\].
 const FLOOD_INLET: f32 = 0.3;
 /// One millisecond \[ns\].
 const MS: u32 = 1_000_000;
@@ -50,7 +49,7 @@ impl Random {
     }
 }
 
-/// Of 24 KiB \[bytes\]. Floods of all requests reach each place that takes most of it.
+/// Unused part of the stack's 24 KiB \[bytes\]. Floods of all requests reach each place that takes most of it.
 const STACK_UNUSED: RangeInclusive<u32> = 4 * 1024..=14 * 1024;
 
 /// A muscle whose valves follow pulses of any length, at a board with this PWM period.
@@ -68,7 +67,7 @@ fn scenario(period_steps: u32) -> String {
     )
 }
 
-/// Halves of a number of cases, each on a board of its own, side by side.
+/// Runs the halves of a number of cases in parallel, each on its own board.
 fn side_by_side<T: Send>(cases: u32, half: impl Fn(Range<u32>) -> T + Sync) -> [T; 2] {
     thread::scope(|scope| {
         let first = scope.spawn(|| half(0..cases / 2));
@@ -77,11 +76,11 @@ fn side_by_side<T: Send>(cases: u32, half: impl Fn(Range<u32>) -> T + Sync) -> [
     })
 }
 
-/// Runs until the injected hang is met. Returns the steps since the inlet was powered.
+/// Runs until the injected hang occurs. Returns the steps since the inlet was powered.
 fn meet(rig: &mut Rig) -> Option<u32> {
     let mut powered_at = 0;
     for before in 1..=500 {
-        // The thread has something to do.
+        // Gives the thread something to do.
         if before % 5 == 1 {
             rig.board.send(HostCommand::Timing);
         }
@@ -96,8 +95,8 @@ fn meet(rig: &mut Rig) -> Option<u32> {
     None
 }
 
-/// Hangs one instruction after the other; returns the worst time to vent \[ms\] and how often the
-/// board said that control was waiting, sampling, stepping or driving when it ended.
+/// Hangs one instruction after another; returns the worst time to vent \[ms\], and how often the board reported that
+/// control was waiting, sampling, stepping or driving when it ended.
 fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
     let mut random = Random::new(u64::from(cases.start));
     let mut rig = rig(10);
@@ -120,7 +119,7 @@ fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
         rig.board.inject(injection);
         let since_powered =
             meet(&mut rig).unwrap_or_else(|| panic!("case {case}: {injection:?} is not met"));
-        // A period with the outlet open may be among them.
+        // A period with the outlet open may be among the steps.
         assert!(since_powered < 20, "case {case}: nothing to vent, {set_point:?}");
         let (mut until_vented, mut running_ms) = (1, 0);
         for ms in 2..150 {
@@ -128,7 +127,7 @@ fn hangs(cases: Range<u32>) -> (u32, [u32; 5]) {
             if powered(&exchange) {
                 until_vented = ms;
             }
-            // Until it listens again.
+            // Runs until the board listens again.
             running_ms += u32::from(exchange.restarts > restarts);
             if running_ms > 20 {
                 break;
@@ -157,13 +156,13 @@ fn assert_hangs_vent(cases: u32) {
     assert!(phases[Phase::Stepping as usize] > 0 && phases[Phase::Waiting as usize] > 0);
 }
 
-/// Emergency stops, ten for every PWM period; returns the worst time to vent \[ms\].
+/// Presses emergency stops, ten for every PWM period; returns the worst time to vent \[ms\].
 fn stops(cases: Range<u32>) -> f64 {
     let mut random = Random::new(u64::from(cases.start) + 77);
     let mut rig = rig(1);
     let mut worst_ms = 0.0_f64;
     for case in cases {
-        // Every period once, in an order of large strides.
+        // Takes every period once, in an order of large strides.
         let period = 1 + case / 10 * 37 % LONGEST_PERIOD;
         if case % 10 == 0 {
             rig.replace_muscle(&scenario(period));
@@ -172,7 +171,7 @@ fn stops(cases: Range<u32>) -> f64 {
         }
         let inlet = 0.02 + 0.98 * random.share();
         rig.board.send(HostCommand::Set(SetPoint::Duty { inlet, outlet: 0.0 }));
-        // From the next period on; its outlet's coil is powered for all of it.
+        // The set point acts from the next period on, in all of which its outlet's coil is powered.
         let mut last = rig.exchange();
         for _ in 0..period + 5 + random.below(period) {
             last = rig.exchange();
@@ -188,7 +187,7 @@ fn stops(cases: Range<u32>) -> f64 {
                 until_vented = elapsed;
             }
         };
-        // Small steps at first: what the time is known to.
+        // Small steps at first, which set the resolution of the time.
         let mut rest = 3 * MS - before;
         while rest > 0 {
             let slice = rest.min(MS / 20);
@@ -218,13 +217,13 @@ fn assert_stops_vent(cases: u32) {
 }
 
 #[derive(Debug, Clone, Copy)]
-#[allow(clippy::large_enum_variant)] // A handful of them.
+#[allow(clippy::large_enum_variant)] // Only a handful exist.
 enum Flood {
-    /// One request again and again.
+    /// One request repeatedly.
     Of(HostCommand),
-    /// All of them, with set points of every kind, in any order.
+    /// All requests, with set points of every kind, in any order.
     Mixed,
-    /// The same with garbage and damaged frames between them.
+    /// The same, with garbage and damaged frames between them.
     Garbled,
 }
 
@@ -255,7 +254,7 @@ fn requests(rig: &Rig) -> [HostCommand; 19] {
 }
 
 impl Flood {
-    /// Keeps the line to the board full.
+    /// Keeps the link to the board full.
     fn pour(self, rig: &mut Rig, random: &mut Random) {
         while rig.board.waiting() < 200 {
             let all = requests(rig);
@@ -278,7 +277,7 @@ impl Flood {
                         let inlet = FLOOD_INLET * (0.5 + 0.5 * random.share());
                         HostCommand::Set(SetPoint::Duty { inlet, outlet: 0.0 })
                     }
-                    // They would keep the muscle vented: rarely.
+                    // These requests would keep the muscle vented, so they are rare.
                     (
                         HostCommand::Configure(_)
                         | HostCommand::Start(_)
@@ -294,7 +293,7 @@ impl Flood {
                 let garbage: Vec<u8> =
                     (0..random.below(20)).map(|_| random.below(256) as u8).collect();
                 rig.board.write(&garbage);
-                // All of it open, in a frame with one bit wrong.
+                // A command to open the inlet fully, in a frame with one wrong bit.
                 let command = HostCommand::Set(SetPoint::Duty { inlet: 1.0, outlet: 0.0 });
                 let mut frame = encode(&Request { sequence: 0, command }).unwrap();
                 frame[1 + random.below(8) as usize] ^= 1 << random.below(8);
@@ -305,8 +304,7 @@ impl Flood {
     }
 }
 
-/// A flood of so many milliseconds, before each of an emergency stop and a stop that it must not
-/// delay.
+/// A flood of `milliseconds`, before an emergency stop and before a stop, which it must not delay.
 fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     let period = usize::from(rig.muscle.config().pwm_period_steps);
     rig.board.discard();
@@ -357,14 +355,14 @@ fn flood(rig: &mut Rig, flood: Flood, milliseconds: u32, random: &mut Random) {
     rig.board.discard();
     rig.board.write(&[0]);
     rig.board.take_telemetry();
-    // It may ask a few things at once again, after the saves that were accepted, and later after a long flood.
+    // Soon the host may ask a few things at once again: after the accepted saves, and later after a long flood.
     let saves = matches!(flood, Flood::Of(HostCommand::Save | HostCommand::Forget) | Flood::Mixed);
     rig.pass(if saves { 400 } else { (3 * milliseconds / 10).max(80) });
     let faults = rig.board.take_telemetry().last().map(|telemetry| telemetry.faults);
     assert!(faults.unwrap().intersects(Faults::LINK_FLOODED), "{flood:?}: {faults:?}");
 }
 
-/// The host's own stop, in the middle of what it asked for before.
+/// Sends the host's own stop, amid its earlier requests.
 fn assert_stops(rig: &mut Rig, flood: Flood, period: usize) {
     rig.board.send(HostCommand::Stop);
     let stopping = rig.board.waiting().div_ceil(92);
@@ -401,7 +399,7 @@ fn assert_floods_change_nothing(period: u32, milliseconds: u32, each: bool) {
     }
 }
 
-/// Contraction control with a muscle that has everything, its set point on the move.
+/// Contraction control with a muscle that has all effects, and a moving set point.
 fn assert_no_step_is_missed(seconds: u32, mean_ns: u32) {
     let mut rig = Rig::new("[plant]\nmodel = \"full\"\n");
     let divider = 10;

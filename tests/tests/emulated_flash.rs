@@ -1,5 +1,5 @@
-//! `thermyo flash`: from a running board through its boot loader to a board that runs the file which was
-//! written; and what it says to everything that cannot be flashed.
+//! `thermyo flash`: from a running board through its boot loader to a board that runs the written file; and its
+//! messages about everything that cannot be flashed.
 #![cfg(unix)]
 
 use host_sim::commands::flash::{FlashError, Model, Request, run};
@@ -28,7 +28,7 @@ fn request(target: &str) -> Request {
     Request { target: Some(target.to_owned()), ..Request::default() }
 }
 
-/// Output or error of a run when boards appear as drives in this folder.
+/// Output or error of a run in which boards appear as drives in this folder.
 fn flash(request: &Request, mount: &Path) -> Result<Vec<String>, FlashError> {
     let mut output = Vec::new();
     run(request, &|| vec![mount.to_path_buf()], &mut |line| output.push(line.to_owned()))
@@ -50,7 +50,7 @@ fn a_running_board_is_flashed_and_runs_the_new_image() {
     let name = port.display().to_string();
     let output = thread::scope(|scope| {
         let flashing = scope.spawn(|| flash(&request(&name), &mount));
-        // The board is a drive now, until it has a file.
+        // The board is a drive now, until it gets a file.
         while !running.in_boot_loader() {
             assert!(!flashing.is_finished(), "{:?}", flashing.join());
             thread::sleep(Duration::from_millis(20));

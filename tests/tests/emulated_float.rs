@@ -10,7 +10,7 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 /// Number pairs per operation and kind.
 const PAIRS: usize = 40_000;
 
-/// A name that compiled code calls, and its expected result.
+/// A name that compiled code calls, and a function for its expected result.
 type Operation = (&'static str, fn(f32, f32) -> f32);
 
 const ARITHMETIC: [Operation; 4] = [
@@ -31,8 +31,8 @@ fn truth(is: bool) -> f32 {
     f32::from_bits(u32::from(is))
 }
 
-/// A call of a function with two arguments; the arguments of another call of it, by an interrupt
-/// after this many instructions.
+/// A call of a function with two arguments; and the arguments of another call of it, by an
+/// interrupt after this many instructions.
 struct Call {
     arguments: (u32, u32),
     interrupt: Option<(u32, (u32, u32))>,
@@ -44,7 +44,7 @@ struct Outcome {
     cycles: u32,
 }
 
-/// The image and the addresses of what is in it.
+/// The image, and the addresses of its functions.
 struct Image {
     scripts: PathBuf,
     path: PathBuf,
@@ -91,7 +91,7 @@ impl Image {
         words.chunks(2).map(|pair| Outcome { result: pair[0], cycles: pair[1] }).collect()
     }
 
-    /// Mean cycles of the pairs of a kind.
+    /// Compares results for pairs of a kind; returns the mean cycles.
     fn compare(&self, (name, fpu): Operation, kind: &str, pairs: &[(u32, u32)]) -> f64 {
         let calls: Vec<_> =
             pairs.iter().map(|&arguments| Call { arguments, interrupt: None }).collect();
@@ -126,11 +126,11 @@ fn results_are_those_of_the_fpu() {
     }
 }
 
-/// Cycles with the function's return, without the call.
+/// Cycles include the function's return, but not the call.
 #[test]
 fn the_usual_numbers_take_few_cycles() {
     let image = Image::new();
-    // From 2^-15 to 2, of either sign.
+    // Numbers from 2^-15 to 2, of either sign.
     let usual = |x: u32| x & 0x87ff_ffff | 0x3800_0000;
     let pairs: Vec<_> = Random(1).take(10_000).map(|(a, b)| (usual(a), usual(b))).collect();
     let most = [46.0, 49.0, 55.0, 78.0, 22.0, 22.0, 19.0, 19.0];
@@ -153,7 +153,8 @@ fn an_interrupt_that_divides_does_no_harm() {
         for (after, outcome) in (1..).zip(&outcomes) {
             assert_eq!(outcome.result, expected.to_bits(), "after {after} instructions");
         }
-        // Some came between the divider's start and its answer: the division was done again.
+        // Some interrupts came between the divider's start and its answer, so that the division was
+        // repeated.
         let again = outcomes.iter().filter(|outcome| outcome.cycles > outcomes[0].cycles).count();
         assert!((10..30).contains(&again), "{again}");
     }

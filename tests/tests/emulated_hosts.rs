@@ -1,5 +1,5 @@
-//! Two hosts at one emulated board, over UART and USB: only the one whose order holds keeps it
-//! alive, and a stop overtakes what was sent before it.
+//! Two hosts at one emulated board, over UART and USB: only the host whose order holds keeps it alive, and a stop
+//! overtakes earlier orders.
 
 use model_core::control::SetPointError;
 use model_core::{Config, SetPoint};
@@ -19,7 +19,7 @@ fn scenario(pwm_hz: f64) -> String {
     )
 }
 
-/// The other line.
+/// The other port.
 fn other(port: Port) -> Port {
     match port {
         Port::Uart => Port::Usb,
@@ -27,7 +27,7 @@ fn other(port: Port) -> Port {
     }
 }
 
-/// A host at this line fills the muscle, and is there every 20 ms.
+/// Lets a host at this port fill the muscle, and report every 20 ms.
 fn fill(rig: &mut Rig, port: Port) {
     rig.board.use_port(port);
     rig.board.ask(HostCommand::ClearFaults).unwrap();
@@ -42,7 +42,7 @@ fn fill(rig: &mut Rig, port: Port) {
     assert!(closed, "{port:?}: it fills");
 }
 
-/// Each request that is refused, sent again and again over the other line.
+/// Each refused request, sent repeatedly over the other port.
 #[test]
 fn a_refused_request_of_another_host_keeps_no_set_point_alive() {
     let mut rig = Rig::plugged(&scenario(100.0));
@@ -83,7 +83,7 @@ fn a_refused_request_of_another_host_keeps_no_set_point_alive() {
     }
 }
 
-/// Orders that the other host sends together, to be on their way while the stop is carried out.
+/// Orders that the other host sends together, so that they are on their way while the stop is carried out.
 fn sent_before(rig: &Rig) -> [Vec<HostCommand>; 4] {
     let arm = HostCommand::Arm { most_pa: None };
     let configure = HostCommand::Configure(*rig.muscle.config());
@@ -95,8 +95,8 @@ fn sent_before(rig: &Rig) -> [Vec<HostCommand>; 4] {
     ]
 }
 
-/// A stop so many microseconds after the other host's orders; afterwards each of the hosts drives
-/// as before.
+/// Sends a stop these numbers of microseconds after the other host's orders; afterwards each of the hosts drives as
+/// before.
 fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
     let mut rig = Rig::plugged(&scenario(100.0));
     let mut refused = 0;
@@ -107,7 +107,7 @@ fn assert_a_stop_overtakes(delays_us: impl Iterator<Item = u32> + Clone) {
                 let case = format!("{orders:?} over {port:?}, stopped {delay_us} us later");
                 rig.board.use_port(port);
                 rig.board.ask(HostCommand::Arm { most_pa: None }).unwrap();
-                // Where within a step it begins.
+                // Start within a step.
                 rig.run(1 + delay_us * 377 % 1000 * US, silent);
                 let sent: Vec<u8> =
                     orders.iter().map(|&command| rig.board.request(command)).collect();
@@ -161,7 +161,7 @@ fn a_stop_overtakes_at_every_moment() {
     assert_a_stop_overtakes((0..=1500).step_by(5));
 }
 
-/// To vent is refused to no host, whatever was sent before or after another one's stop.
+/// A set point to vent is never refused, whatever was sent before it or after another host's stop.
 #[test]
 fn a_set_point_to_vent_is_never_overtaken() {
     let mut rig = Rig::plugged(&scenario(100.0));
@@ -183,7 +183,7 @@ fn a_set_point_to_vent_is_never_overtaken() {
     assert!((0..50).all(|_| !powered(&rig.exchange_with(silent))));
 }
 
-/// The stop is in the middle of what its own host sends.
+/// The stop is amid the orders of its own host.
 #[test]
 fn orders_after_a_stop_on_its_line_hold() {
     let mut rig = Rig::plugged(&scenario(100.0));
@@ -204,7 +204,7 @@ fn orders_after_a_stop_on_its_line_hold() {
     }
 }
 
-/// One host starts a pressure that the other one's configuration, on its way meanwhile, does not allow.
+/// One host starts a pressure that the other host's configuration, which is on its way, does not allow.
 #[test]
 fn a_start_runs_no_configuration_of_another_host() {
     let mut rig = Rig::plugged(&scenario(100.0));
@@ -263,7 +263,7 @@ fn a_host_that_does_not_read_keeps_no_other_from_stopping() {
     assert!(matches!(rig.board.ask(HostCommand::History(0)), Ok(Answer::Event(_))));
 }
 
-/// Commands of a script follow each other faster than the board's rate of requests.
+/// Commands of a script follow each other faster than the board accepts requests.
 #[test]
 fn a_host_that_waits_for_each_answer_loses_no_request() {
     let mut rig = Rig::plugged(&scenario(100.0));

@@ -9,18 +9,18 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
-/// Flash of the image \[bytes\]; 159.9 KiB are reached, 140 aimed at.
+/// Size of the image in flash \[bytes\]; 159.9 KiB is reached, the aim was 140.
 const FLASH: RangeInclusive<u64> = 150 * 1024..=161 * 1024;
-/// Static memory of the image, its code and constants left out \[bytes\]; 28.0 KiB are reached, up to one more
-/// where a table is aligned.
+/// Static memory of the image, without its code and constants \[bytes\]; 28.0 KiB is reached, up to one more if a table
+/// is aligned.
 const RAM: RangeInclusive<u64> = 26 * 1024..=29 * 1024;
 /// Cycles of the RP2040 in a millisecond.
 const CYCLES_PER_MS: f64 = 125.0e3;
-/// Fraction of the time for which the processor is busy, telemetry as at the start included; 0.199 is
-/// reached, 0.18 aimed at.
+/// Fraction of the time for which the processor is busy, including telemetry as at the start; 0.199 is reached, the aim
+/// was 0.18.
 const BUSY: Range<f64> = 0.18..0.215;
 
-/// The same of the image of a joint: 190.0 and 49.0 KiB, of which an encoder takes 1.3 and 0.2.
+/// The same for the image of a joint: 190.0 and 49.0 KiB, of which an encoder takes 1.3 and 0.2.
 const JOINT_FLASH: RangeInclusive<u64> = 180 * 1024..=191 * 1024;
 const JOINT_RAM: RangeInclusive<u64> = 46 * 1024..=50 * 1024;
 /// RAM of the RP2040 without the stack (`memory.x`).
@@ -34,7 +34,7 @@ fn the_image_fits_and_has_neither_double_precision_nor_a_heap() {
     assert!(taken <= ALL_RAM, "{taken} bytes are taken");
 }
 
-/// Checks an image; returns what it takes of the RAM.
+/// Checks an image; returns its share of the RAM.
 fn fits(variant: Variant, in_flash: RangeInclusive<u64>, in_ram: RangeInclusive<u64>) -> u64 {
     let bytes = std::fs::read(firmware(variant).unwrap()).unwrap();
     let file = object::File::parse(&*bytes).unwrap();
@@ -57,8 +57,7 @@ fn fits(variant: Variant, in_flash: RangeInclusive<u64>, in_ram: RangeInclusive<
 
     let names: Vec<&str> = file.symbols().filter_map(|symbol| symbol.name().ok()).collect();
     assert!(names.iter().any(|name| name.contains("aeabi_fmul")), "no symbols to look at");
-    // The last are embassy's functions on the divider, which the division of `routines.s` has for
-    // itself.
+    // The last names are embassy's functions on the divider, which the division of `routines.s` reserves for itself.
     let never = ["__aeabi_d", "__rust_alloc", "_erphal_"];
     let unwanted: Vec<_> =
         names.iter().filter(|name| never.iter().any(|part| name.contains(part))).collect();
@@ -66,14 +65,14 @@ fn fits(variant: Variant, in_flash: RangeInclusive<u64>, in_ram: RangeInclusive<
     copied + ram
 }
 
-/// After the start nothing is read from flash: neither code nor constants nor the vector table,
-/// whatever the board is at, unless it saves. The start itself shows what a read costs.
+/// After the start nothing is read from flash: neither code nor constants nor the vector table, whatever the board
+/// does, unless it saves. The start itself shows the cost of a read.
 #[test]
 fn the_image_runs_from_ram() {
     let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n");
     let started = rig.board.started();
     println!("start: {} reads of flash, {} misses", started.flash_reads, started.flash_misses);
-    // A word at a time is copied, and each waits.
+    // The code copies one word at a time, and waits for each.
     assert!((15_000..60_000).contains(&started.flash_misses), "{started:?}");
     assert!(
         (started.flash_misses..8 * started.flash_misses).contains(&started.flash_reads),
@@ -97,7 +96,7 @@ fn the_image_runs_from_ram() {
             busy_cycles += f64::from(exchange.busy_cycles);
         }
     }
-    // The venting event is written to flash; the counter has to notice its reads.
+    // The venting event is written to flash, whose reads the counter must notice.
     rig.exchange_with(|sample| Sample { emergency_stop: true, ..sample });
     assert!((0..5).any(|_| rig.exchange().flash_reads > 0), "a read of flash is not noticed");
     let busy = busy_cycles / (500.0 * CYCLES_PER_MS);
@@ -133,7 +132,7 @@ fn a_file_that_is_no_image_is_named() {
     }
     let text = error("pico2.uf2", &block);
     assert!(text.contains("another chip") && text.contains("`pico`"), "{text}");
-    // This very program.
+    // This test program itself.
     let program = std::fs::read(std::env::current_exe().unwrap()).unwrap();
     let text = error("program", &program);
     assert!(text.contains("another processor") || text.contains("neither"), "{text}");

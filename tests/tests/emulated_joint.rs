@@ -1,4 +1,4 @@
-//! The core of a joint, compiled as the images are, on the emulated RP2040: what it computes, and its time.
+//! The core of a joint, compiled like the images, on the emulated RP2040: its results, and its time.
 
 use model_core::Command;
 use model_core::joint::{JointFaults, JointMode, JointSetPoint, Motion};
@@ -11,14 +11,13 @@ const SCENARIO: &str = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 29000
      [joint]\ngravity_n_m = 4.9\n";
 const STEPS: u32 = 4000;
 
-/// Cycles of the core's step of the 125 000 of a millisecond: 37 514 in the mean, 74 112 in the first
-/// one, in which estimators and controller start, and 60 005 at worst later, where the controller works: 300,
-/// 593 and 480 us.
+/// Cycles of the core's step, out of the 125 000 of a millisecond: 37 514 in the mean, 74 112 in the first step, in
+/// which estimators and controller start, and 60 005 at worst later, while the controller works: 300, 593 and 480 us.
 const MEAN: RangeInclusive<u64> = 36_000..=39_500;
 const FIRST: RangeInclusive<u32> = 70_000..=75_000;
 const WORST: RangeInclusive<u32> = 57_000..=63_000;
 
-/// Memory that a joint takes, 12 056 bytes of the chip's 264 KiB.
+/// Memory of a joint, 12 056 bytes of the chip's 264 KiB.
 const JOINT_BYTES: RangeInclusive<u64> = 10_000..=12_400;
 
 /// Rests, makes a step of 20 deg, follows a sine, pushes with a torque, and loses a tendon.
@@ -27,7 +26,7 @@ fn inputs(time_s: f64) -> Inputs {
         0.0..0.5 => Motion::still(0.0, 14.0),
         0.5..1.5 => Motion::still(0.349, 16.0),
         _ => {
-            // A new one every 10 ms.
+            // The set point changes every 10 ms.
             let phase = TAU * ((time_s - 1.5) * 100.0).floor() * 0.01;
             let [speed, acceleration] = [TAU * phase.cos(), -TAU * TAU * phase.sin()];
             Motion {
@@ -46,13 +45,13 @@ fn inputs(time_s: f64) -> Inputs {
     Inputs { set_point, torn: [time_s > 3.6, false], ..Inputs::of(motion) }
 }
 
-/// Radii that vary, with which it takes 326, 668 and 535 us.
+/// Varying radii, with which a step takes 326, 668 and 535 us.
 const VARIES: &str = "radius_a_per_rad = 0.2\nradius_b_share = 1.05\nradius_b_per_rad = -0.2\n\
      radius_b_per_rad2 = 0.1\nradius_b_per_rad3 = 0.05\n";
 const VARYING: [RangeInclusive<u32>; 3] = [37_500..=41_500, 78_000..=85_000, 62_000..=68_000];
 
-/// The commands that drive the plant here are equal to those that the chip computes from the same samples: the
-/// chip would drive it the same way.
+/// The commands that drive the plant here equal those that the chip computes from the same samples: the chip would
+/// drive it the same way.
 #[test]
 fn the_joints_core_is_equal_to_the_bit_and_in_time_on_the_rp2040() {
     let [mean, first, worst] = is_equal(SCENARIO);
@@ -67,7 +66,7 @@ fn a_pulley_that_varies_is_equal_to_the_bit_on_the_rp2040() {
     assert!(in_time, "{cycles:?} cycles");
 }
 
-/// Runs a scenario on both; cycles of a step in the mean, of the first one, and of the worst later one.
+/// Runs a scenario on both; returns the cycles of a step: the mean, the first one, and the worst later one.
 fn is_equal(scenario: &str) -> [u32; 3] {
     let loaded = parse(scenario, "joint.toml".as_ref()).unwrap();
     let mut rig = Rig::new(&loaded, inputs(0.0)).unwrap();

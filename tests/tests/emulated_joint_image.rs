@@ -33,7 +33,7 @@ fn joint(scenario: &str) -> (JointLoaded, Rig) {
     (loaded, rig)
 }
 
-/// A board that listens, which takes a few milliseconds longer than with the image for one muscle.
+/// A board that listens, a few milliseconds later than with the image for one muscle.
 fn powered() -> EmulatedBoard {
     let (_, mut rig) = joint(SCENARIO);
     let sample = rig.sample();
@@ -49,7 +49,7 @@ impl Bench {
         Self::of(SCENARIO)
     }
 
-    /// With an AS5600 in the place of the potentiometer.
+    /// A bench with an AS5600 in place of the potentiometer.
     fn with_encoder() -> Self {
         let sensor = "sensor_kind = \"as5600\"\nsensor_minimum_rad = \"-180 deg\"\n";
         Self::of(&format!("{SCENARIO}{sensor}"))
@@ -60,7 +60,7 @@ impl Bench {
         Self { board: powered(), rig, loaded }
     }
 
-    /// One millisecond, in which the board reads the sample changed by `change`.
+    /// Runs one millisecond, in which the board reads the sample changed by `change`.
     fn exchange(&mut self, change: impl FnOnce(&mut JointSample)) -> Exchange {
         let mut sample = self.rig.sample();
         change(&mut sample);
@@ -77,7 +77,7 @@ impl Bench {
         }
     }
 
-    /// The answer to a request, while the joint goes on.
+    /// Sends a request and returns its answer, while the joint continues.
     #[track_caller]
     fn ask(&mut self, command: HostCommand) -> Answer {
         let sequence = self.board.request(command);
@@ -118,7 +118,7 @@ impl Bench {
         first
     }
 
-    /// No step was missed, and each was as short as it has to be.
+    /// Asserts that no step was missed, and that each was short enough.
     fn is_in_time(&mut self) -> Timing {
         let Answer::Timing(timing) = self.ask(HostCommand::Timing) else { unreachable!() };
         println!("{timing:?}");
@@ -140,7 +140,7 @@ impl Bench {
         self.run(200);
     }
 
-    /// At rest at 0 deg.
+    /// An armed bench, at rest at 0 deg.
     fn armed() -> Self {
         Self::new().at_rest()
     }
@@ -155,8 +155,8 @@ impl Bench {
         self
     }
 
-    /// The millisecond from which on each muscle vents, until the last one. A controller that lets gas out
-    /// may open one outlet before.
+    /// The millisecond from which each muscle vents until the end. Before that, a controller that lets gas out may open
+    /// one outlet.
     fn vents_after(&mut self, most: u32, change: impl Fn(&mut JointSample)) -> [u32; 2] {
         let mut since = [most + 1; 2];
         for ms in 1..=most {
@@ -196,13 +196,13 @@ fn is_shut(exchange: &Exchange) -> bool {
     exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0))
 }
 
-/// One step of the core: 281 us in the mean, 468 at worst. With sampling, valves and telemetry 569 of
-/// the millisecond at worst, of 600. Its start is late by 1 us at worst, of 2.
+/// Time of the core's step: 281 us in the mean, 468 at worst. With sampling, valves and telemetry it is 569 us of the
+/// millisecond at worst, out of 600. Its start is late by 1 us at worst, out of 2.
 const STEP_MEAN_NS: RangeInclusive<u32> = 265_000..=295_000;
 const STEP_WORST_US: RangeInclusive<u32> = 440..=500;
 const BUSY_WORST_US: RangeInclusive<u32> = 540..=600;
 const JITTER_WORST_US: RangeInclusive<u32> = 1..=2;
-/// Of 24 KiB \[bytes\].
+/// Unused part of the stack's 24 KiB \[bytes\].
 const STACK_UNUSED: u32 = 4 * 1024;
 
 #[test]
@@ -246,7 +246,7 @@ fn an_angle_is_reached_and_no_step_missed() {
     assert!((380..=510).contains(&a), "{a} ms");
 }
 
-/// A start that is refused restarts nothing: what holds goes on, and the steps are those that they were.
+/// A refused start restarts nothing: the set point stays, and the step count continues.
 #[test]
 fn a_start_beyond_what_it_is_armed_for_changes_nothing() {
     let mut bench = Bench::new();
@@ -290,7 +290,7 @@ fn a_lost_angle_locks_until_the_time_is_over() {
     assert_eq!(shut_ms, 200);
 }
 
-/// Both lines at once ask for all that takes the most of the stack, ten times as often as is carried out.
+/// Both links request everything that takes most of the stack, ten times as often as it is carried out.
 #[test]
 fn a_flood_reaches_neither_the_stack_nor_the_steps() {
     let mut bench = Bench::armed();
@@ -325,8 +325,8 @@ fn a_flood_reaches_neither_the_stack_nor_the_steps() {
     assert!(timing.dropped_requests > 100, "{timing:?}");
 }
 
-/// An AS5600 on I2C in the place of the potentiometer: every step has a reading. Both muscles vent where the magnet is
-/// lost, and lock where the wires are and the joint may.
+/// An AS5600 on I2C in place of the potentiometer: every step has a reading. Both muscles vent if the magnet is lost,
+/// and lock if the wires are off and the joint may lock.
 #[test]
 fn an_encoder_gives_the_angle_until_it_is_lost() {
     let mut bench = Bench::with_encoder().at_rest();
@@ -334,7 +334,7 @@ fn an_encoder_gives_the_angle_until_it_is_lost() {
     bench.run(1000);
     bench.rig_is_at(0.349);
     assert_eq!(bench.last().faults, JointFaults::NONE);
-    // A timer of the chip's task may end just before a step, and waits.
+    // A timer of the chip's task may end just before a step, and then waits.
     bench.is_in_time();
 
     // The last reading is held for 10 steps.
@@ -349,19 +349,19 @@ fn an_encoder_gives_the_angle_until_it_is_lost() {
     let mut bench = bench.at_rest();
     bench.board.inject(Injection::Part(PartFault::AngleUnplugged));
     let exchanges: Vec<Exchange> = (0..300).map(|_| bench.exchange(|_| ())).collect();
-    // For 200 ms, from the 10th to the 13th on: after ten steps without a reading.
+    // Locked for 200 ms, starting at the 10th to the 13th: after ten steps without a reading.
     let locked = exchanges[13..].iter().position(|exchange| !is_shut(exchange));
     assert!(locked.is_some_and(|ms| (196..=200).contains(&ms)), "{locked:?}");
     assert_eq!(is_venting(&exchanges[299]), [true; 2]);
 
-    // Plugged in again, it is configured and read again.
+    // Once plugged in again, the encoder is configured and read again.
     bench.board.inject(Injection::Part(PartFault::None));
     bench.run(5);
     bench.rearm();
     bench.run(20);
     assert_eq!(bench.last().faults, JointFaults::NONE);
 
-    // The flash is erased now and then, which stops the task that reads the sensor: no fault of it.
+    // The flash is erased now and then, which stops the task that reads the sensor; that is no fault of the sensor.
     for gravity_n_m in [1.0, 2.0, 3.0, 4.0, 5.0, 6.0] {
         bench.loaded.believed.gravity_n_m = gravity_n_m;
         bench.configure();
@@ -371,8 +371,8 @@ fn an_encoder_gives_the_angle_until_it_is_lost() {
     assert_eq!(bench.last().faults, JointFaults::NONE);
 }
 
-/// A disturbance in the middle of a message: the AS5600 holds SDA until the board clocks the rest of the byte out of it,
-/// before its angle counts as lost.
+/// A disturbance amid a message: the AS5600 holds SDA until the board clocks out the rest of the byte, before its angle
+/// counts as lost.
 #[test]
 fn an_encoder_that_holds_the_bus_is_freed() {
     let mut bench = Bench::with_encoder();
@@ -386,7 +386,7 @@ fn an_encoder_that_holds_the_bus_is_freed() {
     bench.rig_is_at(0.1);
 }
 
-/// The same where a restart interrupts the message.
+/// The same if a restart interrupts the message.
 #[test]
 fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
     let mut bench = Bench::with_encoder();
@@ -401,7 +401,7 @@ fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
     assert_eq!(bench.last().faults, JointFaults::NONE);
 }
 
-/// Two hosts that configure at the same time do not make a joint of halves.
+/// Two hosts that configure at the same time do not produce a mixed joint.
 #[test]
 fn a_joint_is_configured_by_one_host() {
     let mut bench = Bench::new();
@@ -418,7 +418,7 @@ fn a_joint_is_configured_by_one_host() {
     assert_eq!(bench.refused(joint), Refusal::NoMuscles, "once");
 }
 
-/// Pulses of both muscles begin together, and last as long as they should.
+/// Pulses of both muscles begin together, and have the right length.
 #[test]
 fn both_slices_share_their_phase() {
     let mut bench = Bench::new();
@@ -438,7 +438,7 @@ fn both_slices_share_their_phase() {
     for (coil, share) in [(0, 0.35), (1, 1.0), (2, 0.15), (3, 0.55)] {
         assert!((total(coil) - share).abs() < 1e-3, "coil {coil}: {}", total(coil));
     }
-    // The first powered millisecond, after one without, is the same one, to a microsecond.
+    // The first powered millisecond after an unpowered one is the same for all, to a microsecond.
     let begins = |coil: usize| {
         let at = (1..20).find(|&ms| powered[ms - 1][coil] == 0.0 && powered[ms][coil] > 0.0);
         at.map(|ms| ms as f64 + 1.0 - powered[ms][coil])
@@ -473,7 +473,7 @@ fn what_an_image_does_not_drive_is_refused_by_the_name_of_the_other() {
     }
 }
 
-/// A crash vents, and what was latched and saved is there afterwards.
+/// A crash vents, and latched and saved values are still there afterwards.
 #[test]
 fn a_joint_is_saved_and_outlives_a_crash_vented() {
     let mut bench = Bench::new();
@@ -505,7 +505,7 @@ fn a_joint_is_saved_and_outlives_a_crash_vented() {
     assert_eq!(read, rest(&bench.loaded.config()));
 }
 
-/// The command's way: configuration from a scenario, then an angle.
+/// The sequence of the command: configuration from a scenario, then an angle.
 #[cfg(unix)]
 #[test]
 fn the_command_configures_and_moves_a_joint() {
@@ -517,7 +517,7 @@ fn the_command_configures_and_moves_a_joint() {
     let pty = PtyBoard::with(board, || {
         let (_, mut rig) = joint(SCENARIO);
         move |board: &mut EmulatedBoard| {
-            // The host is the command.
+            // The command is the host.
             let sample = JointSample { heard: false, ..rig.sample() };
             let exchange = board.exchange(&sample)?;
             rig.advance(exchange.set_duties()).expect("the plant goes on");

@@ -1,4 +1,5 @@
-//! `thermyo monitor` on the emulated board, through a pseudo-terminal, and through its unplugging.
+//! `thermyo monitor` on the emulated board, through a pseudo-terminal, while it is unplugged and
+//! plugged in again.
 #![cfg(unix)]
 
 use host_sim::commands::monitor::{EVERY, Session, Status, view};
@@ -27,7 +28,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     let folder = std::env::temp_dir().join(format!("thermyo-monitor-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     let trace = folder.join("trace.csv");
-    // The port of a board that is unplugged and plugged in again keeps its name.
+    // The port of a board keeps its name when it is unplugged and plugged in again.
     let port = folder.join("port");
     let plug_in = || {
         let board = PtyBoard::new(EmulatedBoard::new().unwrap(), HEALTHY).unwrap();
@@ -39,7 +40,7 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     let board = plug_in();
     let recorder = Recorder::new(File::create(&trace).unwrap()).unwrap();
     let mut session = Session::<LiveBoard>::open(port.to_str().unwrap(), EVERY, recorder).unwrap();
-    // The board states whether it is armed twice a second.
+    // The board reports twice a second whether it is armed.
     poll_until(&mut session, |session| session.rows() > 1000 && session.timing().is_some());
     assert_eq!(session.status(), Status::Connected);
     assert_eq!(session.last_reset(), Some(LastReset::Power));
@@ -65,12 +66,12 @@ fn the_monitor_shows_records_and_survives_unplugging() {
         assert!(text.contains(part), "{part} is not in:\n{text}");
     }
 
-    // Without a configuration it refuses to be armed.
+    // Without a configuration the board refuses to be armed.
     session.arm();
     poll_until(&mut session, |session| session.refused().is_some());
     assert!(shown(&session).contains("refused: "), "{}", shown(&session));
 
-    // The file has every row shown, so that killing the monitor loses none.
+    // The file contains every displayed row, so that killing the monitor loses none.
     let seen = session.rows();
     poll_until(&mut session, |_| {
         std::fs::read_to_string(&trace).unwrap().lines().count() as u64 > seen
@@ -90,12 +91,12 @@ fn the_monitor_shows_records_and_survives_unplugging() {
     std::fs::remove_dir_all(&folder).unwrap();
 }
 
-/// The rows of two boards, one after the other.
+/// Asserts one record for the rows of two boards in succession.
 fn assert_recorded_as_one(recorded: &str, rows: u64) {
     assert_eq!(recorded.lines().count() as u64, rows + 1);
     let columns = recorded.lines().next().unwrap().split(',').count();
     assert!(recorded.lines().all(|line| line.split(',').count() == columns));
-    // The second board counts from 0, as soon as it has judged its sensors; time goes on.
+    // The second board counts from 0, once its startup check is over; time continues.
     let column = |name: &str| -> Vec<f64> {
         let index = recorded.lines().next().unwrap().split(',').position(|column| column == name);
         let index = index.unwrap_or_else(|| panic!("no column {name}"));

@@ -1,4 +1,4 @@
-//! The image that is flashed computes what the core computes on the host, to the bit, and on time.
+//! The flashed image computes the same as the core on the host, to the bit, and in time.
 
 use model_core::{Config, Sample};
 use std::ops::RangeInclusive;
@@ -9,14 +9,14 @@ use thermyo_boards::image::{Variant, firmware};
 use thermyo_protocol::{Answer, Chip, HostCommand, Image, PROTOCOL, Refusal};
 use thermyo_simulation::board::BoardError;
 
-/// A PWM period of the configuration that is run.
+/// PWM period of the configuration in use.
 const PERIOD_STEPS: f64 = 10.0;
 
-/// Mean time of the core's step, 114 us, and the worst with the line's interrupts included, 204 us.
+/// Mean time of the core's step, 114 us, and the worst, including the link's interrupts, 204 us.
 const STEP_MEAN_NS: RangeInclusive<u32> = 100_000..=116_000;
 const STEP_WORST_US: RangeInclusive<u32> = 185..=220;
 
-/// The start of a step is this close to its mean delay \[us\].
+/// Largest deviation of a step's start from its mean delay \[us\].
 const JITTER_US: u32 = 5;
 
 #[test]
@@ -30,8 +30,8 @@ fn ten_thousand_steps_to_the_bit_and_on_time() {
     let real_time_factor = f64::from(STEPS) * 1.0e-3 / started.elapsed().as_secs_f64();
     record.assert_same_on_the_host();
 
-    // The timer holds what the core commanded, and the pins do what the timer holds: their time
-    // open adds up to the duties', but for the period that is under way.
+    // The timer holds the core's commands, and the pins follow the timer: their open times add up
+    // to the duties', except for the period under way.
     let (mut ahead, mut open) = ((0.0, 0.0), (0.0, 0.0));
     for (row, (set, pins)) in record.rows.iter().zip(&duties_and_pins) {
         let command = row.telemetry.command;
@@ -79,7 +79,7 @@ fn the_board_identifies_itself_and_refuses_unsupported_requests() {
     let refused = refusal(&mut board, HostCommand::Step(Sample::default()));
     assert_eq!(refused, Refusal::NoHostSamples);
 
-    // The configuration of before is still there, whole.
+    // The earlier configuration is still there, whole.
     assert_eq!(board.ask(HostCommand::ReadConfig).unwrap(), Answer::Config(Config::default()));
     assert!(lines(&image, &board.take_log()).iter().any(|line| line.contains("thermyo firmware")));
 }

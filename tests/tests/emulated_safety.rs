@@ -9,10 +9,10 @@ use thermyo_protocol::{HostCommand, LastReset, Phase, Refusal};
 /// Valves must be safe within this time \[ms\].
 const SAFE_MS: u32 = 100;
 
-/// The control task's next instruction becomes an endless loop.
+/// Turns the control task's next instruction into an endless loop.
 const HANG: Injection = Injection::Hang { place: Place::Control, instruction: 1 };
 
-/// Sample that the board reads instead of the muscle's.
+/// Changes the muscle's sample before the board reads it.
 type Change = fn(Sample) -> Sample;
 const AS_IT_IS: Change = |sample| sample;
 const PRESSED: Change = |sample| Sample { emergency_stop: true, ..sample };
@@ -22,13 +22,13 @@ fn fill(inlet: f32) -> SetPoint {
     SetPoint::Duty { inlet, outlet: 0.0 }
 }
 
-/// A muscle that follows the core's model, at a board right after power came. Filled for long it
-/// stays below the limit of its pressure.
+/// A muscle that follows the core's model, at a board right after power-on. Even if filled for long, it stays below its
+/// pressure limit.
 fn lumped() -> Rig {
     Rig::new("[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n")
 }
 
-/// One whose inlet is half open and whose outlet is closed.
+/// A board whose inlet is half open and whose outlet is closed.
 fn filling() -> Rig {
     let mut rig = lumped();
     rig.start(fill(0.5));
@@ -54,15 +54,14 @@ fn vented(exchange: &Exchange) -> bool {
     exchange.inlet_coil == 0.0 && exchange.outlet_coil == 0.0
 }
 
-/// Time until both coils are without power for good \[ms\].
+/// Time until both coils stay without power \[ms\].
 fn time_to_vent(rig: &mut Rig, change: impl Fn(Sample) -> Sample) -> u32 {
     let vented: Vec<bool> = (0..200).map(|_| vented(&rig.exchange_with(&change))).collect();
     assert_eq!(vented.last(), Some(&true), "never vents");
     vented.iter().rposition(|&vented| !vented).map_or(0, |last| last as u32 + 1)
 }
 
-/// A board starts, and sends nothing before the host has said something: every 100 ms that it is
-/// alive.
+/// A started board sends nothing until the host has reported, which it does every 100 ms.
 fn until_asked(rig: &mut Rig) {
     rig.pass(100);
 }
@@ -98,7 +97,7 @@ fn the_emergency_stop_vents_and_latches() {
     let mut rig = filling();
     let ms = time_to_vent(&mut rig, PRESSED);
     assert!((1..=20).contains(&ms), "{ms} ms");
-    // Released: still latched, still vented, and the fault output says so.
+    // After the release the fault is still latched, the muscle still vented, and the fault output on.
     assert_eq!(time_to_vent(&mut rig, AS_IT_IS), 0);
     assert!(rig.exchange().fault_output);
     let telemetry = last_telemetry(&mut rig, AS_IT_IS);
@@ -121,7 +120,7 @@ fn starts_do_not_go_round_the_supervisor() {
             }
             powered_ms += rig.exchange_with(change).inlet_coil;
         }
-        // Until the first start is carried out the inlet goes on.
+        // The inlet continues until the first start is carried out.
         assert!(powered_ms < 5.0, "powered for {powered_ms} ms of 400");
         let faults = last_telemetry(&mut rig, change).faults;
         assert_eq!(faults.intersects(Faults::PRESSURE_SENSOR), every_ms == 9, "{faults:?}");
@@ -150,7 +149,7 @@ fn latched_faults_survive_a_restart() {
     assert!(mean_shares(&mut rig, 100, 20).0 > 0.49);
 }
 
-/// A set point that is nonsense is refused by name, and changes nothing.
+/// A nonsensical set point is refused by name, and changes nothing.
 #[test]
 fn nonsense_is_refused() {
     let mut rig = filling();
@@ -193,7 +192,7 @@ fn a_lost_link_vents() {
     assert!(rig.exchange_with(silent).outlet_coil > 0.9);
 }
 
-/// At the longest PWM period too.
+/// The stop also acts at once at the longest PWM period.
 #[test]
 fn the_emergency_stop_does_not_wait_for_the_period() {
     for after_ms in [1, 30, 60, 100] {
@@ -212,7 +211,7 @@ fn a_frozen_pressure_vents() {
     let frozen = rig.muscle.sample();
     let ms = time_to_vent(&mut rig, |_| frozen);
     assert!((10..=SAFE_MS).contains(&ms), "{ms} ms");
-    // The length stands still as well, which alone would not vent.
+    // The length is frozen as well, which alone would not vent.
     let first = rig.first_failure();
     assert_eq!(first.faults, Faults::PRESSURE_SENSOR.with(Faults::LENGTH_SENSOR));
 }
@@ -226,7 +225,7 @@ fn a_hang_of_the_control_task_ends_in_the_watchdog() {
     let reason = rig.board.last_reset().unwrap();
     assert!(matches!(reason, LastReset::Watchdog { .. }), "{reason:?}");
     assert_eq!(rig.exchange().restarts, 1);
-    // It runs again on the defaults, is not configured, and takes no set point.
+    // The board runs again on the defaults, is not configured, and accepts no set point.
     let set = HostCommand::Set(SetPoint::Pressure { pressure_pa: 5.0e5 });
     let faults = SetPointError::Faults(Faults::NOT_CONFIGURED);
     assert_eq!(rig.refused(set), Refusal::SetPoint(faults));
@@ -262,11 +261,11 @@ fn an_overflowing_stack_vents_and_is_remembered() {
     assert_eq!(rig.exchange().restarts, 1);
 }
 
-/// Fraction of a second in which the LED is on, how often it goes on, and the fault output.
+/// Fraction of a second for which the LED is on, how often it turns on, and the fault output.
 fn shown(rig: &mut Rig, change: Change) -> (f64, usize, bool) {
     let second: Vec<Exchange> = (0..1000).map(|_| rig.exchange_with(change)).collect();
     let lit = second.iter().filter(|exchange| exchange.led).count() as f64 / 1000.0;
-    // The second begins anywhere in the pattern: its end is before its beginning.
+    // The second begins anywhere in the pattern, so its end precedes its beginning.
     let flashes = (0..1000).filter(|&i| second[i].led && !second[(i + 999) % 1000].led).count();
     assert!(second.iter().all(|exchange| exchange.fault_output == second[0].fault_output));
     (lit, flashes, second[0].fault_output)
@@ -304,12 +303,12 @@ fn a_board_without_configuration_reports_it() {
     assert_eq!(waits(&mut rig), (0.3, 3, false), "three flashes, a pause");
 }
 
-/// An overrun is counted although an order comes with it; four steps are left out, and a fifth
-/// together with them vents.
+/// An overrun is counted even if an order arrives with it; four missed steps are tolerated, and a fifth together with
+/// them vents.
 #[test]
 fn missed_steps_are_counted_and_vent_when_they_come_together() {
     let mut rig = filling();
-    // 5.3 ms from a tenth before a step, or a millisecond more.
+    // 5.3 ms, starting a tenth of a step before a step, or a millisecond more.
     let overrun = |rig: &mut Rig, milliseconds: u32| {
         let sample = rig.muscle.sample();
         rig.board.inject(Injection::AdcStalled(true));
@@ -342,7 +341,7 @@ fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
     rig.board.inject(Injection::AdcStalled(true));
     let ms = time_to_vent(&mut rig, AS_IT_IS);
     assert!((10..=SAFE_MS).contains(&ms), "{ms} ms");
-    // Right after a restart: a stall that ends sooner would leave a board that is late, and waits.
+    // Right after a restart: a stall that ended sooner would leave a late board that waits.
     let before = rig.exchange().restarts;
     let again = (0..100).any(|_| rig.exchange().restarts > before);
     assert!(again, "the watchdog bites as long as it lasts");
@@ -368,7 +367,7 @@ fn a_million_random_bytes_change_nothing() {
         })
         .collect();
     rig.board.write(&garbage);
-    // Ten bits a byte at 921600 baud.
+    // Ten bits per byte at 921600 baud.
     let ms = 1_000_000 / 92 + 20;
     for step in 0..ms {
         let exchange = rig.exchange_with(silent);
@@ -376,7 +375,7 @@ fn a_million_random_bytes_change_nothing() {
         assert!(exchange.outlet_coil > 0.999, "the outlet opened at {step} ms");
     }
     rig.board.read();
-    // The line is in step again after one zero, and everything was counted.
+    // One zero synchronises the link again, and everything was counted.
     rig.board.write(&[0]);
     let timing = rig.board.timing().unwrap();
     println!("{timing:?}");

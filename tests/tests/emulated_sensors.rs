@@ -8,7 +8,7 @@ use thermyo_boards::emulated::{Injection, PartFault};
 
 const MAX31865: &str = "[sensor.gas]\nkind = \"max31865\"\nnoise_k = 0.01\n";
 const MPR: &str = "[sensor.pressure]\nkind = \"mpr\"\nrange_pa = 250e3\n";
-/// Below 2.5 bar, which is all that an MPR reads.
+/// Scenario below 2.5 bar, the range of an MPR.
 const LOW: &str = "[supply]\npressure_pa = 240e3\n[load]\nforce_n = 20.0\n";
 
 /// RMS error of the estimate \[K\] on a board.
@@ -20,18 +20,18 @@ fn error_k(sensor: &str, board: &[&str]) -> f64 {
 
 #[test]
 fn the_estimate_is_as_good_from_a_max31865() {
-    // Equal to the bit on the board: see `emulated_parity`.
+    // On the board the result is equal to the bit: see `emulated_parity`.
     let analog = error_k("", &[]);
     let digital = error_k(MAX31865, &["--board", "emulated"]);
     let here = error_k(MAX31865, &[]);
     let times = digital / analog;
     println!("{digital} K, {times:.2} times that of the converter, {here} K in this process");
-    // 0.07, 0.06 and 0.08 K: a bare sensor is 11 K off.
+    // The errors are 0.07, 0.06 and 0.08 K: a bare sensor is off by 11 K.
     assert!((0.7..1.4).contains(&times) && digital < 0.15, "{digital} K, {analog} K");
     assert!((0.7..2.5).contains(&(digital / here)), "{digital} K, {here} K");
 }
 
-/// Milliseconds from a fault until the coils are without power, and the telemetry of then.
+/// Milliseconds from a fault until the coils are without power, and the telemetry at that time.
 fn vents_after(scenario: &str, fault: impl Fn(&mut Rig, Sample) -> Sample) -> (u32, Telemetry) {
     let mut rig = Rig::new(&format!("[plant]\nmodel = \"lumped\"\n{scenario}"));
     rig.start(SetPoint::Pressure { pressure_pa: 1.5e5 });
@@ -70,7 +70,8 @@ fn gas_reads(reading: u16) -> impl Fn(&mut Rig, Sample) -> Sample {
 
 #[test]
 fn a_max31865_that_is_lost_vents() {
-    // A conversion more than in the core: it may have just begun. And the way over the bus.
+    // One conversion more than in the core, since one may have just begun, plus the transfer over
+    // the bus.
     let within_ms = 40 + 20 + 3;
     for reading in [0, 0x7fff, 20_000] {
         let (ms, telemetry) = vents_after(MAX31865, gas_reads(reading));

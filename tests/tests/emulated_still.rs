@@ -13,15 +13,15 @@ use thermyo_protocol::{Answer, HostCommand};
 /// One millisecond \[ns\].
 const MS: u64 = 1_000_000;
 const LINK_TIMEOUT: u64 = 100 * MS;
-/// Until the step after what vents has driven the valves.
+/// Time until the step after a venting event has driven the valves.
 const TO_VENT: u64 = 2 * MS;
-/// From a request's way to the board to the valves.
+/// Time from the sending of a request until the valves react.
 const ON_THE_WAY: u64 = 15 * MS;
 /// Longer than any PWM period.
 const QUIET: u64 = 150 * MS;
-/// Until a host is at a cable that was plugged in.
+/// Time until a host is connected after a cable was plugged in.
 const ENUMERATION: u64 = 80 * MS;
-/// Interleavings one after the other on the same board, and the length of each \[ms\].
+/// Number of successive interleavings on the same board, and the length of each \[ms\].
 const TOGETHER: u64 = 10;
 const LENGTH_MS: u64 = 300;
 
@@ -80,7 +80,7 @@ struct Sent {
     port: Port,
     sent: u64,
     answered: u64,
-    /// Count of messages from which on its orders no longer hold.
+    /// Number of messages from which its orders no longer hold.
     dead: u64,
 }
 
@@ -98,19 +98,19 @@ struct Asked {
     sent: Sent,
 }
 
-/// Actions of hosts, button and cable, and whether the inlet may be open after it:
-/// by what was sent and answered alone.
+/// Tracks actions of hosts, button and cable, and whether the inlet may then be open: from the sent
+/// and answered messages alone.
 struct Witness {
     asked: Vec<Asked>,
     /// Set points, arming, and acknowledgements that may hold.
     drives: Vec<Sent>,
     arms: Vec<Sent>,
     clears: Vec<Sent>,
-    /// Time at which each host sent last.
+    /// Time of each host's last message.
     last_sent: [u64; 2],
     /// Time of the last request of any host that may change anything.
     last_order: u64,
-    /// When the button was pressed first, and released last; it is pressed.
+    /// Times of the button's first press and last release; and whether it is pressed.
     button: Option<(u64, u64)>,
     pressed: bool,
     last_powered: u64,
@@ -173,7 +173,7 @@ impl Witness {
                     ));
                     self.answered(command, Sent { answered: now, ..sent }, answer);
                 }
-                // The cable was pulled, or it was dropped.
+                // The cable was pulled, or the request was dropped.
                 None if now > sent.sent + 256 * MS => (),
                 None => self.asked.push(Asked { command, sequence, sent }),
             }
@@ -188,7 +188,7 @@ impl Witness {
             HostCommand::Arm { .. } => &mut self.arms,
             _ => &mut self.clears,
         };
-        // Where two of a kind are sent together, one that is refused may stand for the other.
+        // If two of a kind are sent together, a refused one may stand for the other.
         if done {
             list.iter_mut().filter(|sent| same(sent)).for_each(|sent| sent.answered = by.answered);
         } else if list.iter().filter(|sent| same(sent)).count() == 1 {
@@ -228,7 +228,7 @@ impl Witness {
         self.pressed = pressed;
     }
 
-    /// Time passes; the exchange has begun then.
+    /// Lets time pass, from the beginning of an exchange.
     fn look(&mut self, begun: u64, now: u64, exchange: &Exchange) -> Result<(), String> {
         for index in 0..self.drives.len() {
             let Sent { port, answered, dead, .. } = self.drives[index];
@@ -335,7 +335,7 @@ impl Random {
         [(Port::Uart, first), (Port::Usb, MS - first)]
     }
 
-    /// Sends a request or several, or none. Returns until when the port is left alone.
+    /// Sends a request or several, or none. Returns the time until which the port is left alone.
     fn ask(
         &mut self,
         rig: &mut Rig,
@@ -358,7 +358,7 @@ impl Random {
     }
 }
 
-/// So many interleavings on one board; returns the time for which the inlet was powered \[ms\].
+/// Runs these interleavings on one board; returns the time for which the inlet was powered \[ms\].
 fn interleave(seed: u64) -> Result<f64, String> {
     let mut random = Random(Xoshiro256PlusPlus::seed_from_u64(seed));
     let pwm_hz = [100.0, 9.804, 500.0, 20.0][(seed % 4) as usize];
@@ -419,7 +419,7 @@ fn interleave(seed: u64) -> Result<f64, String> {
     Ok(powered_ms)
 }
 
-/// `THERMYO_SEED` gives the only seed.
+/// Checks interleavings of many seeds; `THERMYO_SEED` gives the only seed.
 fn assert_only_what_may_be_driven_is(interleavings: u64) {
     let only = env::var("THERMYO_SEED").ok().map(|text| text.parse().expect("a whole number"));
     let seeds = only.map_or(0..interleavings / TOGETHER, |seed: u64| seed..seed + 1);

@@ -9,23 +9,23 @@ use thermyo_protocol::{
 };
 use thermyo_simulation::board::BoardError;
 
-/// Saves that are cut in each of their operations: some 13 fill a sector.
+/// Number of saves that are cut in each of their operations: some 13 fill a sector.
 const ROUNDS: u32 = 15;
 /// Fractions of an operation's time after which power fails.
 const DONE: [f32; 4] = [0.0, 0.3, 0.7, 0.98];
-/// Time in which a board starts and has its configuration \[ms\].
+/// Time in which a board starts and restores its configuration \[ms\].
 const START_MS: u32 = 40;
 /// Default time between two frames of telemetry \[ms\].
 const TELEMETRY_MS: u32 = 10;
-/// Time in which the board takes two more large requests \[ms\].
+/// Time in which the board accepts two more large requests \[ms\].
 const REQUESTS_MS: u32 = 40;
 /// Time until the answer to a save that erases in both copies \[ms\].
 const SAVE_MS: u32 = 150;
 
-/// The start of a step is this close to its mean delay \[us\].
+/// Largest deviation of a step's start from its mean delay \[us\].
 const JITTER_US: u32 = 5;
 
-/// Power fails at once, during any operation of the flash.
+/// Cuts the power at once, during any operation of the flash.
 const AT_ONCE: u32 = u32::MAX;
 
 const HEALTHY: Sample = Sample::new(AdcCode(7770), AdcCode(15_950), AdcCode(23_757));
@@ -63,13 +63,13 @@ fn status(board: &mut EmulatedBoard) -> Status {
 }
 
 fn save(board: &mut EmulatedBoard, config: &Config) {
-    // Within the ration of requests.
+    // Keeps within the rate of requests.
     pass(board, REQUESTS_MS);
     board.ask(HostCommand::Configure(*config)).unwrap();
     board.ask(HostCommand::Save).unwrap();
 }
 
-/// Power fails and comes back, while nothing is written.
+/// Cuts and restores the power while nothing is written.
 fn cut_the_power(board: &mut EmulatedBoard) {
     board.inject(Injection::PowerCut { operation: AT_ONCE, done: 0.0 });
     pass(board, START_MS);
@@ -97,7 +97,7 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
     assert!(!telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
     board.ask(HostCommand::Arm { most_pa: None }).unwrap();
     board.ask(HostCommand::Start(SetPoint::Duty { inlet: 0.5, outlet: 0.0 })).unwrap();
-    // It vents during the startup check and then drives by itself.
+    // The board vents during the startup check and then drives by itself.
     let refused = board.ask(HostCommand::Forget);
     assert!(matches!(refused, Err(BoardError::Refused(Refusal::NotVented))), "{refused:?}");
     board.ask(HostCommand::Stop).unwrap();
@@ -111,7 +111,7 @@ fn a_saved_configuration_survives_the_power_and_is_forgotten_when_asked() {
     assert!(telemetry.faults.intersects(Faults::NOT_CONFIGURED), "{telemetry:?}");
 }
 
-/// Firmware of another protocol, whose bytes may stand for something else, does not take it for its own.
+/// Firmware of another protocol, whose bytes may mean something else, does not accept the configuration as its own.
 #[test]
 fn a_saved_configuration_names_its_protocol() {
     let folder = tempfile::tempdir().unwrap();
@@ -123,7 +123,7 @@ fn a_saved_configuration_names_its_protocol() {
     let mut buffer = [0; 1024];
     let bytes: &[u8] = postcard::to_slice(&config(7), &mut buffer).unwrap();
     let place = flash.windows(bytes.len()).position(|window| window == bytes).unwrap();
-    // Before its number.
+    // The protocol comes before its number.
     assert_eq!(flash[place - 6..place - 4], PROTOCOL.to_le_bytes());
 }
 
@@ -149,7 +149,7 @@ fn a_board_that_drives_does_not_save() {
     assert!(exchange.outlet_coil > 0.99, "{exchange:?}");
 }
 
-/// Control goes on while the flash is busy, to the millisecond, and the watchdog does not bite.
+/// Control continues while the flash is busy, to the millisecond, and the watchdog does not bite.
 #[test]
 fn control_goes_on_while_the_flash_is_busy() {
     let mut board = EmulatedBoard::new().unwrap();
@@ -170,7 +170,7 @@ fn control_goes_on_while_the_flash_is_busy() {
     assert_eq!(read(&mut board), config(29));
 }
 
-/// The last venting is known after a loss of power.
+/// The last venting event survives a loss of power.
 #[test]
 fn the_last_failure_survives_the_power() {
     let mut rig = driving();
@@ -180,7 +180,7 @@ fn the_last_failure_survives_the_power() {
         let before = rig.board.ask(HostCommand::History(1)).unwrap();
         assert!(matches!(before, Answer::Event(None)), "{before:?}");
     };
-    // To clear it is no other event.
+    // Clearing it is no further event.
     rig.board.ask(HostCommand::ClearFaults).unwrap();
     rig.exchange();
     none_before(&mut rig);
@@ -198,16 +198,15 @@ fn the_last_failure_survives_the_power() {
     none_before(&mut rig);
 }
 
-/// Power fails in every operation of saves that fill the pages of both copies, erase them and begin
-/// again: each time the board starts, and has the old configuration or the new one, whole; and the
-/// next save is kept.
+/// Power fails in every operation of saves that fill the pages of both copies, erase them and start over: each time the
+/// board starts, and has the old configuration or the new one, whole; and the next save is kept.
 #[test]
 fn power_that_fails_while_it_saves_leaves_the_old_or_the_new_configuration() {
     let mut board = EmulatedBoard::new().unwrap();
     pass(&mut board, START_MS);
     save(&mut board, &config(0));
     let (mut number, mut cuts, mut old, mut new) = (0, 0, 0, 0);
-    // Saves until the pages have come round, each cut in every one of its operations.
+    // Saves until the pages have come round, cutting each save in every one of its operations.
     for round in 0..ROUNDS {
         let mut operation = 1;
         loop {
@@ -227,7 +226,7 @@ fn power_that_fails_while_it_saves_leaves_the_old_or_the_new_configuration() {
                 exchange = board.exchange(&HEALTHY).unwrap();
             }
             if exchange.power_cuts == before {
-                // The save had fewer operations: all of them have been cut.
+                // The save had fewer operations, so all of them have been cut.
                 board.inject(Injection::PowerCut { operation: AT_ONCE, done: 0.0 });
                 pass(&mut board, START_MS);
                 assert_eq!(read(&mut board), wanted);

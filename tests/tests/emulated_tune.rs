@@ -1,4 +1,4 @@
-//! The image that is flashed is tuned by the same experiment as the core in this process.
+//! The flashed image is tuned by the same experiment as the core in this process.
 
 use std::path::Path;
 use thermyo_boards::emulated::EmulatedBoard;

@@ -8,17 +8,17 @@ use thermyo_boards::emulated::Port;
 use thermyo_protocol::{Answer, HostCommand, PROTOCOL, Refusal, Timing};
 use thermyo_simulation::board::BoardError;
 
-/// A step starts this much off its mean delay at most \[us\].
+/// Largest deviation of a step's start from its mean delay \[us\].
 const JITTER_US: f64 = 5.0;
-/// Both coils are without power so long after [`LINK_TIMEOUT_MS`] at the latest \[ms\].
+/// Largest time after [`LINK_TIMEOUT_MS`] until both coils are without power \[ms\].
 const VENT_MS: u32 = 20;
 const LINK_TIMEOUT_MS: u32 = 100;
 const SCENARIO: &str = "[plant]\nmodel = \"lumped\"\n[supply]\npressure_pa = 600000.0\n\
                         [link]\ntimeout_s = 0.1\n";
 const FILL: SetPoint = SetPoint::Duty { inlet: 0.3, outlet: 0.0 };
 
-/// Lets a host that says that it is there every so often watch for so long; whether the outlet was
-/// closed at the end.
+/// Runs with a host that reports regularly, for this time; returns whether the outlet was closed at
+/// the end.
 fn run(rig: &mut Rig, milliseconds: u32) -> bool {
     let mut closed = false;
     for ms in 0..milliseconds {
@@ -37,7 +37,7 @@ fn wait(rig: &mut Rig, milliseconds: u32) {
     }
 }
 
-/// Worst start of a step, from the mean start \[us\].
+/// Worst start of a step, relative to the mean start \[us\].
 fn jitter_us(timing: &Timing) -> f64 {
     f64::from(timing.jitter_worst_us) - f64::from(timing.jitter_mean_ns) * 1.0e-3
 }
@@ -55,7 +55,7 @@ fn the_board_identifies_itself() {
     assert_eq!(rig.board.version().unwrap().protocol, PROTOCOL);
 }
 
-/// A host's requests change its own line only.
+/// A host's requests affect its own link only.
 #[test]
 fn each_line_has_its_own_telemetry() {
     let mut rig = Rig::plugged(SCENARIO);
@@ -151,13 +151,14 @@ fn a_flood_over_usb_changes_nothing() {
         assert!(jitter_us(&timing) <= 20.0, "{command:?}: {timing:?}");
         rig.board.send(HostCommand::Stop);
         let until_vented = (0..50).filter(|_| powered(&rig.exchange_with(silent))).count();
-        // A host that asks for the version has just connected: nothing keeps its set point alive.
+        // A host that requests the version has just connected, so nothing keeps its set point
+        // alive.
         let least = usize::from(command != HostCommand::Version);
         assert!((least..=5).contains(&until_vented), "{command:?}: {until_vented} ms");
     }
 }
 
-/// Plugged in, asked and pulled out again, at any moment and in any order.
+/// Checks a board that is plugged in, queried and unplugged at any moment and in any order.
 fn assert_it_can_be_plugged_in(cycles: u32) {
     let mut random = random(5);
     let mut rig = Rig::plugged(SCENARIO);
@@ -165,7 +166,7 @@ fn assert_it_can_be_plugged_in(cycles: u32) {
     for cycle in 0..cycles {
         rig.board.plug(false);
         wait(&mut rig, 1 + random(10));
-        // The cable is in for too short a time now and then.
+        // Now and then the cable is in for too short a time.
         if cycle % 4 == 0 {
             rig.board.plug(true);
             wait(&mut rig, 8 + random(8));
@@ -173,7 +174,7 @@ fn assert_it_can_be_plugged_in(cycles: u32) {
             wait(&mut rig, 1 + random(10));
         }
         rig.board.connect_usb().unwrap_or_else(|error| panic!("cycle {cycle}: {error}"));
-        // The cable may have been pulled in the middle of a frame.
+        // The cable may have been pulled amid a frame.
         rig.board.write(&[0]);
         assert_eq!(rig.board.version().unwrap().protocol, PROTOCOL, "cycle {cycle}");
         match cycle % 3 {
@@ -188,8 +189,8 @@ fn assert_it_can_be_plugged_in(cycles: u32) {
     let timing = rig.board.timing().unwrap();
     println!("{cycles} cycles: {timing:?}");
     assert_eq!((timing.missed_steps, rig.exchange().restarts), (0, 0), "{timing:?}");
-    // For 3 ms after the cable was pulled the bus is not yet a suspended one; a third of the hosts
-    // is sent a frame a step.
+    // For 3 ms after the cable was pulled the bus does not count as suspended; a third of the hosts
+    // is sent a frame per step.
     assert!(timing.dropped_telemetry <= cycles, "{timing:?}");
     assert!(jitter_us(&timing) <= JITTER_US, "{timing:?}");
 }
@@ -210,7 +211,7 @@ enum Loss {
     Silent,
 }
 
-/// Loses the host at a random moment, while another one watches over the other line.
+/// Loses the host at a random moment, while another host watches over the other port.
 fn assert_a_lost_host_vents(cases: u32) {
     let mut random = random(6);
     let (mut least, mut worst) = (u32::MAX, 0);

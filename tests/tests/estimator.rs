@@ -1,18 +1,18 @@
-//! The gas temperature: short cases of what `thermyo evaluate estimator` measures in full, and what
-//! a broken line does to it. Bounds on both sides: a figure far better than it can be is a broken
-//! measurement.
+//! The gas temperature: short cases of the full measurements of `thermyo evaluate estimator`, and
+//! the effect of a broken channel on it. Bounds are on both sides: a figure far better than
+//! possible means a broken measurement.
 
 use model_core::Faults;
 use system_tests::{Finished, assert_within, run_text};
 
-/// The nominal cycle, which the scenario's defaults are, in the plant of that name.
+/// The nominal cycle, which follows from the scenario's defaults, in the plant of this name.
 fn cycle(model: &str, more: &str) -> Finished {
     let text =
         format!("[run]\nduration_s = 40.0\nlog_every = 5\n[plant]\nmodel = \"{model}\"\n{more}");
     run_text(&text, &[])
 }
 
-/// The nominal cycle with a line that is broken from 15 s to 25 s.
+/// The nominal cycle with a channel that is broken from 15 s to 25 s.
 fn broken(line: &str, fault: &str) -> Finished {
     cycle("lumped", &format!("[faults]\n{line} = \"{fault}\"\nfrom_s = 15.0\nuntil_s = 25.0\n"))
 }
@@ -22,7 +22,7 @@ struct Worth {
     error_k: f64,
     /// Fraction of the time within two stated deviations.
     within: f64,
-    /// Fraction of the time in which it was marked as valid.
+    /// Fraction of the time in which the estimate was marked as valid.
     valid: f64,
     faults: u32,
 }
@@ -88,7 +88,7 @@ fn gas_that_goes_to_and_fro_in_a_hose_costs_little() {
     }
 }
 
-/// A tube brings what flows through it near ambient temperature.
+/// A tube brings the gas that flows through it near ambient temperature.
 #[test]
 fn a_cold_or_warm_supply_costs_little() {
     for supply_k in [273.0, 313.0] {
@@ -151,7 +151,7 @@ fn the_load_tells_the_length_where_its_sensor_is_absent() {
         assert_ne!(lost.faults & Faults::LENGTH_SENSOR.0, 0, "{fault}");
         assert_within(fault, worth(&run, 35.0, 40.0).error_k, (0.05, 0.5));
     }
-    // From the start on, against a constant load.
+    // The fault holds from the start, against a constant load.
     let never = cycle("lumped", "[faults]\nlength = \"open\"\nfrom_s = 0.0\nuntil_s = 40.0\n");
     assert_within("never there", worth(&never, 10.0, 40.0).error_k, (0.5, 1.6));
 }

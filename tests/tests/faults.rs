@@ -11,7 +11,7 @@ use thermyo_evaluate::faults::{alarms, table, vent};
 use thermyo_evaluate::{missed, nominal};
 use thermyo_scenario::{Faults as Injected, PlantModel};
 
-/// Runs of each fault, the last of them on `full`.
+/// Number of runs of each fault, the last of them on `full`.
 const RUNS: u64 = 4;
 
 #[test]
@@ -27,10 +27,10 @@ fn every_fault_is_found_in_time_with_the_right_reaction() {
     let drifting = |name: &str| figure("gas sensor drifting", name);
     let (found_percent, error_k) = (drifting("in_time_percent"), drifting("worst_error_k"));
     assert_eq!(found_percent, 100.0);
-    // The estimate follows a reading until it is found, and after it was wrong for long.
+    // The estimate follows a reading until the fault is found, and remains wrong after it was wrong for long.
     assert!((0.5..20.0).contains(&error_k), "{error_k} K");
     assert_eq!(drifting("early"), 0.0);
-    // No jump of the length moves the gas: 22 K where it was taken for work.
+    // A jump of the length does not move the gas: the error was 22 K when it was taken for work.
     let error_k = figure("length sensor open", "worst_error_k");
     assert!((0.5..2.0).contains(&error_k), "{error_k} K");
     assert_eq!(missed(&lines).0, 0);
@@ -43,7 +43,7 @@ fn outcome(name: &str, number: u64) -> Outcome {
     Trial::random(fault, number, COMES_S).run().unwrap()
 }
 
-/// Muscles in which gas, wall and what the foil sees follow a drifting reading most willingly.
+/// Muscles in which gas, wall and the element's temperature follow a drifting reading most readily.
 #[test]
 fn a_drift_that_the_filter_follows_is_found_in_time() {
     for number in [19, 34, 99] {
@@ -56,7 +56,7 @@ fn a_drift_that_the_filter_follows_is_found_in_time() {
     }
 }
 
-/// The wall that a frozen reading led away stayed there, and the estimate was 10 K off.
+/// The wall estimate that a frozen reading led away used to stay there, and the estimate was off by 10 K.
 #[test]
 fn a_frozen_reading_does_not_lead_the_wall_away() {
     for number in [11, 44] {
@@ -65,8 +65,9 @@ fn a_frozen_reading_does_not_lead_the_wall_away() {
     }
 }
 
-/// Without the sensor neither loop takes the length that pressure stands for as measured: both hunted, and the estimate
-/// was 60, 30 and 17 K off. Nor does the filter: as sure as with a length it was 8.9, 8.1 and 12.7 K off.
+/// Without the sensor neither loop takes the length that the pressure implies as measured: otherwise both hunted, and
+/// the estimate was off by 60, 30 and 17 K. Nor does the filter: when it was as sure as with a length, the estimate was
+/// off by 8.9, 8.1 and 12.7 K.
 #[test]
 fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
     for (name, number, most_k) in [
@@ -80,12 +81,12 @@ fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
     }
 }
 
-/// The same runs without their fault: detection is due to the fault.
+/// Runs the same cases without their fault, to show that the detection is due to the fault.
 #[test]
 fn without_its_fault_no_run_shows_it() {
     let mut trials: Vec<Trial> = cases::all()
         .iter()
-        // An inlet that is commanded open at 6 bar comes to no fault, nor to anything else.
+        // An inlet that is commanded open at 6 bar shows no fault, and nothing else.
         .filter(|fault| fault.tasks != [Task::Filling])
         .map(|fault| Trial::random(fault, 0, [2.0, 3.0]))
         .collect();
@@ -105,7 +106,7 @@ fn venting_takes_a_second_where_the_valve_is_large_enough() {
         let muscle = nominal().unwrap().with_model(model);
         let vented = vent::vent(&muscle).unwrap();
         println!("{model:?}: {vented:?}, {:.1} needed", vented.needed_s_mpa());
-        // Gas that hardly takes heat from the wall cools as it leaves, and its pressure falls faster.
+        // Gas that takes hardly any heat from the wall cools as it leaves, and its pressure falls faster.
         assert!((1.05..1.35).contains(&vented.time_s), "{model:?}: {vented:?}");
         assert!((16.0..22.0).contains(&vented.needed_s_mpa()), "{model:?}: {vented:?}");
         let larger = muscle.with(|s| s.valve.conductance_m3_s_pa *= 1.6);
@@ -125,12 +126,12 @@ fn healthy_runs_raise_no_fault() {
     }
 }
 
-/// Every fault that the pins of the board show, one run each: as soon as in this process.
+/// Every fault that is visible at the board's pins, one run each: found as soon as in this process.
 #[test]
 #[cfg_attr(not(emulator), ignore = "THERMYO_SKIP_EMULATOR=1")]
 fn the_emulated_board_finds_the_same_faults_as_the_core() {
     for fault in cases::all() {
-        // A drift takes too long, and the host's silence and missed steps are no pins' affair.
+        // A drift takes too long, and the host's silence and missed steps are not visible at the pins.
         let short = fault.observed_s <= 3.0 || fault.name.ends_with("frozen");
         let at_pins = !fault.name.starts_with("link") && fault.name != "missed steps";
         if !short || !at_pins {

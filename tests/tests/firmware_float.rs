@@ -37,7 +37,7 @@ fn two_steps_with_a_reciprocal_leave_at_most_the_last_bit() {
         let (r, t) = random.next().unwrap();
         for y in [upper << 8, upper << 8 | 0xff, upper << 8 | u64::from(r & 0xff)] {
             for x in [y, y + 1, 2 * y - 2, 2 * y - 1, y + u64::from(t) % y] {
-                // Above 24 bits it is a doubled one.
+                // Above 24 bits the number is a doubled one.
                 let x = if x >= 1 << 24 { x & !1 } else { x };
                 let product = (x >> 9) * reciprocal;
                 let first = product >> 17;

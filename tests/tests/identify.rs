@@ -1,5 +1,4 @@
-//! `thermyo identify`: it finds the parameters that a trace was made with, says how sure it is, and
-//! refuses what it cannot use.
+//! `thermyo identify`: finds the parameters behind a trace, states their errors, and refuses unusable input.
 //!
 //! More seeds: `THERMYO_IDENTIFY_SEEDS=20 cargo test -p system-tests identify`. The measured cases
 //! need `THERMYO_DATA`, the folder with `gas_spring` and `hyddown`; without it they are skipped.
@@ -23,14 +22,14 @@ use thermyo_simulation::run;
 /// A short cycle of the lumped muscle; the default values are the true ones.
 const CYCLE: &str = "[run]\nduration_s = 15.0\nseed = 1\n[plant]\nmodel = \"lumped\"\n\
     [heat]\nmodel = \"constant\"\n";
-/// Believed at first, wrong by up to 50 %.
+/// Initial beliefs, wrong by up to 50 %.
 const WRONG: &str = "[plant]\nmodel = \"lumped\"\n\
     [heat]\nmodel = \"constant\"\ninner_w_m2_k = 120.0\n\
     [wall]\nheat_capacity_j_k = 45.0\n\
     [muscle]\ndead_volume_m3 = 8.0e-6\n\
     [friction]\nforce_n = 20.0\n\
     [sensor.gas]\ntime_constant_s = 2.2\n";
-/// Key and true value of each.
+/// Keys and their true values.
 const TRUTH: [(&str, f64); 5] = [
     ("heat.inner_w_m2_k", 90.0),
     ("wall.heat_capacity_j_k", 65.0),
@@ -39,7 +38,7 @@ const TRUTH: [(&str, f64); 5] = [
     ("sensor.gas.time_constant_s", 3.0),
 ];
 
-/// One identification: its outcome, its folder, and `summary.json` where it was written.
+/// One identification: its outcome, its folder, and `summary.json` if it was written.
 struct Identified {
     outcome: Outcome,
     folder: TempDir,
@@ -81,7 +80,7 @@ impl Identified {
 
 /// A trace as a board would record it: the sensors' noise on every reading.
 fn recorded(trace: &str, seed: u64) -> String {
-    // As the scenario's defaults, averaged over the eight conversions of a code.
+    // As in the scenario's defaults, averaged over the eight conversions of a code.
     let noises = [("pressure_pa", 150.0), ("length_m", 2.0e-5), ("sensor_gas_k", 0.05)];
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut lines = trace.lines();
@@ -89,7 +88,7 @@ fn recorded(trace: &str, seed: u64) -> String {
     let at = |name: &str| names.iter().position(|known| *known == name).expect("the column");
     let inputs = ["time_s", "flow_in_kg_s", "flow_out_kg_s"].map(at);
     let outputs = noises.map(|(name, noise)| (at(name), noise / 8.0_f64.sqrt()));
-    // The truth is read, so that the noise of the run's own seed does not repeat in every trace.
+    // The true values are read, so that the noise of the run's own seed does not repeat in every trace.
     let truth = at("sensor_gas_k");
     let mut text =
         "time_s,flow_in_kg_s,flow_out_kg_s,pressure_pa,length_m,sensor_gas_k\n".to_owned();
@@ -162,15 +161,15 @@ fn the_result_runs_and_the_report_shows_it() {
     }
 }
 
-/// A table of columns, the first of which is the time, from some time on.
+/// A table of columns, the first of which is the time, starting at a given time.
 fn csv<const N: usize>(header: &str, columns: [Vec<f64>; N], from_s: f64) -> String {
     let rows = (0..columns[0].len()).filter(|i| columns[0][*i] >= from_s);
     let row = |i: usize| columns.each_ref().map(|column| column[i].to_string()).join(",") + "\n";
     header.to_owned() + &rows.map(row).collect::<String>()
 }
 
-/// A muscle that is shut and leaks, as a monitor records it; and the scenario that asks for the
-/// leak, configured five times too large.
+/// A shut muscle that leaks, as recorded by a monitor; and the scenario that requests the leak, configured five times
+/// too large.
 fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
     let hold = format!(
         "[run]\nduration_s = {seconds:?}\nlog_every = 100\n\
@@ -184,7 +183,7 @@ fn held(seconds: f64, leak_m3_s_pa: f64) -> Identified {
     identify_texts(&text, &asking_for(&configured, &["leak.conductance_m3_s_pa"]))
 }
 
-/// Searches end with residuals of their tolerance, where the start itself has none.
+/// Searches end with residuals of the size of their tolerance, while the start itself has none.
 #[test]
 fn searches_of_a_record_without_noise_agree() {
     let text = "run = { duration_s = 20 }\nplant.initial_pressure_pa = 4e5\nplant.model = \"lumped\"\n\
@@ -205,7 +204,7 @@ fn a_hold_identifies_the_leak_or_reports_that_it_cannot() {
     assert!(error > 0.0 && error < 0.01 * value, "{value} ± {error}");
     assert!((value - 2.0e-12).abs() < 4.0 * error, "{value} ± {error}");
     assert!(!found.outcome.out.contains("not determined"), "{}", found.outcome.out);
-    // Two seconds of it lose 9 Pa, of readings with a noise of 53 Pa.
+    // Two seconds lose 9 Pa, in readings with a noise of 53 Pa.
     let found = held(2.0, 2.0e-14);
     assert_eq!(found.outcome.code, 1, "{}", found.outcome.out);
     assert_eq!(found.summary["converged"], Value::Bool(false));
@@ -217,8 +216,8 @@ fn a_hold_identifies_the_leak_or_reports_that_it_cannot() {
     assert!(open || out.contains("is not determined"), "{out}");
 }
 
-/// A muscle's record as a board's monitor makes it, from some time on: 100 rows per second, its
-/// sensors' own noise and codes, no flow.
+/// A muscle's record as a board's monitor writes it, starting at a given time: 100 rows per second, its sensors' own
+/// noise and codes, no flow.
 fn monitored(model: &str, from_s: f64) -> String {
     let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = ";
     let run = run_text(&format!("{cycle}{model:?}\n[heat]\nmodel = \"constant\"\n"), &[]);
@@ -254,7 +253,7 @@ fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
         assert_eq!(found.outcome.code, 0, "{}{}", found.outcome.out, found.outcome.err);
         for (path, truth, certain) in [
             ("heat.inner_w_m2_k", 90.0, 0.01),
-            // Six times as uncertain as of a muscle without slip and creep.
+            // Six times as uncertain as for a muscle without slip and creep.
             ("heat.inner_per_flow", 1e5, 0.05),
             ("wall.heat_capacity_j_k", 65.0, 0.03),
             ("sensor.gas.time_constant_s", 3.0, 0.002),
@@ -262,8 +261,8 @@ fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
             let (value, error) = found.parameter(path);
             println!("record from {from_s} s: {path} {value} ± {error}, true {truth}");
             assert!(error < certain * value, "{path}: {value} ± {error}");
-            // Of a muscle that creeps and never rests on its stop, the record leaves a combination of
-            // three open, and small errors of the model go along it.
+            // For a muscle that creeps and never rests on its stop, the record leaves a combination of three parameters
+            // open, along which small errors of the model act.
             assert!((value - truth).abs() < 6.0 * error, "{path}: {value} ± {error}");
         }
         let rmse = found.figure(&["rmse", "temperature_k"]);
@@ -271,7 +270,7 @@ fn pressure_and_length_drive_where_only_the_sensor_is_compared() {
     }
 }
 
-/// Housing and location of the sensor are taken for heat transfer and lag.
+/// Housing and location of the sensor appear as heat transfer and lag.
 #[test]
 fn motion_alone_leaves_the_heat_transfer_of_a_muscle_in_zones_open() {
     let found = identify_texts(&monitored("full", 0.0), &configured("full"));
@@ -295,7 +294,7 @@ fn a_record_with_holes_or_of_something_else_is_remarked() {
     assert!(out.contains("sensor_gas_k is missed by "), "{out}");
 }
 
-/// The board restarted in the middle, and had run for two minutes before the monitor looked.
+/// The board restarted in the middle, and had run for two minutes before the monitor started.
 #[test]
 fn a_monitors_record_of_a_board_that_restarted_is_taken() {
     let cycle = "[run]\nduration_s = 60.0\nlog_every = 10\n[plant]\nmodel = \"lumped\"\n\
@@ -445,7 +444,7 @@ fn bad_input_is_one_clear_message() {
     }
 }
 
-/// A measured case, where there is one.
+/// A measured case, if it is available.
 fn measurement(name: &str) -> Option<PathBuf> {
     let path = env::var_os("THERMYO_DATA").map(|folder| Path::new(&folder).join(name));
     let found = path.filter(|path| path.exists());
@@ -463,7 +462,7 @@ fn measured_gas_spring() {
     // Newton's cooling with a wall that stays cold: 3.5 kPa.
     let rmse = found.figure(&["rmse", "pressure_pa"]);
     assert!((2_600.0..2_800.0).contains(&rmse), "{rmse}");
-    // 23 501 rows of which few are independent: the model's error goes on.
+    // 23 501 rows, few of which are independent: the model's error persists.
     let rows = found.figure(&["effective_rows", "pressure_pa"]);
     assert!((20.0..200.0).contains(&rows), "{rows}");
     let (mass, error) = found.parameter("gas_mass_kg");

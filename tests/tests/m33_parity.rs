@@ -1,13 +1,13 @@
-//! The core on a Cortex-M33, which has an FPU, computes what it computes on the host, to the bit.
+//! The core on a Cortex-M33, which has an FPU, computes the same as on the host, to the bit.
 //!
-//! The emulator computes with the host's FPU: what this shows is that the compiled code does the
-//! same operations in the same order. That the chip's FPU rounds as the host's does is IEEE 754.
+//! The emulator computes with the host's FPU: this shows that the compiled code does the same operations in the same
+//! order. IEEE 754 ensures that the chip's FPU rounds like the host's.
 
 use system_tests::m33::EmulatedM33;
 use system_tests::parity;
 
-/// Cycles of a step, compiled as the images are: 3 344 in the mean and 5 698 at worst of the 150 000 that 150 MHz
-/// have in a millisecond.
+/// Cycles of a step, compiled like the images: 3 344 in the mean and 5 698 at worst of the 150 000 in a millisecond at
+/// 150 MHz.
 const MEAN: std::ops::Range<u64> = 3000..3500;
 const WORST: std::ops::Range<u32> = 5200..6100;
 
@@ -28,7 +28,7 @@ fn code_for_the_cortex_m33_is_equal_to_the_bit() {
     ten_thousand_steps("thumbv8m.main-none-eabihf");
 }
 
-/// The code of the NUCLEO-G474RE, which the Cortex-M33 takes too.
+/// The code of the NUCLEO-G474RE, which a Cortex-M33 can run too.
 #[test]
 fn code_for_the_cortex_m4f_is_equal_to_the_bit() {
     ten_thousand_steps("thumbv7em-none-eabihf");

@@ -11,8 +11,8 @@ fn mass_and_energy_balance_over_100_s() {
         assert_eq!(run.figure("core.steps"), 100_001.0);
         let (mass, energy) = (run.figure("mass_balance_error"), run.figure("energy_balance_error"));
         assert!(mass < 1e-9, "{model}: mass {mass}");
-        // Integrator and balance have the same order but are separate: an error of zero would mean
-        // that the balance is closed by construction.
+        // Integrator and balance have the same order but are separate: an error of zero would mean that the balance
+        // closes by construction.
         assert!(energy < 1e-6 && energy > 1e-16, "{model}: energy {energy}");
     }
 }
@@ -38,7 +38,7 @@ fn every_number_of_the_trace_reads_back() {
     for name in header.split(',') {
         assert_eq!(run.column(name).len(), 51, "{name}");
     }
-    // Mass is what flowed in, row by row: the flows are means since the row before.
+    // Mass equals the inflow, row by row: the flows are means since the row before.
     let (mass, inflow) = (run.column("mass_kg"), run.column("flow_in_kg_s"));
     let moved: f64 = inflow.iter().map(|flow| flow * 0.01).sum();
     assert!((moved / (mass[50] - mass[0]) - 1.0).abs() < 1e-9);

@@ -1,4 +1,4 @@
-//! A day of board time: the core alone, on the codes of one recorded working cycle, over and over.
+//! A day of board time: the core alone, repeatedly on the codes of one recorded working cycle.
 
 use model_core::{Command, Config, Core, Estimate, Sample, SetPoint};
 use std::time::Instant;
@@ -8,20 +8,21 @@ use thermyo_simulation::run;
 
 /// Steps of one working cycle of 5 s.
 const CYCLE: usize = 5_000;
-/// The recorded cycle is the last one of so long a run \[s\]: the wall no longer warms from stroke to stroke, or a
-/// record that is repeated would contradict the law of the wall.
+/// Duration of the run whose last cycle is recorded \[s\]: the wall no longer warms from stroke to stroke, since a
+/// repeated record would otherwise contradict the law of the wall.
 const WARM_S: f64 = 600.0;
-/// By then the estimator has forgotten how it started: 1500 s, four time constants of the wall and five of its memory.
+/// Cycle by which the estimator has forgotten how it started: 1500 s, four time constants of the wall and five of its
+/// memory.
 const SETTLED_CYCLE: u32 = 300;
 
 struct Step {
     sample: Sample,
-    /// Command that the valves then got.
+    /// Command that the valves then received.
     command: Command,
     gas_k: f64,
 }
 
-/// Config, and the last cycle of the nominal run.
+/// Configuration, and the last cycle of the nominal run.
 fn recorded(model: PlantModel) -> (Config, Vec<Step>) {
     let mut loaded = thermyo_evaluate::nominal().unwrap().with_model(model);
     loaded.plant.run.log_every = 1;
@@ -35,18 +36,18 @@ fn recorded(model: PlantModel) -> (Config, Vec<Step>) {
     (core_config(&loaded.believed), steps.split_off(steps.len() - CYCLE))
 }
 
-/// The recorded duties as a set point. A controller in a loop that nothing closes would open other valves than the
-/// ones through which the recorded gas flowed.
+/// The recorded duties as a set point. A controller in a loop that nothing closes would open valves other than those
+/// through which the recorded gas flowed.
 fn duties(command: Command) -> SetPoint {
     SetPoint::Duty { inlet: command.inlet.share(), outlet: command.outlet.share() }
 }
 
 /// Differences of the estimate between cycle [`SETTLED_CYCLE`] and the last one \[K\].
 struct Drift {
-    /// Of the whole cycle, root of the mean square.
+    /// Root mean square over the whole cycle.
     rms_k: f64,
-    /// Of one step. The last bit of a state may decide whether a reading is within a code that the converter makes too
-    /// wide; for a few milliseconds, the estimates then differ as the readings at that edge do.
+    /// Largest difference in one step. The last bit of a state may decide whether a reading is within a code that the
+    /// converter makes too wide; for a few milliseconds, the estimates then differ as the readings at that edge do.
     worst_k: f64,
 }
 
@@ -115,7 +116,7 @@ fn hours_k(hours: usize) -> Vec<(f64, f64)> {
     let mut sums = vec![(0.0, 0.0, 0.0); hours];
     run::on_core(&loaded, |row| {
         let hour = (row.truth.time_s / HOUR_S) as usize;
-        // The first 500 s are the estimator's to learn in.
+        // The estimator learns during the first 500 s.
         if let Some(sum) = sums.get_mut(hour)
             && row.truth.time_s > 500.0
         {

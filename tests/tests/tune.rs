@@ -1,5 +1,5 @@
-//! `thermyo tune`: what it finds of a muscle that the core is configured wrong, what that is worth, and when it
-//! refuses. Bounds on both sides: a figure far better than it can be is a broken measurement.
+//! `thermyo tune`: its findings for a muscle with a wrong configuration of the core, their benefit, and its refusals.
+//! Bounds are on both sides: a figure far better than possible means a broken measurement.
 
 use thermyo_evaluate::control::sine;
 use thermyo_evaluate::tune::{ALL_WRONG, configured, off, tuned};
@@ -17,7 +17,7 @@ fn a_muscle_configured_wrong_is_found() {
     let turns = plant.muscle.turns;
     for (path, truth, bounds) in [
         ("friction.force_n", plant.friction.force_n, (-2.0, 2.0)),
-        // Twice as far off as without slip and creep, like the two above and below.
+        // Twice the error as without slip and creep, like the two above and below.
         ("muscle.turns", turns, (-0.5, 0.5)),
         ("muscle.bladder_stiffness_n_m", plant.muscle.bladder_stiffness_n_m, (-3.0, 1.5)),
         // Tube and drooping regulator take 5 % of the conductance.
@@ -32,7 +32,7 @@ fn a_muscle_configured_wrong_is_found() {
         let error = findings.value(path).unwrap().standard_error.unwrap();
         assert_within(&format!("{path}, standard error"), error / truth, (0.01, 0.4));
     }
-    // The rule gives the muscle back the gains that were found by hand.
+    // The rule reproduces the gains that were found by hand.
     for (path, bounds) in [
         ("controller.pressure_loop_s", (0.0145, 0.0160)),
         ("controller.pressure_reset_s", (0.27, 0.32)),
@@ -117,7 +117,7 @@ fn poor_data_is_refused_and_nothing_written() {
         ),
         ("[sensor.length]\nnoise_m = 0.015\n".to_owned(), "experiment: length sensor"),
         ("[believed.valve]\nconductance_m3_s_pa = 4e-10\n".to_owned(), "friction stands out of"),
-        // Slip and creep hold back what nothing lengthens.
+        // Slip and creep hold the muscle against a load too light to lengthen it.
         ("[load]\nforce_n = 0.0\n".to_owned(), "too light to lengthen the muscle again"),
     ] {
         let (outcome, folder) = tune(&text, &[]);
@@ -147,7 +147,7 @@ fn an_untunable_chamber_is_bad_input() {
     }
 }
 
-/// A cylinder with a stiff spring, configured 10 % less friction and area.
+/// A cylinder with a stiff spring, whose configured friction and area are 10 % too small.
 #[test]
 fn a_cylinder_configured_wrong_is_found() {
     for (acts, rest_m, load_n) in [("push", 0.25, -150.0), ("pull", 0.35, 150.0)] {

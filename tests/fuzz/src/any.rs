@@ -8,18 +8,18 @@ use serde::de::{
 
 pub trait Choices {
     fn real(&mut self) -> f32;
-    /// A whole number of at most so many bits.
+    /// A whole number of at most `bits` bits.
     fn whole(&mut self, bits: u32) -> u64;
-    /// One of so many.
+    /// One of `count` choices.
     fn one_of(&mut self, count: u32) -> u32;
 }
 
-/// A value made of `choices`; `None` where they make none, such as a duty above 1.
+/// A value made of `choices`; `None` if they make none, such as a duty above 1.
 pub fn value<T: DeserializeOwned>(choices: &mut impl Choices) -> Option<T> {
     T::deserialize(Chosen(choices)).ok()
 }
 
-/// Any bits, edge cases more often. When the input has run out, zeros.
+/// Any bits, edge cases more often; zeros once the input has run out.
 impl Choices for Unstructured<'_> {
     fn real(&mut self) -> f32 {
         const SPECIAL: [f32; 12] = [
@@ -56,7 +56,7 @@ pub fn byte(bytes: &mut Unstructured) -> u8 {
     bytes.arbitrary().unwrap_or_default()
 }
 
-/// One of them.
+/// One of these values.
 pub fn one_of<'a, T>(bytes: &mut Unstructured, all: &'a [T]) -> &'a T {
     let index = bytes.whole(if all.len() > 256 { 16 } else { 8 }) as usize;
     &all[index % all.len()]
@@ -96,7 +96,7 @@ impl<'de, C: Choices> Deserializer<'de> for Chosen<'_, C> {
         deserialize_u64 visit_u64 u64
     );
 
-    /// As on the wire: tables are their numbers, without names.
+    /// As on the wire, where tables are their numbers without names.
     fn is_human_readable(&self) -> bool {
         false
     }

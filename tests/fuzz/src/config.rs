@@ -18,7 +18,7 @@ use thermyo_scenario::{GasElementKind, PressureKind};
 /// A kind of chamber, load, gas and pressure sensor, with the number of each field.
 struct Kind {
     base: Config,
-    /// Which of its enums' variants it has, in the order in which serde has them.
+    /// The variants of its enums, in serde's order.
     variants: Vec<u32>,
     numbers: Vec<f32>,
     /// Name of each number.
@@ -29,17 +29,17 @@ struct Kind {
 #[derive(Clone, Copy, PartialEq)]
 enum Spread {
     Usual,
-    /// Only these are anywhere in their range.
+    /// Only these numbers are anywhere in their range.
     Some([usize; 3]),
     /// Every number is within a factor of two.
     Near,
-    /// A quarter of the numbers is anywhere in its range.
+    /// A quarter of the numbers are anywhere in their range.
     Quarter,
     /// Every number is anywhere in its range.
     All,
 }
 
-/// A configuration; without bytes the default one.
+/// Makes a configuration; without bytes the default one.
 pub fn from_bytes(bytes: &mut Unstructured) -> Config {
     let kinds = kinds();
     let kind = any::one_of(bytes, kinds);
@@ -87,8 +87,8 @@ fn anywhere(bytes: &mut Unstructured, usual: f32, allowed: &ConfigError) -> f32 
     }
 }
 
-/// The configuration with the numbers that `number` returns, called in the order in which they are
-/// checked; none where the rows of a table leave the next one no room.
+/// The configuration with the numbers that `number` returns, called in the order of their checks;
+/// none if the rows of a table leave no room for the next one.
 fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Option<Config> {
     let mut numbers = vec![f32::NAN; kind.numbers.len()];
     loop {
@@ -105,7 +105,7 @@ fn filled(kind: &Kind, mut number: impl FnMut(usize, &ConfigError) -> f32) -> Op
     }
 }
 
-/// The names and values of what differs from a usual configuration.
+/// Names and values that differ from a usual configuration.
 pub fn differences(config: &Config) -> String {
     let variants = variants(config);
     let kinds = kinds();
@@ -159,7 +159,7 @@ fn kinds() -> &'static [Kind] {
     })
 }
 
-/// Every row is in use, so that each of its numbers is checked.
+/// A table with every row in use, so that each of its numbers is checked.
 fn bellows() -> ChamberConfig {
     let mut rows = [Row::default(); MOST_ROWS];
     for (i, row) in rows.iter_mut().enumerate() {
@@ -173,7 +173,7 @@ fn bellows() -> ChamberConfig {
     ChamberConfig::Table(Table { rows, count: MOST_ROWS as u8, rest_length_m: 0.09 })
 }
 
-/// Finds the number of a name: the refusal of `check` names it.
+/// Finds the name of each number, from the refusal of `check`.
 fn kind(base: Config) -> Kind {
     let variants = variants(&base);
     let usual = numbers(&base);
@@ -197,7 +197,7 @@ fn kind(base: Config) -> Kind {
     Kind { base, variants, numbers: usual, names }
 }
 
-/// The numbers of a configuration, one after the other.
+/// The numbers of a configuration, in sequence.
 struct Numbers<'a> {
     variants: std::slice::Iter<'a, u32>,
     numbers: std::slice::Iter<'a, f32>,
@@ -288,7 +288,7 @@ mod tests {
         );
     }
 
-    /// In the scenario the rows are a file's.
+    /// In the scenario the rows are in a file.
     fn is_of_a_row(name: &str) -> bool {
         ["table.rows", "table.length_m", "table.volume_m3", "table.force_n"].contains(&name)
     }

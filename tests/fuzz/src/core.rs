@@ -30,13 +30,13 @@ const VENTING: Faults = Faults::EMERGENCY_STOP
 /// Limits of gas and wall temperature \[K\].
 const POSSIBLE_K: std::ops::RangeInclusive<f32> = 100.0..=1000.0;
 
-/// Maximum number of requests of a case.
+/// Largest number of requests of a case.
 const MOST_REQUESTS: usize = 100;
 
 /// Steps between two requests. Long pauses are rare, so that a case takes milliseconds.
 const STEPS: [u16; 16] = [1, 2, 5, 9, 10, 11, 20, 30, 49, 50, 70, 100, 200, 400, 1000, 3000];
 
-/// Lives one life; returns its steps.
+/// Runs one life; returns its steps.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let mut life = Life::new(&mut bytes);
@@ -52,14 +52,14 @@ pub fn run(bytes: &[u8]) -> u64 {
 
 struct Life {
     core: Core,
-    /// The same core where subnormal numbers are zeros.
+    /// The same core, run with subnormal numbers as zeros.
     flushed: Core,
-    /// The set point given since the core last vented for any cause.
+    /// The last set point since the core vented for any cause.
     set_point: SetPoint,
-    /// The set point from which the duties of this PWM period come.
+    /// The set point behind the duties of this PWM period.
     held: SetPoint,
     armed: bool,
-    /// Steps since the PWM period began, the coming one not counted.
+    /// Steps since the PWM period began, without the coming one.
     elapsed_steps: u16,
     latched: Faults,
     command: Command,
@@ -182,13 +182,13 @@ impl Life {
         }
     }
 
-    /// From now on it vents, without grace, until another set point is given.
+    /// Lets go: from now on it vents, without grace, until another set point arrives.
     fn let_go(&mut self) {
         self.set_point = SetPoint::Vent;
         self.held = SetPoint::Vent;
     }
 
-    /// Whether a PWM period begins in a step, before which so many were missed.
+    /// Whether a PWM period begins in a step, before which `missed_steps` were missed.
     fn begins_period(&mut self, missed_steps: u8) -> bool {
         let period_steps = self.core.config().pwm_period_steps;
         let elapsed_steps = (self.elapsed_steps + u16::from(missed_steps)) % period_steps;
@@ -200,7 +200,7 @@ impl Life {
         let steps = *any::one_of(bytes, &STEPS);
         let flags = byte(bytes);
         for step in 0..steps {
-            // The first step of sixteen, where at all.
+            // The first step of sixteen, if at all.
             let now = |flag: u8| flags & flag == flag && step % 16 == 0;
             let [pressure, gas] = [&mut self.pressure, &mut self.gas]
                 .map(|signal| signal.next(self.command, &mut self.random).0);
@@ -272,7 +272,7 @@ impl Life {
         self.step += 1;
     }
 
-    /// Checks that the duties at the begin of a period are allowed by its set point.
+    /// Checks that the set point allows the duties at the beginning of a period.
     fn asked_for(&self, telemetry: &Telemetry) {
         let about = Some(telemetry);
         let Command { inlet, outlet } = telemetry.command;
@@ -298,7 +298,7 @@ impl Life {
         self.holds(latched.of(self.latched) == self.latched, "what is latched stays", None);
     }
 
-    /// `same`: both cores have taken a set point, or refused it.
+    /// `same`: both cores have accepted a set point, or refused it.
     fn same(&self, same: bool) {
         self.holds(same, "subnormal numbers do not matter to what is taken", None);
     }
@@ -322,7 +322,7 @@ impl Life {
     }
 }
 
-/// A core and the same one where subnormal numbers are zeros.
+/// A core, and the same core for subnormal numbers as zeros.
 fn started(config: &Config) -> (Core, Core) {
     let new = || Core::new(config).expect("every configuration that is checked is taken");
     (new(), flushed(new))

@@ -7,13 +7,13 @@ pub fn flushed<R>(work: impl FnOnce() -> R) -> R {
     apart(work)
 }
 
-/// No operation of `work` is moved out of its mode.
+/// Keeps the compiler from moving operations of `work` out of their mode.
 #[inline(never)]
 fn apart<R>(work: impl FnOnce() -> R) -> R {
     work()
 }
 
-/// The mode before; restored when dropped, also by a panic.
+/// The previous mode; restored when dropped, also by a panic.
 struct Mode(u32);
 
 #[cfg(target_arch = "x86_64")]

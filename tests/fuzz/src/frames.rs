@@ -8,7 +8,7 @@ use thermyo_protocol::{Decoder, MAX_FRAME, Message, Request, encode};
 
 const MOST_FRAMES: usize = 64;
 
-/// Sends a stream; returns its frames, those of garbage included.
+/// Sends a stream; returns the number of its frames, including those of garbage.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     match byte(&mut bytes) % 4 {
@@ -21,8 +21,7 @@ pub fn run(bytes: &[u8]) -> u64 {
     }
 }
 
-/// Random bytes. Each frame is a message or is counted as malformed, and each message survives being
-/// sent again.
+/// Random bytes. Each frame is a message or counts as malformed, and each message survives being sent again.
 fn garbage<T: Serialize + DeserializeOwned>(bytes: &[u8]) -> u64 {
     let mut decoder = Decoder::new();
     let mut messages = 0;
@@ -37,8 +36,8 @@ fn garbage<T: Serialize + DeserializeOwned>(bytes: &[u8]) -> u64 {
     u64::from(messages + dropped)
 }
 
-/// Frames of any messages, some of them damaged. A frame that is whole arrives, whatever came
-/// before the zero before it.
+/// Frames of any messages, some of them damaged. A whole frame arrives, whatever comes before the zero that precedes
+/// it.
 fn stream<T: Serialize + DeserializeOwned>(bytes: &mut Unstructured) -> u64 {
     let mut decoder = Decoder::new();
     let mut frames = 0;

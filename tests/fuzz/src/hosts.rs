@@ -1,6 +1,5 @@
-//! Two hosts at one arbiter: whatever they send and however late the board reads it, a stop
-//! overtakes what was sent before it, and a host that falls silent is not kept alive by the other
-//! one.
+//! Two hosts at one arbiter: whatever they send, and however late the board reads it, a stop
+//! overtakes earlier orders, and one host does not keep another, silent one alive.
 
 use crate::any::byte;
 use arbitrary::Unstructured;
@@ -10,12 +9,12 @@ use thermyo_protocol::arbiter::{Arbiter, SETTLING_STEPS, Ticket};
 const LINES: usize = 2;
 /// Steps of silence after which the board vents.
 const TIMEOUT_STEPS: u64 = 5;
-/// Steps for which a frame that was sent may not be seen by the board.
+/// Largest number of steps for which the board may not see a frame that was sent.
 const MOST_HIDDEN_STEPS: u8 = SETTLING_STEPS;
-/// Steps after the last frame of its line, and the other line's last stop, after which an order is
-/// carried out where the board reads at once.
+/// Steps after the last frame of an order's link, and after the other link's last stop, after which
+/// the order is carried out if the board reads at once.
 const SETTLED_STEPS: u64 = SETTLING_STEPS as u64 + MOST_HIDDEN_STEPS as u64 + 3;
-/// The steps between two events.
+/// Numbers of steps between two events.
 const STEPS: [u8; 8] = [1, 1, 1, 2, 3, 5, 8, 40];
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,29 +30,29 @@ enum Request {
 #[derive(Debug, Clone, Copy)]
 struct Frame {
     request: Request,
-    /// When its first byte was sent: number of the event, and of the step.
+    /// Time at which its first byte was sent: number of the event, and of the step.
     sent: u64,
     sent_step: u64,
     hidden_steps: u8,
-    /// Its last byte was sent too.
+    /// Whether its last byte was sent too.
     whole: bool,
-    /// When the one before it on its line was sent.
+    /// Step at which the frame before it on its link was sent.
     previous_step: u64,
 }
 
-/// A line, its host, and the task that reads it.
+/// A link, its host, and the task that reads it.
 #[derive(Default)]
 struct Line {
     sent: VecDeque<Frame>,
-    /// Of the first of these frames, once its first byte was read.
+    /// Ticket of the first of these frames, once its first byte was read.
     begun: Option<Ticket>,
-    /// The request to carry out next; nothing is read meanwhile.
+    /// The request to carry out next; meanwhile nothing is read.
     waits: Option<(Frame, Ticket)>,
     asked: bool,
     last_sent_step: u64,
-    /// When its last stop was sent and when it was read; the step of the latter.
+    /// Events at which its last stop was sent and read, and the step of the reading.
     stop: Option<(u64, u64, u64)>,
-    /// Step in which its host was heard last.
+    /// Step in which its host was last heard.
     heard_step: u64,
 }
 
@@ -63,14 +62,14 @@ struct Hosts {
     lines: [Line; LINES],
     event: u64,
     step: u64,
-    /// Line whose order holds, and the steps for which its host has been silent, as the arbiter
-    /// counts.
+    /// Link whose order holds, and the steps for which its host has been silent, as counted by the
+    /// arbiter.
     driven: Option<(usize, u64)>,
-    /// The tasks never wait.
+    /// Whether the tasks never wait.
     prompt: bool,
 }
 
-/// Lives one life of both hosts; returns its steps.
+/// Runs one life of both hosts; returns its steps.
 pub fn run(bytes: &[u8]) -> u64 {
     let mut bytes = Unstructured::new(bytes);
     let mut hosts = Hosts { prompt: byte(&mut bytes).is_multiple_of(2), ..Hosts::default() };
@@ -95,7 +94,7 @@ pub fn run(bytes: &[u8]) -> u64 {
 }
 
 impl Hosts {
-    /// A host sends a frame, or the rest of the one that it has begun.
+    /// Lets a host send a frame, or the rest of the frame that it has begun.
     fn send(&mut self, index: usize, request: Request, choice: u8) {
         self.event += 1;
         let line = &mut self.lines[index];
@@ -116,7 +115,7 @@ impl Hosts {
         self.hurry();
     }
 
-    /// The task of a line reads what there is, up to an order.
+    /// Lets the task of a link read the available bytes, up to an order.
     fn look(&mut self, index: usize) {
         self.event += 1;
         let line = &mut self.lines[index];
@@ -154,11 +153,11 @@ impl Hosts {
         }
     }
 
-    /// Control carries out what a line waits for.
+    /// Lets control carry out the order that a link waits for.
     fn carry_out(&mut self, index: usize) {
         self.event += 1;
         let Some((order, ticket)) = self.lines[index].waits.take() else { return };
-        // When the stops were that it must not have been sent before.
+        // Times of the stops before which it must not have been sent.
         let stops = |own: bool| {
             let lines = self.lines.iter().enumerate().filter(move |(i, _)| (*i == index) == own);
             lines.filter_map(|(_, line)| line.stop)
@@ -170,7 +169,7 @@ impl Hosts {
             if order.request == Request::Order {
                 self.arbiter.obey(ticket);
                 self.driven = Some((index, 0));
-                // It is heard by its order, however long that has waited.
+                // The order itself shows that the host is there, however long it has waited.
                 self.lines[index].heard_step = self.step;
             }
         } else {
@@ -183,7 +182,7 @@ impl Hosts {
         }
     }
 
-    /// A step of the control task, and what its hardware does meanwhile.
+    /// Runs a step of the control task, and the hardware meanwhile.
     fn one_step(&mut self) {
         self.event += 1;
         self.step += 1;
@@ -216,7 +215,7 @@ impl Hosts {
         self.hurry();
     }
 
-    /// Where the tasks never wait, everything is read and carried out at once.
+    /// Reads and carries out everything at once, if the tasks never wait.
     fn hurry(&mut self) {
         for index in 0..if self.prompt { LINES } else { 0 } {
             self.look(index);

@@ -1,4 +1,4 @@
-//! Makes thousands of cases, tries them, and shortens those that violate a property.
+//! Generates thousands of cases, tries them, and shortens those that violate a property.
 
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::{cell::RefCell, fs, io, thread};
 
 const MOST_BYTES: u32 = 600;
-/// Cases that are tried to make one shorter.
+/// Number of attempts to shorten a case.
 const SHORTENINGS: u32 = 20_000;
 
 /// Code under test.
@@ -20,7 +20,7 @@ pub struct Target {
     pub name: &'static str,
     /// Unit of its count.
     pub counts: &'static str,
-    /// Takes a case and returns its count; panics when a property is violated.
+    /// Takes a case and returns its count; panics if a property is violated.
     pub run: fn(&[u8]) -> u64,
 }
 
@@ -45,18 +45,18 @@ pub struct Violation {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hunted {
     pub cases: u64,
-    /// Steps, frames, scenarios or tables in them.
+    /// Steps, frames, scenarios or tables in the cases.
     pub count: u64,
     /// One violation of each kind.
     pub violations: Vec<Violation>,
 }
 
 thread_local! {
-    /// Where this thread panicked last.
+    /// Place of this thread's last panic.
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// Panics are caught from here on: they are noted, not printed.
+/// Catches panics from here on: they are recorded, not printed.
 pub fn catch_panics() {
     set_hook(Box::new(|info: &PanicHookInfo| {
         let place = info.location().map(ToString::to_string).unwrap_or_default();
@@ -73,7 +73,7 @@ impl Target {
             let what = message.unwrap_or_default();
             let first = what.lines().next().unwrap_or_default();
             let place = PLACE.take();
-            // Violations of one property have one place, whatever numbers they name.
+            // Violations of one property have one place, whatever numbers they mention.
             let place = if first.starts_with("does not hold") { first.to_owned() } else { place };
             Violation { place, what, case: case.to_vec() }
         })
@@ -93,7 +93,8 @@ impl Target {
         Ok(files)
     }
 
-    /// Tries cases on all cores until they count `count`; the same `seed` tries the same ones.
+    /// Tries cases on all cores until their counts reach `count`; the same `seed` tries the same
+    /// cases.
     pub fn hunt(&self, count: u64, seed: u64) -> io::Result<Hunted> {
         let corpus: Vec<Vec<u8>> = self.corpus()?.into_iter().map(|(_, bytes)| bytes).collect();
         let (next, counted) = (AtomicU64::new(0), AtomicU64::new(0));
@@ -173,7 +174,7 @@ impl Target {
 /// Case `number`: random bytes, or a case of the corpus changed in a few places.
 fn made(corpus: &[Vec<u8>], seed: u64, number: u64) -> Vec<u8> {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-    // As far from each other as chance is.
+    // Streams as far apart as chance allows.
     let stream = number.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ random.next_u64();
     let mut random = Xoshiro256PlusPlus::seed_from_u64(stream);
     let mut below = |limit: usize| (random.next_u64() % limit.max(1) as u64) as usize;

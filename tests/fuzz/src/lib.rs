@@ -1,8 +1,8 @@
 //! Random inputs, and properties that have to hold for all of them.
 //!
 //! A case is a few hundred bytes. [`core`], [`frames`], [`scenarios`], [`tables`] and [`hosts`]
-//! each make their input of them, and panic where something does not hold. [`hunt`] makes cases,
-//! half of them from those of `corpus/`, and shortens the ones that fail.
+//! each derive their input from them, and panic if a property does not hold. [`hunt`] generates
+//! cases, half of them from those of `corpus/`, and shortens the ones that fail.
 
 pub mod any;
 pub mod config;

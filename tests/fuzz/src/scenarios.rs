@@ -12,7 +12,7 @@ use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, OBSERVABLE};
 
 const MOST_KEYS: usize = 24;
-/// In a folder that does not exist, so that no CSV file is found.
+/// A folder that does not exist, so that no CSV file is found.
 const ORIGIN: &str = "nowhere/scenario.toml";
 
 /// Loads a scenario; returns 1.

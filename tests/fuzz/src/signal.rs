@@ -10,15 +10,14 @@ use rand_xoshiro::rand_core::Rng;
 /// Course of a channel's code.
 #[derive(Debug, Clone, Copy)]
 enum Waveform {
-    /// It follows what the valves let in and out, by so much a step, and stays within a usual
-    /// range.
+    /// Follows the flow through the valves by this much per step, and stays within a usual range.
     Follow(f32),
     Still,
     /// Changes by this much per step.
     Ramp(f32),
     /// Alternates by this much.
     Toggle(u16),
-    /// Anything at any step.
+    /// Any code at any step.
     Random,
 }
 
@@ -26,7 +25,7 @@ enum Waveform {
 pub struct Signal {
     waveform: Waveform,
     code: f32,
-    /// Largest noise, either way.
+    /// Largest noise, in either direction.
     noise: u16,
     odd: bool,
 }

@@ -16,7 +16,8 @@ use thermyo_setup::Loaded;
 const FILE: &str = "nowhere/data.csv";
 const MOST_CELLS: usize = 200;
 
-/// Scenarios whose data differ: a muscle by flows, by duties, by its gas sensor alone; vessels.
+/// Scenarios that differ in their data: a muscle by flows, by duties, by its gas sensor alone;
+/// vessels.
 static SCENARIOS: LazyLock<Vec<Loaded>> = LazyLock::new(|| {
     [
         "",
@@ -58,7 +59,7 @@ pub fn run(bytes: &[u8]) -> u64 {
     1
 }
 
-/// Checks that the beginning of a record has the beginning of its rows.
+/// Checks that the beginning of a record contains the beginning of its rows.
 fn cut_anywhere(beginning: &[u8], whole: Option<&Table>) {
     let table = match Table::parse_record(beginning, Path::new(FILE)) {
         Ok(table) => table,
@@ -79,7 +80,7 @@ fn whole(text: &str, record: Option<&Table>) {
         Ok(table) => {
             let rows = table.columns().iter().all(|column| column.cells.len() == table.rows());
             assert!(rows && table.rows() > 0 && table.damage().is_none());
-            // A last line without a line end counts here, but not in a record.
+            // An unterminated last line counts here, but not in a record.
             if text.ends_with('\n') {
                 assert_eq!(Some(table.columns()), record.map(Table::columns));
             }

@@ -1,4 +1,4 @@
-//! No case of `corpus/` violates a property: faults found once do not come back.
+//! No case of `corpus/` violates a property, so that faults found once do not come back.
 
 use fuzz::hunt::TARGETS;
 

@@ -1,4 +1,4 @@
-//! The core of a joint on the RP2040: functions that a test calls. What they take and give is in
+//! The core of a joint on the RP2040: functions that a test calls. Their inputs and outputs are in
 //! [`BUFFER`], in postcard's encoding.
 
 #![no_std]
@@ -53,7 +53,7 @@ extern "C" fn sample() {
     unsafe { *SAMPLE.0.get() = Some(taken()) }
 }
 
-/// One step, and nothing else.
+/// Runs one step, and nothing else.
 #[unsafe(no_mangle)]
 extern "C" fn step() {
     // SAFETY: as above.
@@ -73,7 +73,7 @@ extern "C" fn telemetry() -> usize {
     postcard::to_slice(telemetry, buffer).expect("it fits").len()
 }
 
-/// The call never returns, which the emulator reports.
+/// Never returns, which the emulator reports.
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
     loop {

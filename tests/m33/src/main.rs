@@ -20,7 +20,7 @@ core::arch::global_asm!(
     ".type start, %function",
     ".thumb_func",
     "start:",
-    // The FPU on (CPACR).
+    // Turns the FPU on (CPACR).
     "ldr r0, =0xe000ed88",
     "ldr r1, [r0]",
     "ldr r2, =0x00f00000",
@@ -28,7 +28,7 @@ core::arch::global_asm!(
     "str r1, [r0]",
     "dsb",
     "isb",
-    // The second core sleeps (SIO CPUID).
+    // Lets the second core sleep (SIO CPUID).
     "ldr r0, =0xd0000000",
     "ldr r0, [r0]",
     "cmp r0, #0",

@@ -1,4 +1,4 @@
-//! Every call of the firmware into model-core, and those that a joint needs, on inputs unknown to the compiler.
+//! Makes every call of the firmware into model-core, and those needed for a joint, on inputs unknown to the compiler.
 //!
 //! The panic handler calls a function that does not exist: if the optimiser leaves one way to a panic,
 //! this does not link.
@@ -62,7 +62,7 @@ extern "C" fn _start() -> ! {
     }
 }
 
-/// The same of a joint.
+/// Makes the same calls for a joint.
 fn joint() {
     // SAFETY: linked, never run.
     let config = unsafe { read_volatile(MEMORY as *const JointConfig) };
