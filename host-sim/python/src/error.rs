@@ -114,7 +114,7 @@ pub fn board(error: board::BoardError) -> PyErr {
     }
 }
 
-/// As [`board`], for `board.arm`, whose keyword has another name.
+/// As [`board()`], for `board.arm`, whose keyword has another name.
 pub fn arming(error: board::BoardError) -> PyErr {
     match error {
         board::BoardError::Pressure { pressure_pa, least_pa, most_pa } => {
