@@ -213,9 +213,8 @@ fn proportional_valves_do_not_hunt() {
     }
 }
 
-/// A loop that took the set point for its last value threw 20 kg by 12.7 mm with valves of 200 Hz, by 1.4 with 125 Hz
-/// and by 3.2 mm from a host of 50 values a second. With 39 mm of bore, an error of 20 % in friction, creep and flow
-/// exceeds the 300 N by which the load of a muscle of 20 mm may be off. The muscle used to rest 6.8 mm beside its goal.
+/// With 39 mm of bore, an error of 20 % in friction, creep and flow exceeds the 300 N by which the load of a muscle of
+/// 20 mm may be off. The muscle used to rest 6.8 mm beside its goal.
 #[test]
 fn a_wide_muscle_rests_where_it_should() {
     let text = "[plant]\nmodel = \"full\"\n[supply]\npressure_pa = 8.0e5\n[run]\nduration_s = 3.0\n\
@@ -233,6 +232,8 @@ fn a_wide_muscle_rests_where_it_should() {
     assert_within("error mm", error_mm, (0.0, 0.7));
 }
 
+/// A loop that took the set point for its last value threw 20 kg by 12.7 mm with valves of 200 Hz, by 1.4 mm with 125 Hz
+/// and by 3.2 mm from a host of 50 values a second.
 #[test]
 fn a_heavy_load_follows_with_any_valves_and_from_any_host() {
     for (pwm_hz, one_of, latest_steps) in

@@ -40,7 +40,7 @@ pub struct Detector {
     least_swing: f64,
     set_point: f64,
     time_s: f64,
-    /// Last turning point, or the extreme so far: time \[s\] and value; 1 while the value rises.
+    /// Last turning point, or the extreme so far: time \[s\] and value.
     extreme: (f64, f64),
     rising: Option<bool>,
     /// Valves that have been driven since the last turning point: inlet, outlet.

@@ -7,7 +7,7 @@ use std::fmt::Write;
 pub(super) struct Path {
     data: String,
     at: (i64, i64),
-    /// Whether the last command was a move, so that its letter need not be repeated.
+    /// Whether the last command was a line, so that its letter need not be repeated.
     in_line: bool,
 }
 

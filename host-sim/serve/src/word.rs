@@ -64,7 +64,7 @@ pub enum Order {
     Compare([Source; 2]),
     /// Sends the configuration with the identified values.
     Apply,
-    /// Cancels the identification, or closes the result of an identification or comparison.
+    /// Cancels an identification or comparison, or closes its result.
     Close,
 }
 

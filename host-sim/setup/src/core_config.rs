@@ -310,8 +310,8 @@ fn dead_time_s(s: &Scenario) -> f64 {
     late_s.min(compensated_s)
 }
 
-/// Delay of a flow at the muscle's end of a line, and the part of it that the core compensates \[s\]: a dead time that
-/// ends within a period.
+/// Delay of a flow at the muscle's end of a line, and the longest delay that the core compensates \[s\]: a dead time
+/// that ends within a period.
 pub(super) fn flow_late_s(s: &Scenario) -> [f64; 2] {
     let valve = &s.valve;
     let Some([length_m, _]) = s.tube.line() else { return [valve.dead_time_s; 2] };

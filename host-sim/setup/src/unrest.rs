@@ -15,7 +15,7 @@ use thermyo_plant::load_n;
 use thermyo_scenario::{DriveKind, LoadKind, PlantKind, Scenario, ValveKind};
 
 /// Conditions under which a held pressure swings at a half or a third of the PWM frequency: the line's own frequency is
-/// near that by these factors, below the PWM frequency, and has this quality or more; measured on `full`
+/// within a factor `NEAR` of that, up to `FASTEST_PWM_HZ`, and has `LEAST_QUALITY` or more; measured on `full`
 /// (`docs/background/control.md`) \[-\].
 const BEATS: [f64; 2] = [2.0, 3.0];
 const NEAR: [f64; 2] = [0.9, 1.3];
