@@ -64,11 +64,11 @@ function showExport() {
     : "The scenario of this page, for thermyo run scenario.toml. The trace is bit-identical to that of such a run.";
 }
 
-/** Shows the reason in the message line if an action is refused. */
+/** Shows the reason in the message line if an action is refused; otherwise why the run has stopped, if it has. */
 function attempt(what) {
   try {
     what();
-    wrong("");
+    wrong(stopped);
     return true;
   } catch (error) {
     wrong(error.message);
@@ -179,7 +179,7 @@ function again() {
 function fresh() {
   settings = simulation.settings();
   unconfigured = false;
-  stopped = false;
+  wrong(stopped = "");
   due_s = 0;
   live.clear();
   show();
@@ -203,7 +203,7 @@ function show() {
 
 // Simulation loop
 
-let places = [], rate = 1, before = 0, drawn = 0, due_s = 0, stopped = false, measured = { from: 0, simulated_s: 0 };
+let places = [], rate = 1, before = 0, drawn = 0, due_s = 0, stopped = "", measured = { from: 0, simulated_s: 0 };
 
 function frame(now) {
   requestAnimationFrame(frame);
@@ -234,8 +234,7 @@ function attemptAdvance(steps) {
     take(simulation.advance(steps, EVERY));
     return true;
   } catch (error) {
-    stopped = true;
-    wrong(`${error.message}. Start again.`);
+    wrong(stopped = `${error.message}. Start again.`);
     return false;
   }
 }

@@ -129,7 +129,19 @@ await slide("drive.stiffness_n_m_rad", 20);
 await slide("drive.angle_rad", 40);
 joint.refused = [await text("wrong"), await page.$eval("[id='drive.angle_rad']", (input) => +input.value)];
 await slide("drive.amplitude_rad", 0);
+// The message of a run that has stopped stays while knobs are turned, until it starts again.
+await page.evaluate(async () => {
+  const { Simulation } = await import("/simulation.js"), { advance } = Simulation.prototype;
+  Simulation.prototype.advance = () => {
+    Simulation.prototype.advance = advance;
+    throw new Error("the plant diverged at 3 s");
+  };
+});
+await until(() => !document.getElementById("wrong").hidden);
 await slide("drive.angle_rad", 10);
+joint.stopped = [await text("wrong")];
+await page.click("#again");
+joint.stopped.push(await text("wrong"));
 await slide("joint.gravity_n_m", 3);
 await slide("joint.inertia_kg_m2", .03);
 const slid_s = await number("time");
