@@ -194,6 +194,11 @@ fn assert_the_joint_moves(seen: &serde_json::Value) {
     let refused = joint["refused"][0].as_str().unwrap();
     assert!(refused.contains("stays between the stops"), "{seen:#}");
     assert_eq!(joint["refused"][1], 0, "{seen:#}");
+    assert_eq!(joint["again"][0], "", "{seen:#}");
+    assert!(
+        joint["again"][1].as_str().unwrap().starts_with("The scenario of this page"),
+        "{seen:#}"
+    );
     let stopped = serde_json::json!(["the plant diverged at 3 s. Start again.", ""]);
     assert_eq!(joint["stopped"], stopped, "{seen:#}");
     assert_eq!(joint["narrow_px"], 390, "{seen:#}");

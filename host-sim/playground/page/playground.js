@@ -42,6 +42,25 @@ function makeKnobs() {
   $("knobs").replaceChildren(...made);
 }
 
+/** Turns keys together. One that is refused for a key that comes after it is tried again. */
+function turnAll(keys, configured) {
+  let refusal;
+  const isRefused = ([key, value]) => {
+    try {
+      simulation.turn(key, value, configured);
+      turned.set(key, value);
+      return false;
+    } catch (error) {
+      refusal = error;
+      return true;
+    }
+  };
+  for (let waiting = [...keys], before = Infinity; waiting.length; waiting = waiting.filter(isRefused)) {
+    if (waiting.length === before) throw refusal;
+    before = waiting.length;
+  }
+}
+
 /** Returns whether the value is taken. */
 function turn(key, value, show) {
   const taken = attempt(() => {
@@ -110,12 +129,7 @@ function fromAddress() {
 function start(index, keys, configured) {
   $("choice").selectedIndex = index;
   if (!run(index)) return false;
-  attempt(() => {
-    for (const [key, value] of keys) {
-      simulation.turn(key, value, configured);
-      turned.set(key, value);
-    }
-  });
+  attempt(() => turnAll(keys, configured));
   settings = simulation.settings();
   unconfigured = turned.size > 0 && !configured;
   makeKnobs();
@@ -170,7 +184,7 @@ function begin(scenario) {
 function again() {
   const done = attempt(() => {
     simulation.start(text);
-    for (const [key, value] of turned) simulation.turn(key, value, true);
+    turnAll(turned, true);
   });
   if (done) fresh();
   showAddress();

@@ -128,7 +128,12 @@ await slide("drive.stiffness_n_m_rad", 20);
 // An angle beyond the stops is refused, and its knob stays where the arm is: it swings by 20 deg about 0.
 await slide("drive.angle_rad", 40);
 joint.refused = [await text("wrong"), await page.$eval("[id='drive.angle_rad']", (input) => +input.value)];
+// Values that are allowed together, though not in the order in which their knobs were first turned.
+await slide("drive.angle_rad", 5);
 await slide("drive.amplitude_rad", 0);
+await slide("drive.angle_rad", 30);
+await page.click("#again");
+joint.again = [await text("wrong"), await text("exported")];
 // The message of a run that has stopped stays while knobs are turned, until it starts again.
 await page.evaluate(async () => {
   const { Simulation } = await import("/simulation.js"), { advance } = Simulation.prototype;
