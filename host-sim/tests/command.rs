@@ -596,19 +596,23 @@ fn a_joint_runs_and_leaves_what_it_ran() {
 #[test]
 fn a_joint_that_cannot_be_as_stiff_as_it_should_says_for_how_long() {
     let folder = Folder::new();
-    let limited = |stiffness_n_m_rad: u32| {
+    let limited = |stiffness_n_m_rad: u32, faults: &str| {
         let text = format!(
             "[run]\nduration_s = 2\n[plant]\nmodel = \"lumped\"\n[joint]\n[drive]\n\
-             shape = \"constant\"\nstiffness_n_m_rad = {stiffness_n_m_rad}\n"
+             shape = \"constant\"\nstiffness_n_m_rad = {stiffness_n_m_rad}\n{faults}"
         );
         let file = folder.scenario(&text);
         let output = thermyo(&["run", &file, "--quiet", "--out", &folder.name("out")]).ok();
         let line = output.out.lines().find(|line| line.starts_with("limited for"));
         line.map(str::to_owned)
     };
-    assert_eq!(limited(14), None);
-    let line = limited(60).unwrap();
+    assert_eq!(limited(14, ""), None);
+    let line = limited(60, "").unwrap();
     assert!(line.contains(" % of the time: the range of pressures gave less stiffness"), "{line}");
+    // It vents for the second half of the run.
+    let line = limited(60, "[joint.a.faults]\nlength = \"open\"\nfrom_s = 1\n").unwrap();
+    let percent: f64 = line.split(' ').nth(2).unwrap().parse().unwrap();
+    assert!((1.0..50.0).contains(&percent), "{line}");
 }
 
 /// Commands for one muscle name the commands that take a joint, not all tables of a muscle.

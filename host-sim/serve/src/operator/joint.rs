@@ -7,9 +7,7 @@ use crate::page::Kind;
 use crate::state::{JointPart, Part};
 use crate::target::Target;
 use crate::word::{Order, ScenarioText};
-use model_core::joint::{
-    JointConfig, JointError, JointMode, JointSetPoint, JointTelemetry, Mechanism,
-};
+use model_core::joint::{JointConfig, JointError, JointSetPoint, JointTelemetry, Mechanism};
 use model_core::{Config, Faults};
 use serde::Serialize;
 use std::path::Path;
@@ -44,8 +42,7 @@ impl Shown for LiveJoint {
     }
 
     fn is_limited(telemetry: &JointTelemetry) -> bool {
-        // The core keeps it when it is no longer driven.
-        telemetry.limited && !matches!(telemetry.mode, JointMode::Vent | JointMode::Locked)
+        thermyo_joint::is_limited(telemetry)
     }
 
     fn valid(telemetry: &JointTelemetry) -> [bool; 2] {
