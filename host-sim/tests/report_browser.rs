@@ -1,6 +1,7 @@
 //! The report pages in headless Chromium, used as by a reader.
 
 use serde_json::Value;
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -58,6 +59,9 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         // Charts without data in the window stay as they are, and print shows none of this.
         assert_eq!(chart["empty"], Value::Array(Vec::new()), "{name}: {chart}");
         assert_eq!(chart["printed"], chart["still"], "{name}: {chart}");
+        let deep = chart["deep"].as_array().unwrap();
+        let labels: HashSet<_> = deep.iter().map(Value::to_string).collect();
+        assert_eq!(labels.len(), deep.len(), "{name}: {chart}");
         let shown = ["touched", "left", "keyed"].map(|how| chart[how].as_bool().unwrap());
         assert_eq!(shown, [true, false, true], "{name}: {chart}");
         let [all, without, again] = [0, 1, 2].map(|i| chart["traces"][i].as_u64());

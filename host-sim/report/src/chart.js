@@ -79,11 +79,13 @@ class Scale {
     const step = decade * [[Math.SQRT2, 1], [Math.sqrt(10), 2], [Math.sqrt(50), 5], [Infinity, 10]]
       .find(([upTo]) => raw / decade <= upTo)[1];
     const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
-    const last = Math.floor(this.high / step + 1e-9);
+    const last = Math.floor(this.high / step + 1e-9), most = Math.max(Math.abs(this.low), Math.abs(this.high));
+    const plain = decimals <= 6 && most < 1e6;
+    // As many digits as tell one from the next.
+    const digits = Math.min(15, Math.max(2, Math.floor(Math.log10(most)) - Math.floor(Math.log10(step) + 1e-9)));
     for (let i = Math.ceil(this.low / step - 1e-9); i <= last; i++) {
       const value = i * step;
-      const plain = decimals <= 6 && Math.max(Math.abs(this.low), Math.abs(this.high)) < 1e6;
-      out.push([value, plain ? fixed(value, decimals) : minus(value.toExponential(2))]);
+      out.push([value, plain ? fixed(value, decimals) : minus(value.toExponential(digits))]);
     }
     return out;
   }

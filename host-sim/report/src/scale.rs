@@ -109,12 +109,17 @@ fn linear_ticks((low, high): (f64, f64), count: f64) -> Vec<(f64, String)> {
     let step = round_step((high - low) / count.max(1.0));
     let first = (low / step - 1e-9).ceil() as i64;
     let last = (high / step + 1e-9).floor() as i64;
-    let decimals = usize::try_from(-(step.log10() + 1e-9).floor() as i64).unwrap_or(0);
-    let readable = decimals <= 4 && low.abs().max(high.abs()) < 1e6;
+    let decade = (step.log10() + 1e-9).floor();
+    let decimals = usize::try_from(-decade as i64).unwrap_or(0);
+    let most = low.abs().max(high.abs());
+    let readable = decimals <= 4 && most < 1e6;
+    // As many as tell one from the next.
+    let digits = (most.log10().floor() - decade) as usize + 1;
     (first..=last)
         .map(|i| {
             let value = i as f64 * step;
-            let label = if readable { fixed(value, decimals) } else { significant(value, 3) };
+            let label =
+                if readable { fixed(value, decimals) } else { significant(value, digits.max(3)) };
             (value, label)
         })
         .collect()
@@ -192,5 +197,12 @@ mod tests {
         let range = data_range([1e5, 1e5 * (1.0 + 1e-8)].into_iter(), Spacing::Linear);
         let ticks = Scale::new(range, (0.0, 100.0), Spacing::Linear).ticks(5.0);
         assert!((3..=11).contains(&ticks.len()), "{ticks:?}");
+        for range in [(5.0, 5.000_002), (1_000_000.1, 1_000_000.4)] {
+            let scale = Scale::new(range, (0.0, 100.0), Spacing::Linear);
+            let mut labels = labels(&scale, 5.0);
+            let all = labels.len();
+            labels.dedup();
+            assert!(all >= 3 && labels.len() == all, "{labels:?}");
+        }
     }
 }

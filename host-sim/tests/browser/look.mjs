@@ -106,8 +106,11 @@ async function used(page, id) {
   await page.emulateMediaType("print");
   const printed = await drawn(figure);
   await page.emulateMediaType("screen");
+  // As far as it goes.
+  for (let i = 0; i < 22; i++) await page.keyboard.press("+");
+  const deep = await ticks(figure);
   await page.keyboard.press("Escape");
-  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, panned, back, touched, left, keyed, traces: [before, without, again] };
+  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, deep, panned, back, touched, left, keyed, traces: [before, without, again] };
 }
 
 const began = Date.now();
