@@ -195,5 +195,6 @@ fn the_page_of_a_joint_in_a_browser() {
     assert_eq!(seen["in_bar"], json!(["2.000", "2.500"]), "{seen}");
     assert_eq!(seen["serious"], json!([]), "{seen}");
     assert_eq!(seen["narrow"], json!([1280, 390, 1280, 390]), "{seen}");
+    assert_eq!(seen["large"], json!([0, 0, 0]), "{seen}");
     assert!(seen["events"].as_str().unwrap().contains("both muscles vent"), "{seen}");
 }

@@ -58,6 +58,14 @@ for (const scheme of ["light", "dark"]) {
 }
 await page.setViewport(wide);
 await until(page, () => innerWidth === 1280);
+// Text of twice the size is not cut.
+const large = await page.evaluate(() => {
+  const { documentElement: root } = document, scene = document.querySelector(".scene"), modes = document.querySelector(".modes[data-of=joint]");
+  root.style.fontSize = "32px";
+  const cut = [root, scene, modes].map((node) => node.scrollWidth - node.clientWidth);
+  root.style.fontSize = "";
+  return cut;
+});
 // A torque, then space with the focus in a field.
 await page.evaluate(() => document.querySelector("[name=mode][value=torque]").click());
 await type(page, "first", "0.5");
@@ -83,4 +91,4 @@ await page.click("#record-button");
 await until(page, () => document.querySelector("#results a"));
 const events = await text(page, "events");
 await browser.close();
-console.log(JSON.stringify({ problems, hidden, most, refused, reached, readings, drawn, pressure, in_bar, serious, narrow, events }));
+console.log(JSON.stringify({ problems, hidden, most, refused, reached, readings, drawn, pressure, in_bar, serious, narrow, large, events }));
