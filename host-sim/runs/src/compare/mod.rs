@@ -110,6 +110,16 @@ impl Run {
         Some(start + (end - start) * (time_s - start_s) / (end_s - start_s))
     }
 
+    /// Times and values of a curve that is broken at gaps.
+    fn curve(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        let is_new = |i: usize| i > 0 && self.time_s[i] - self.time_s[i - 1] > self.gap_s;
+        let points = self.time_s.iter().zip(values).enumerate();
+        let with_breaks = |(i, (time_s, value)): (usize, (&f64, &f64))| {
+            is_new(i).then_some((*time_s, f64::NAN)).into_iter().chain([(*time_s, *value)])
+        };
+        points.flat_map(with_breaks).unzip()
+    }
+
     /// Reason why a comparison with `first` may mean little: another kind of plant, or another length.
     pub fn unlike(&self, first: &Self) -> Option<String> {
         let has_length = |run: &Self| run.columns.contains_key("length_m");
@@ -144,8 +154,8 @@ impl Run {
     }
 
     pub fn compared(&self, first: &Self) -> Compared {
-        let (from_s, to_s) = (self.time_s[0], self.time_s[self.time_s.len() - 1]);
-        let rows = first.time_s.iter().filter(|time| (from_s..=to_s).contains(*time)).count();
+        let both = |time_s: &&f64| self.at(&self.time_s, **time_s).is_some();
+        let rows = first.time_s.iter().filter(both).count();
         let differences = self
             .subject
             .columns()
@@ -225,6 +235,10 @@ mod tests {
         assert_eq!(torn.gap().unwrap(), "b has a gap from 4 to 26 s: it is not compared there");
         assert_eq!(torn.compared(&whole).differences["pressure_pa"].mean, -26.0 / 39.0);
         assert_eq!(whole.compared(&torn).differences["pressure_pa"].max, 26.0);
+        assert_eq!(torn.compared(&whole).rows, 39);
+        let (times_s, values) = torn.curve(torn.column("pressure_pa").unwrap());
+        assert_eq!(times_s[4..7], [4.0, 26.0, 26.0]);
+        assert!(values[5].is_nan() && values[4] == 4.0 && values[6] == 0.0, "{values:?}");
     }
 
     #[test]

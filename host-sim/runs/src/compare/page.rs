@@ -53,7 +53,10 @@ fn panel(runs: &[Run], column: &str) -> Option<Panel> {
     let panel = Panel::new(Axis::new(&title, unit.symbol)).height(160.0);
     let lines = runs.iter().zip(COLOURS.into_iter().cycle());
     Some(lines.fold(panel, |panel, (run, colour)| match run.column(column) {
-        Some(values) => panel.line(&run.name, colour, &run.time_s, &unit.convert(values)),
+        Some(values) => {
+            let (times_s, values) = run.curve(values);
+            panel.line(&run.name, colour, &times_s, &unit.convert(&values))
+        }
         None => panel,
     }))
 }
