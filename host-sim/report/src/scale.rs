@@ -114,7 +114,7 @@ fn linear_ticks((low, high): (f64, f64), count: f64) -> Vec<(f64, String)> {
     let most = low.abs().max(high.abs());
     let readable = decimals <= 4 && most < 1e6;
     // As many as tell one from the next.
-    let digits = (most.log10().floor() - decade) as usize + 1;
+    let digits = (most.log10().floor() - decade).min(15.0) as usize + 1;
     (first..=last)
         .map(|i| {
             let value = i as f64 * step;

@@ -33,8 +33,9 @@ const WORKING_PRESSURE_PA: f64 = 2.0e5;
 const WORKING_SWING_K: f64 = 20.0;
 const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 
-/// Deviations of a pressure beyond which gas flows against the open valve behind a hose: of noise alone a normal
-/// distribution counts a quarter of a deviation in a step, and of twice that nearly all \[-\].
+/// Pressure change, in its standard deviations, beyond which gas behind a hose counts as flowing against the open
+/// valve. Noise alone, normally distributed, then adds a quarter of a deviation in a step; a change of two deviations
+/// counts almost in full \[-\].
 const HOSE_REVERSAL_SD: f32 = 1.0;
 
 /// Zones of the core's estimate.
