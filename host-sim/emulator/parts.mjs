@@ -14,10 +14,11 @@ const I2C_BYTE_NANOS = 22500; // nine bits at 400 kHz
 const I2C_EDGE_NANOS = 2500;
 
 /** Time between two conversions with the filter for 50 Hz, and before the first: the host sets when its mean is
- * complete; this is the upper limit. The second ends with the host's next mean, once the first could be read. */
+ * complete; this is the upper limit. Where that has ended a conversion, the host's next mean ends the one after it, once
+ * the reading could be read. */
 const MAX31865_NANOS = 20.5e6;
 const MAX31865_LEAST_NANOS = 15e6;
-const MAX31865_SECOND_NANOS = 2e6;
+const MAX31865_READ_NANOS = 2e6;
 const MAX31865_FIRST_NANOS = 62.5e6;
 const MPR_NANOS = 5e6;
 
@@ -35,9 +36,8 @@ export class Max31865 {
     this.address = -1;
     this.select.addListener(() => (this.address = -1));
     this.ready.setInputValue(true);
-    this.conversion = chip.clock.createAlarm(() => this.convert());
+    this.conversion = chip.clock.createAlarm(() => this.convert(MAX31865_READ_NANOS));
     this.earliest = Infinity; // earliest time at which the host's mean may end a conversion
-    this.follows = false; // whether a conversion has ended with the host's mean
   }
 
   /** Puts all of them on the chip's SPI1: the one that is selected answers. */
@@ -88,17 +88,16 @@ export class Max31865 {
       } else if (!converts(byte)) {
         this.conversion.cancel();
         this.earliest = Infinity;
-        this.follows = false;
       }
     } else if (register >= 3 && register <= 6) {
       this.registers[register] = byte;
     }
   }
 
-  convert() {
+  /** Ends a conversion; the next one may end with a mean of the host after `least` nanoseconds. */
+  convert(least) {
     this.conversion.schedule(MAX31865_NANOS);
-    this.earliest =
-      this.chip.clock.nanosCounter + (this.follows ? MAX31865_LEAST_NANOS : MAX31865_SECOND_NANOS);
+    this.earliest = this.chip.clock.nanosCounter + least;
     if (this.stuck) {
       return;
     }
@@ -126,8 +125,7 @@ export class Max31865 {
     }
     this.unplugged = unplugged;
     if (complete && this.chip.clock.nanosCounter > this.earliest) {
-      this.follows = true;
-      this.convert();
+      this.convert(MAX31865_LEAST_NANOS);
     }
   }
 }

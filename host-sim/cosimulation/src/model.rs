@@ -79,13 +79,10 @@ impl Model {
     }
 
     fn check_initial(&self, call: &'static str) -> Result<(), ModelError> {
-        match self.phase {
-            Phase::Initial => Ok(()),
-            Phase::Stepping | Phase::Over => {
-                let must = "before the first step, or after fmi3Reset";
-                Err(ModelError::OutOfTurn { call, must })
-            }
+        if self.phase == Phase::Initial {
+            return Ok(());
         }
+        Err(ModelError::OutOfTurn { call, must: "before the first step, or after fmi3Reset" })
     }
 
     /// Sets the scenario's time zero in the importer's time, and the time at which that ends \[s\].

@@ -99,12 +99,13 @@ pub unsafe extern "C" fn fmi3ExitInitializationMode(instance: *mut Instance) -> 
 /// The instance is one of this library.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3Terminate(instance: *mut Instance) -> Status {
-    let end = |model: &mut thermyo_cosimulation::model::Model| {
-        model.terminate();
-        Ok(())
-    };
     // Safety: the caller's.
-    unsafe { guarded(instance, end) }
+    unsafe {
+        guarded(instance, |model| {
+            model.terminate();
+            Ok(())
+        })
+    }
 }
 
 /// Resets the instance.

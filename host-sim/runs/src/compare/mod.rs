@@ -112,12 +112,12 @@ impl Run {
 
     /// Times and values of a curve that is broken at gaps.
     fn curve(&self, values: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let is_new = |i: usize| i > 0 && self.time_s[i] - self.time_s[i - 1] > self.gap_s;
-        let points = self.time_s.iter().zip(values).enumerate();
-        let with_breaks = |(i, (time_s, value)): (usize, (&f64, &f64))| {
-            is_new(i).then_some((*time_s, f64::NAN)).into_iter().chain([(*time_s, *value)])
+        let mut ends = gaps(&self.time_s, self.gap_s).map(|[_, end_s]| end_s).peekable();
+        let with_breaks = |(&time_s, &value): (&f64, &f64)| {
+            let broken = ends.next_if_eq(&time_s).map(|end_s| (end_s, f64::NAN));
+            broken.into_iter().chain([(time_s, value)])
         };
-        points.flat_map(with_breaks).unzip()
+        self.time_s.iter().zip(values).flat_map(with_breaks).unzip()
     }
 
     /// Reason why a comparison with `first` may mean little: another kind of plant, or another length.
