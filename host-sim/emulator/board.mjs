@@ -7,7 +7,6 @@ import { As5600, connectI2c, Max31865, MAX31865_PINS, Mpr } from './parts.mjs';
 import { PacedUart } from './uart.mjs';
 import { UsbHost } from './usb.mjs';
 
-const NANOS_PER_CYCLE = 8; // 125 MHz
 const UART0 = { slot: 0x40034, irq: 20 };
 const CONTROL_EXCEPTION = 16 + 27; // SWI_IRQ_1, the control task's executor
 const HARD_FAULT = 3; // exception number
@@ -70,6 +69,9 @@ export class Board {
       this.restart = true;
     });
     chip.boot(sram);
+    const followClock = (hertz) => (this.nanosPerCycle = Math.round(1e9 / hertz));
+    followClock(chip.clkSys);
+    chip.addClockListener(followClock);
 
     this.uart = new PacedUart(chip, 'UART0', UART0.irq, (byte) => this.uartBytes.push(byte));
     chip.uart[0] = this.uart;
@@ -302,7 +304,7 @@ export class Board {
         }
         const cycles = core.executeInstruction() + cache.takeStalled();
         this.busyCycles += cycles;
-        clock.nanosCounter += cycles * NANOS_PER_CYCLE;
+        clock.nanosCounter += cycles * this.nanosPerCycle;
         if (clock.nextAlarm !== null && clock.nextAlarm.nanos <= clock.nanosCounter) {
           clock.tick(0);
         }

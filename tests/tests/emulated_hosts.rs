@@ -211,7 +211,7 @@ fn a_start_runs_no_configuration_of_another_host() {
     let low = Config { pressure_limit_pa: 250_000.0, ..*rig.muscle.config() };
     let start = SetPoint::Pressure { pressure_pa: 400_000.0 };
     let mut overtaken = 0;
-    for lead_us in (0..4_000).step_by(200) {
+    for lead_us in (0..=1_200).step_by(50) {
         fill(&mut rig, Port::Uart);
         rig.board.use_port(Port::Usb);
         let configured = rig.board.request(HostCommand::Configure(low));

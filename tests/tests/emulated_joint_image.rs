@@ -7,7 +7,7 @@ use model_core::safety::supervisor::FirstFailure;
 use model_core::{AdcCode, Config, Faults};
 use std::ops::RangeInclusive;
 use system_tests::thermyo;
-use thermyo_boards::emulated::{EmulatedBoard, Exchange, Injection, PartFault, Port};
+use thermyo_boards::emulated::{EmulatedBoard, Exchange, Injection, PartFault, Port, START_MS};
 use thermyo_boards::image::{Variant, firmware};
 #[cfg(unix)]
 use thermyo_boards::pty::PtyBoard;
@@ -81,7 +81,7 @@ impl Bench {
     #[track_caller]
     fn ask(&mut self, command: HostCommand) -> Answer {
         let sequence = self.board.request(command);
-        for _ in 0..200 {
+        for _ in 0..START_MS + 200 {
             self.exchange(|_| ());
             if let Some(answer) = self.board.take_answer(sequence) {
                 return answer;
@@ -196,12 +196,12 @@ fn is_shut(exchange: &Exchange) -> bool {
     exchange.set_duties().iter().all(|one| (one.inlet, one.outlet) == (0.0, 0.0))
 }
 
-/// Time of the core's step: 281 us in the mean, 468 at worst. With sampling, valves and telemetry it is 569 us of the
-/// millisecond at worst, out of 600. Its start is late by 1 us at worst, out of 2.
-const STEP_MEAN_NS: RangeInclusive<u32> = 265_000..=295_000;
-const STEP_WORST_US: RangeInclusive<u32> = 440..=500;
-const BUSY_WORST_US: RangeInclusive<u32> = 540..=600;
-const JITTER_WORST_US: RangeInclusive<u32> = 1..=2;
+/// Time of the core's step: 177 us in the mean, 295 at worst. With sampling, valves and telemetry it is 369 us of the
+/// millisecond at worst, out of 600. Its start is late by less than 1 us, out of 2.
+const STEP_MEAN_NS: RangeInclusive<u32> = 165_000..=185_000;
+const STEP_WORST_US: RangeInclusive<u32> = 275..=315;
+const BUSY_WORST_US: RangeInclusive<u32> = 345..=390;
+const JITTER_WORST_US: RangeInclusive<u32> = 0..=1;
 /// Unused part of the stack's 24 KiB \[bytes\].
 const STACK_UNUSED: u32 = 4 * 1024;
 
@@ -395,7 +395,7 @@ fn an_encoder_that_holds_the_bus_is_freed_at_the_start() {
     bench.board.inject(Injection::Part(PartFault::AngleInterrupted));
     bench.board.inject(Injection::Fault);
     assert_eq!(bench.exchange(|_| ()).restarts, 1);
-    bench.run(400);
+    bench.run(START_MS + 20);
     bench.rearm();
     bench.run(20);
     assert_eq!(bench.last().faults, JointFaults::NONE);
@@ -486,7 +486,7 @@ fn a_joint_is_saved_and_outlives_a_crash_vented() {
     bench.board.inject(Injection::Fault);
     let crashed = bench.exchange(|_| ());
     assert_eq!((crashed.restarts, crashed.brake_released), (1, false));
-    for _ in 0..100 {
+    for _ in 0..START_MS {
         let exchange = bench.exchange(|_| ());
         let [inlet, outlet, ..] = exchange.b;
         let coils = [exchange.inlet_coil, exchange.outlet_coil, inlet, outlet];

@@ -12,9 +12,9 @@ use thermyo_simulation::board::BoardError;
 /// PWM period of the configuration in use.
 const PERIOD_STEPS: f64 = 10.0;
 
-/// Mean time of the core's step, 114 us, and the worst, including the link's interrupts, 204 us.
-const STEP_MEAN_NS: RangeInclusive<u32> = 100_000..=116_000;
-const STEP_WORST_US: RangeInclusive<u32> = 185..=220;
+/// Mean time of the core's step, 72 us, and the worst, including the link's interrupts, 129 us.
+const STEP_MEAN_NS: RangeInclusive<u32> = 64_000..=74_000;
+const STEP_WORST_US: RangeInclusive<u32> = 118..=138;
 
 /// Largest deviation of a step's start from its mean delay \[us\].
 const JITTER_US: u32 = 5;
@@ -72,7 +72,7 @@ fn the_board_identifies_itself_and_refuses_unsupported_requests() {
     assert_eq!(refused, Refusal::Step { board_us: 1000 });
     let config = Config { pwm_period_steps: 500, ..Config::default() };
     let refused = refusal(&mut board, HostCommand::Configure(config));
-    assert_eq!(refused, Refusal::Period { maximum_steps: 102 });
+    assert_eq!(refused, Refusal::Period { maximum_steps: 81 });
     let mut config = Config::default();
     config.valve.critical_ratio = f32::NAN;
     assert_eq!(refusal(&mut board, HostCommand::Configure(config)), Refusal::Config);

@@ -3,7 +3,7 @@
 use model_core::config::LinkConfig;
 use model_core::{AdcCode, Command, Config, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS, silent};
-use thermyo_boards::emulated::{Exchange, Injection, Place};
+use thermyo_boards::emulated::{Exchange, Injection, Place, START_MS};
 use thermyo_protocol::{HostCommand, LastReset, Phase, Refusal};
 
 /// Valves must be safe within this time \[ms\].
@@ -135,7 +135,7 @@ fn latched_faults_survive_a_restart() {
     rig.exchange();
     rig.board.inject(HANG);
     while rig.exchange().restarts == 0 {}
-    until_asked(&mut rig);
+    rig.pass(START_MS);
     let both = Faults::EMERGENCY_STOP.with(Faults::NOT_CONFIGURED);
     assert_eq!(last_telemetry(&mut rig, AS_IT_IS).faults, both);
     let first = rig.first_failure();
@@ -195,9 +195,9 @@ fn a_lost_link_vents() {
 /// The stop also acts at once at the longest PWM period.
 #[test]
 fn the_emergency_stop_does_not_wait_for_the_period() {
-    for after_ms in [1, 30, 60, 100] {
-        let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n[valve]\npwm_hz = 9.804\n");
-        assert_eq!(rig.muscle.config().pwm_period_steps, 102);
+    for after_ms in [1, 30, 60, 80] {
+        let mut rig = Rig::new("[plant]\nmodel = \"lumped\"\n[valve]\npwm_hz = 12.346\n");
+        assert_eq!(rig.muscle.config().pwm_period_steps, 81);
         rig.start(fill(1.0));
         rig.pass(STARTUP_CHECK_STEPS + after_ms);
         let ms = time_to_vent(&mut rig, PRESSED);
@@ -299,7 +299,7 @@ fn a_board_without_configuration_reports_it() {
     rig.board.ask(HostCommand::ClearFaults).unwrap();
     rig.board.inject(HANG);
     while rig.exchange().restarts == 0 {}
-    rig.pass(60);
+    rig.pass(START_MS);
     assert_eq!(waits(&mut rig), (0.3, 3, false), "three flashes, a pause");
 }
 
@@ -343,10 +343,10 @@ fn a_stalled_converter_ends_in_the_watchdog_with_its_phase() {
     assert!((10..=SAFE_MS).contains(&ms), "{ms} ms");
     // Right after a restart: a stall that ended sooner would leave a late board that waits.
     let before = rig.exchange().restarts;
-    let again = (0..100).any(|_| rig.exchange().restarts > before);
+    let again = (0..START_MS + 100).any(|_| rig.exchange().restarts > before);
     assert!(again, "the watchdog bites as long as it lasts");
     rig.board.inject(Injection::AdcStalled(false));
-    rig.pass(200);
+    rig.pass(START_MS);
     assert_eq!(rig.board.last_reset().unwrap(), LastReset::Watchdog { phase: Phase::Sampling });
 }
 

@@ -49,7 +49,7 @@ fn vents_after(scenario: &str, fault: impl Fn(&mut Rig, Sample) -> Sample) -> (u
             let timing = rig.board.timing().expect("it answers");
             println!("{ms} ms, {timing:?}");
             assert_eq!(timing.missed_steps, 0);
-            assert!((1..=2).contains(&timing.jitter_worst_us), "{timing:?}");
+            assert!((0..=1).contains(&timing.jitter_worst_us), "{timing:?}");
             return (ms, telemetry);
         }
     }

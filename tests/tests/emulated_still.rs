@@ -38,7 +38,7 @@ fn fill(inlet: f32) -> SetPoint {
 
 /// A muscle at a board with the longest PWM period, whose inlet is fully open.
 fn filling(in_period_ms: u32) -> Rig {
-    let mut rig = Rig::new(&scenario(9.804));
+    let mut rig = Rig::new(&scenario(12.346));
     rig.start(fill(1.0));
     for _ in 0..STARTUP_CHECK_STEPS + in_period_ms {
         rig.exchange_with(silent);
@@ -361,7 +361,7 @@ impl Random {
 /// Runs these interleavings on one board; returns the time for which the inlet was powered \[ms\].
 fn interleave(seed: u64) -> Result<f64, String> {
     let mut random = Random(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let pwm_hz = [100.0, 9.804, 500.0, 20.0][(seed % 4) as usize];
+    let pwm_hz = [100.0, 12.346, 500.0, 20.0][(seed % 4) as usize];
     let mut rig = Rig::new(&scenario(pwm_hz));
     rig.board.connect_usb().map_err(|error| error.to_string())?;
     let config = *rig.muscle.config();

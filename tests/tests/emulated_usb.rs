@@ -114,7 +114,7 @@ fn a_step_starts_on_time_while_both_lines_are_busy() {
         busy_cycles += u64::from(exchange.busy_cycles);
     }
     let timing = rig.board.timing().unwrap();
-    let busy = busy_cycles as f64 / (2000.0 * 125_000.0);
+    let busy = busy_cycles as f64 / (2000.0 * 200_000.0);
     println!(
         "both lines: {:.1} us from the mean start at worst, {:.1} % busy, {timing:?}",
         jitter_us(&timing),

@@ -21,7 +21,7 @@ use crate::source::STEP_US;
 use core::marker::PhantomData;
 use embassy_executor::{InterruptExecutor, SendSpawner};
 use embassy_rp::adc::{self, Blocking};
-use embassy_rp::clocks::clk_sys_freq;
+use embassy_rp::clocks::{ClockConfig, clk_sys_freq};
 use embassy_rp::gpio::{Input, Level, Output, Pull};
 use embassy_rp::interrupt::{self, InterruptExt, Priority};
 // The interrupt of embassy's timer.
@@ -55,9 +55,14 @@ unsafe fn SWI_IRQ_1() {
     unsafe { crate::on_control_interrupt() }
 }
 
+/// Frequency of the crystal on both boards.
+pub const CRYSTAL_HZ: u32 = 12_000_000;
+
 /// Differences between the boards.
 pub trait Member {
     const CHIP: Chip;
+    /// Clocks of the chip, from its crystal.
+    fn clocks() -> ClockConfig;
     /// Unique number of the board; zeros if it cannot be read.
     fn unique_id(flash: Peri<'_, FLASH>) -> [u8; 8];
     /// Restarts the chip into the boot ROM as if BOOTSEL were pressed.
@@ -87,7 +92,7 @@ impl<M: Member> Board for Rp<M> {
 
     fn start() -> Parts<Self> {
         vectors_to_ram();
-        let mut p = embassy_rp::init(embassy_rp::config::Config::default());
+        let mut p = embassy_rp::init(embassy_rp::config::Config::new(M::clocks()));
         let off = Slice::off;
         let valves = Slices::new([
             Pwm::new_output_ab(p.PWM_SLICE0, p.PIN_16, p.PIN_17, off()),
@@ -266,9 +271,9 @@ impl Adc for Converter {
     }
 }
 
-/// Counts of the PWM per period: the divider is then exact for every whole number of milliseconds
-/// at 125 MHz and at 150 MHz.
-const TICKS: u16 = 50_000;
+/// Counts of the PWM per period: the divider is then exact for every whole number of milliseconds,
+/// at the 150 MHz of the RP2350 and at the 200 MHz of the RP2040.
+const TICKS: u16 = if cfg!(feature = "pico2") { 60_000 } else { 64_000 };
 
 /// Pins of inlet and outlet of each muscle. Muscle a is on PWM slice 0, muscle b on slice 1.
 const COIL_PINS: [[usize; 2]; 2] = [[16, 17], [18, 19]];

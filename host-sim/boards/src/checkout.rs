@@ -54,6 +54,24 @@ impl From<NotBuilt> for BoardError {
     }
 }
 
+/// Flags with which panics name a dependency's source by its path below the downloaded sources: 2 KB less of a
+/// firmware's image, which is then the same on every machine.
+fn short_paths() -> OsString {
+    let home = env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = home.or_else(|| Some(env::home_dir()?.join(".cargo"))).unwrap_or_default();
+    let sources = fs::read_dir(home.join("registry/src")).into_iter().flatten().flatten();
+    let mut flags = OsString::new();
+    for source in sources {
+        if !flags.is_empty() {
+            flags.push("\x1f");
+        }
+        flags.push("--remap-path-prefix=");
+        flags.push(source.path());
+        flags.push("/=");
+    }
+    flags
+}
+
 /// A call of cargo, which decides itself what is stale.
 #[derive(Debug)]
 pub struct Build<'a> {
@@ -85,9 +103,9 @@ impl Build<'_> {
                 cargo.env_remove(&name);
             }
         }
-        // These flags are for this machine, and would replace those of the target's configuration.
         if self.target.is_some() {
-            cargo.env_remove("RUSTFLAGS").env_remove("CARGO_ENCODED_RUSTFLAGS");
+            // The user's flags are for this machine. These replace them.
+            cargo.env("CARGO_ENCODED_RUSTFLAGS", short_paths());
         }
         let doing = format!("building {}", self.name);
         let (status, message) = watched(&mut cargo, &doing, Begins::WhenStale)

@@ -1,6 +1,7 @@
 //! Raspberry Pi Pico 2: the Arm cores of the RP2350.
 
-use super::rp::{Member, Rp};
+use super::rp::{CRYSTAL_HZ, Member, Rp};
+use embassy_rp::clocks::ClockConfig;
 use embassy_rp::{Peri, otp, peripherals::FLASH, rom_data};
 use thermyo_protocol::Chip;
 
@@ -14,6 +15,11 @@ pub enum Rp2350 {}
 
 impl Member for Rp2350 {
     const CHIP: Chip = Chip::Rp2350;
+
+    /// 150 MHz.
+    fn clocks() -> ClockConfig {
+        ClockConfig::crystal(CRYSTAL_HZ)
+    }
 
     fn unique_id(_flash: Peri<'_, FLASH>) -> [u8; 8] {
         otp::get_chipid().unwrap_or(0).to_be_bytes()
