@@ -11,6 +11,7 @@ const FLASH_MIRRORS_END = 0x14000000;
 const BOOT2_BYTES = 256;
 const BOOT2 = 0x20041f00; // address at which the boot ROM runs it
 const RAM = 0x20000000;
+const RAM_BYTES = 0x42000;
 const NO_MEMORY = 0x1c000000; // from here to RAM (datasheet 2.2)
 const VECTORS = 0x10000100; // the first is the initial stack pointer
 const UNUSED = 0xa5a5a5a5;
@@ -23,6 +24,8 @@ export class Chip extends RP2040 {
     super();
     this.logger = quiet;
     this.flash.set(flash);
+    this.ramWords = new Uint32Array(this.sram.buffer);
+    this.ramHalves = new Uint16Array(this.sram.buffer);
     this.cache = new FlashCache(this.peripherals[0x18000]);
     this.peripherals[0x40060] = new RingOscillator(this);
     this.peripherals[0x40064] = new Regulator(this);
@@ -63,6 +66,11 @@ export class Chip extends RP2040 {
    * and the processor locks up (ARMv6-M, B1.5.14). Other writes of the firmware are never that near.
    */
   writeUint32(address, value) {
+    const offset = (address >>> 0) - RAM;
+    if (offset >= 0 && offset < RAM_BYTES) {
+      this.ramWords[offset >> 2] = value;
+      return;
+    }
     if (address >= NO_MEMORY && address < RAM) {
       this.lockedUp = true;
       return;
@@ -78,6 +86,10 @@ export class Chip extends RP2040 {
   }
 
   readUint16(address) {
+    const offset = (address >>> 0) - RAM;
+    if (offset >= 0 && offset < RAM_BYTES) {
+      return this.ramHalves[offset >> 1];
+    }
     if (address >= FLASH && address < FLASH_END) {
       this.readFlash(address);
     }
@@ -85,6 +97,10 @@ export class Chip extends RP2040 {
   }
 
   readUint32(address) {
+    const offset = (address >>> 0) - RAM;
+    if (offset >= 0 && offset < RAM_BYTES && (offset & 3) === 0) {
+      return this.ramWords[offset >> 2];
+    }
     if (address >= FLASH && address < FLASH_MIRRORS_END) {
       this.readFlash(address);
     }
