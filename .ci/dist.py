@@ -182,7 +182,7 @@ def flags(target):
     home = Path(os.environ.get("CARGO_HOME") or Path.home() / ".cargo")
     renamed = f"--remap-path-prefix={home}=/cargo --remap-path-prefix={ROOT}=/thermyo"
     # As in `short_paths` of host-sim/boards/src/checkout.rs.
-    for source in (home / "registry/src").iterdir():
+    for source in sorted((home / "registry/src").glob("[!-]*")):
         renamed += f" --remap-path-prefix={source}/="
     return {f"CARGO_TARGET_{target.upper().replace('-', '_').replace('.', '_')}_RUSTFLAGS": renamed}
 

@@ -2,8 +2,8 @@
 //!
 //! Each build adds the compiler target that it needs, and prints progress if it takes minutes.
 
-use std::ffi::OsString;
-use std::fs::{self, File, TryLockError};
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, DirEntry, File, TryLockError};
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitStatus, Stdio};
@@ -60,16 +60,18 @@ fn short_paths() -> OsString {
     let home = env::var_os("CARGO_HOME").map(PathBuf::from);
     let home = home.or_else(|| Some(env::home_dir()?.join(".cargo"))).unwrap_or_default();
     let sources = fs::read_dir(home.join("registry/src")).into_iter().flatten().flatten();
-    let mut flags = OsString::new();
+    // The names of those that `cargo package` unpacks begin with a hyphen.
+    let kept = |source: &DirEntry| !source.file_name().to_string_lossy().starts_with('-');
+    let mut sources: Vec<_> = sources.filter(kept).map(|source| source.path()).collect();
+    sources.sort();
+    let mut flags = Vec::new();
     for source in sources {
-        if !flags.is_empty() {
-            flags.push("\x1f");
-        }
-        flags.push("--remap-path-prefix=");
-        flags.push(source.path());
-        flags.push("/=");
+        let mut flag = OsString::from("--remap-path-prefix=");
+        flag.push(source);
+        flag.push("/=");
+        flags.push(flag);
     }
-    flags
+    flags.join(OsStr::new("\x1f"))
 }
 
 /// A call of cargo, which decides itself what is stale.
