@@ -3,7 +3,6 @@
 use crate::rig::Row;
 use model_core::Command;
 use model_core::Duty;
-use model_core::joint::{JointMode, JointTelemetry};
 use serde::Serialize;
 use std::collections::VecDeque;
 use thermyo_files::units::UnitSystem;
@@ -136,7 +135,7 @@ impl Accumulator {
             self.found[i] |= muscle.faults.0;
         }
         self.found[2] |= u32::from(telemetry.faults.0);
-        self.limited += f64::from(u8::from(is_limited(telemetry)));
+        self.limited += f64::from(u8::from(telemetry.limited));
         self.pulses += f64::from(pulses(telemetry.commands(), self.before));
         self.before = telemetry.commands();
         let faulty =
@@ -194,11 +193,6 @@ pub fn angle_text(value_rad: f64, units: UnitSystem) -> String {
 }
 
 /// Root of the mean of squares.
-/// Whether the set point gives way in this step. The core keeps its flag when the joint is no longer driven.
-pub fn is_limited(telemetry: &JointTelemetry) -> bool {
-    telemetry.limited && !matches!(telemetry.mode, JointMode::Vent | JointMode::Locked)
-}
-
 fn root(sum: f64, count: f64) -> f64 {
     (sum / count.max(1.0)).sqrt()
 }

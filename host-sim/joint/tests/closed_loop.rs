@@ -338,12 +338,18 @@ fn slow_valves_do_not_hunt_at_rest() {
     rests(&format!("{HOSED}[valve]\npwm_hz = 50\n"), &[-30.0, -20.0, 15.0, 25.0]);
 }
 
-/// More stiffness than both pressures give: the angle is held, and the telemetry reports the limit.
+/// More stiffness than both pressures give: the angle is held, and the telemetry reports the limit, until the joint
+/// vents.
 #[test]
 fn torque_wins_over_stiffness() {
     let loaded = loaded("model = \"lumped\"\n[joint]\n");
-    let rows = run(&loaded, 2.0, |_| still(10.0, 80.0));
-    let last = rows.last().unwrap();
+    let rows = run(&loaded, 2.5, |t| {
+        let vent = Inputs { set_point: JointSetPoint::Vent, ..still(10.0, 80.0) };
+        if t < 2.0 { still(10.0, 80.0) } else { vent }
+    });
+    let (driven, vented) = rows.split_at(2000);
+    assert!(vented.iter().skip(1).all(|row| !row.telemetry.limited));
+    let last = driven.last().unwrap();
     assert!(last.telemetry.limited && last.stiffness_n_m_rad < 60.0, "{last:?}");
     assert!((last.truth.angle_rad.to_degrees() - 10.0).abs() < 0.5, "{last:?}");
 }

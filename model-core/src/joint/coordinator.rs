@@ -338,8 +338,10 @@ impl Coordinator {
         let [judged_a, judged_b] = judged;
         let [command_a, command_b] = self.commands;
         let muscles = [a.end(sample_a, judged_a, command_a), b.end(sample_b, judged_b, command_b)];
+        let mode = self.mode(&muscles);
+        let drives = !matches!(mode, JointMode::StartupCheck | JointMode::Vent | JointMode::Locked);
         JointTelemetry {
-            mode: self.mode(&muscles),
+            mode,
             muscles,
             angle_rad,
             speed_rad_s: self.controller.speed_rad_s(),
@@ -347,7 +349,7 @@ impl Coordinator {
             torque_n_m: self.controller.torque_n_m(),
             stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
             disturbance_n_m: self.controller.disturbance_n_m(),
-            limited: self.controller.limited(),
+            limited: drives && self.controller.limited(),
             set_point: self.set_point,
             faults: self.latched,
         }

@@ -144,7 +144,7 @@ pub struct JointTelemetry {
     pub stiffness_n_m_rad: f32,
     /// Torque that nothing configured explains \[N m\].
     pub disturbance_n_m: f32,
-    /// Whether stiffness, or torque too, had to yield to the limits of pressure.
+    /// Whether stiffness, or torque too, had to yield to the limits of pressure; never where the joint is not driven.
     pub limited: bool,
     /// Set point of this step: vent or lock if the joint decided so.
     pub set_point: JointSetPoint,

@@ -42,7 +42,7 @@ impl Shown for LiveJoint {
     }
 
     fn is_limited(telemetry: &JointTelemetry) -> bool {
-        thermyo_joint::is_limited(telemetry)
+        telemetry.limited
     }
 
     fn valid(telemetry: &JointTelemetry) -> [bool; 2] {
