@@ -333,10 +333,12 @@ struct StepAlignment {
     /// The run's step at the board's step 0; none during the startup check after a restart.
     zero: Option<u64>,
     late: u64,
+    /// The step that was matched last.
+    last: Option<u64>,
 }
 
 impl StepAlignment {
-    const STARTED: Self = Self { zero: Some(0), late: 0 };
+    const STARTED: Self = Self { zero: Some(0), late: 0, last: None };
 
     fn step_of(&mut self, telemetry: &Telemetry, now: u64) -> u64 {
         let in_time = now.saturating_sub(self.late);
@@ -345,8 +347,11 @@ impl StepAlignment {
             return in_time;
         }
         let counted = u64::from(telemetry.step);
-        let step = *self.zero.get_or_insert(in_time.saturating_sub(counted)) + counted;
-        self.late = now.saturating_sub(step);
+        // A board that counts back has restarted, even if no frame of its startup check arrived.
+        let goes_on = |zero: &u64| self.last.is_none_or(|last| zero + counted > last);
+        let zero = self.zero.filter(goes_on).unwrap_or(in_time.saturating_sub(counted));
+        let step = zero + counted;
+        (self.zero, self.late, self.last) = (Some(zero), now.saturating_sub(step), Some(step));
         step
     }
 }
