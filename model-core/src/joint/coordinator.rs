@@ -349,7 +349,7 @@ impl Coordinator {
             torque_n_m: self.controller.torque_n_m(),
             stiffness_n_m_rad: self.controller.stiffness_n_m_rad(gauge_pa),
             disturbance_n_m: self.controller.disturbance_n_m(),
-            limited: drives && self.controller.limited(),
+            limited: drives && self.started && self.controller.limited(),
             set_point: self.set_point,
             faults: self.latched,
         }
