@@ -69,7 +69,7 @@ export class Board {
       this.restart = true;
     });
     chip.boot(sram);
-    const followClock = (hertz) => (this.nanosPerCycle = Math.round(1e9 / hertz));
+    const followClock = (hertz) => (this.nanosPerCycle = 1e9 / hertz);
     followClock(chip.clkSys);
     chip.addClockListener(followClock);
 

@@ -3,7 +3,7 @@
 
 import { RP2040 } from 'rp2040js';
 import { FlashCache } from './flash_cache.mjs';
-import { Regulator, RingOscillator } from './start.mjs';
+import { Regulator } from './regulator.mjs';
 
 const FLASH = 0x10000000;
 const FLASH_END = 0x11000000; // end of the cached flash
@@ -27,8 +27,8 @@ export class Chip extends RP2040 {
     this.ramWords = new Uint32Array(this.sram.buffer);
     this.ramHalves = new Uint16Array(this.sram.buffer);
     this.cache = new FlashCache(this.peripherals[0x18000]);
-    this.peripherals[0x40060] = new RingOscillator(this);
     this.peripherals[0x40064] = new Regulator(this);
+    this.updateClocks(); // to the ring oscillator's
     this.xip = true; // flash can be read
     this.violations = 0; // reads when flash could not be read
     this.lockedUp = false; // only a reset ends a lock-up

@@ -5,9 +5,10 @@
 //
 // The time for a half follows from the serial interface's setting by the second stage boot loader.
 // W25Q080: BAUDR = 2, 8 clocks for the address and mode bits, 4 of waiting and 8 for 32 bits by
-// four lines, 20 clocks of 2 cycles: 40 cycles, at least 320 ns according to Klipper's PR 6464. In
-// addition the chip is selected and the bus waits: 400 ns were measured for a load that misses the
-// cache (oberon-rtk.org/description/flash-memory), 50 cycles with the 2 of the load itself.
+// four lines, 20 clocks of 2 cycles: 40 cycles, at 125 MHz at least 320 ns according to Klipper's
+// PR 6464. In addition the chip is selected and the bus waits: 400 ns were measured for a load that
+// misses the cache (oberon-rtk.org/description/flash-memory), 50 cycles with the 2 of the load
+// itself.
 
 const SETS = 1024;
 const WAYS = 2;

@@ -2,7 +2,7 @@
 
 use model_core::{AdcCode, Config, Faults, Sample, SetPoint};
 use system_tests::rig::{Rig, STARTUP_CHECK_STEPS};
-use thermyo_boards::emulated::{EmulatedBoard, Injection};
+use thermyo_boards::emulated::{EmulatedBoard, Injection, START_MS};
 use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::{
     Answer, ConfigSource, Event, HostCommand, Name, PROTOCOL, Refusal, Status, checksum,
@@ -13,8 +13,6 @@ use thermyo_simulation::board::BoardError;
 const ROUNDS: u32 = 15;
 /// Fractions of an operation's time after which power fails.
 const DONE: [f32; 4] = [0.0, 0.3, 0.7, 0.98];
-/// Time in which a board starts and restores its configuration \[ms\].
-const START_MS: u32 = 40;
 /// Default time between two frames of telemetry \[ms\].
 const TELEMETRY_MS: u32 = 10;
 /// Time in which the board accepts two more large requests \[ms\].

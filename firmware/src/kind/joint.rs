@@ -29,7 +29,7 @@ pub const IMAGE: Image = Image::Joint;
 pub const MAX_VALUE: usize = 1536;
 pub const SCHEMA: u16 = 0x8000 | PROTOCOL;
 /// Delay from driving the valves to the start of the PWM period: later steps at a period's start
-/// take 300 us longer than the first one and must not miss it.
+/// take 190 us longer than the first one and must not miss it.
 pub const PWM_DELAY: Duration = Duration::from_micros(500);
 pub type Commands = [Command; MUSCLES];
 pub const VENT: Commands = [Command::VENT; MUSCLES];

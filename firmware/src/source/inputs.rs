@@ -11,9 +11,9 @@ use model_core::AdcCode;
 use model_core::sample::OVERSAMPLING;
 
 /// Lead with which the timer is set; the task polls for the rest. The timer's interrupt takes some
-/// 14 us to reach the task, and the serial interrupt may delay it, so that one is masked while
-/// polling.
-const LEAD: Duration = Duration::from_micros(30);
+/// 9 us to reach the task on an RP2040, and the serial interrupt may delay it, so that one is masked
+/// while polling.
+const LEAD: Duration = Duration::from_micros(20);
 
 pub struct Inputs<A, P> {
     adc: A,

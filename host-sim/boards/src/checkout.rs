@@ -57,7 +57,7 @@ impl From<NotBuilt> for BoardError {
 /// Flags with which panics name a dependency's source by its path below the downloaded sources: 2 KB less of a
 /// firmware's image, which is then the same on every machine.
 fn short_paths() -> OsString {
-    let home = env::var_os("CARGO_HOME").map(PathBuf::from);
+    let home = env::var_os("CARGO_HOME").filter(|home| !home.is_empty()).map(PathBuf::from);
     let home = home.or_else(|| Some(env::home_dir()?.join(".cargo"))).unwrap_or_default();
     let sources = fs::read_dir(home.join("registry/src")).into_iter().flatten().flatten();
     // The names of those that `cargo package` unpacks begin with a hyphen.
@@ -107,7 +107,7 @@ impl Build<'_> {
         }
         if self.target.is_some() {
             // The user's flags are for this machine. These replace them.
-            cargo.env("CARGO_ENCODED_RUSTFLAGS", short_paths());
+            cargo.env_remove("RUSTFLAGS").env("CARGO_ENCODED_RUSTFLAGS", short_paths());
         }
         let doing = format!("building {}", self.name);
         let (status, message) = watched(&mut cargo, &doing, Begins::WhenStale)

@@ -22,7 +22,7 @@ use thermyo_simulation::board::{Board, BoardError, BoardStep};
 /// One exchange, a step of the board \[ns\].
 pub const STEP_NS: u32 = 1_000_000;
 /// Exchanges after power-up, and after a restart, until the firmware has copied itself into RAM and listens. It copies
-/// at the 6.5 MHz of the ring oscillator: 364 ms for the image of a muscle, 441 ms for that of a joint.
+/// at the 6.5 MHz that are typical of the ring oscillator: 364 ms for the image of a muscle, 441 ms for that of a joint.
 pub const START_MS: u32 = 480;
 /// End of the first exchange: a tenth of a step before the next step, because inputs change between two steps.
 const START_NS: u32 = START_MS * STEP_NS - STEP_NS / 10;
