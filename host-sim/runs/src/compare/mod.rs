@@ -242,6 +242,17 @@ mod tests {
     }
 
     #[test]
+    fn the_page_has_the_warnings() {
+        let recorded = |name: &str, text: &str| {
+            Recorded::alone(name, &Table::parse(text, "t.csv".as_ref()).unwrap()).unwrap()
+        };
+        let long = recorded("a", "time_s,pressure_pa\n0,1\n5,1\n");
+        let short = recorded("b", "time_s,pressure_pa\n0,1\n2,1\n");
+        let said = "b lasts 2 s and a 5 s: only the common time is compared.";
+        assert!(Comparison::of(vec![long, short]).page().contains(said));
+    }
+
+    #[test]
     fn runs_of_another_kind_or_length_are_reported() {
         let muscle = run("m", "time_s,pressure_pa,length_m\n0,1,1\n5,1,1\n");
         let vessel = run("v", "time_s,pressure_pa,length_m\n0,1,\n5,1,\n");

@@ -20,10 +20,11 @@ const COLOURS: [Colour; 7] = [
 ];
 
 /// Builds the page. `compared` contains all runs except the first.
-pub fn page(runs: &[Run], compared: &[Compared]) -> String {
+pub fn page(runs: &[Run], compared: &[Compared], warnings: &[String]) -> String {
     let names: Vec<&str> = runs.iter().map(|run| run.name.as_str()).collect();
     let lead = format!("{}: each over the others, the differences to the first.", names.join(", "));
     let page = Page::new("Runs compared", &lead, "").section(differences(compared));
+    let page = warnings.iter().fold(page, |page, text| page.warning(&format!("{text}.")));
     subject(runs)
         .sections()
         .iter()

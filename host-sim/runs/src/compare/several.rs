@@ -123,7 +123,7 @@ impl Comparison {
 
     /// Content of `report.html`.
     pub fn page(&self) -> String {
-        page::page(&self.runs, &self.compared)
+        page::page(&self.runs, &self.compared, &self.warnings())
     }
 
     /// Tracking of each run, below its name; empty without a set point.
