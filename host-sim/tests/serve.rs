@@ -574,8 +574,9 @@ fn stops_are_measured_from_the_page_until_somebody_vents() {
     page.until("vents", |page| page.frame["mode"] == "vent");
     page.until("ended", |page| page.state["guide"]["over"] == true);
     let text = page.state["guide"]["text"].as_str().unwrap_or("").to_owned();
-    assert!(text.starts_with("Nothing was measured: "), "{text}");
-    assert!(!served.bench.path("out/serve/stops-1").exists());
+    assert!(text.starts_with("Ended at ") && text.contains("only 0 of 8 stops"), "{text}");
+    assert_eq!(page.state["guide"]["result"], "stops-1");
+    assert!(served.bench.path("out/serve/stops-1/trace.csv").exists());
 }
 
 #[test]

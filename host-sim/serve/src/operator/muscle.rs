@@ -436,16 +436,20 @@ impl Operator<LiveBoard> {
             )),
             Err(error) => Some(error.to_string()),
         };
-        if let Some(why) = why {
+        let Some(last) = record.rows.rows.last() else {
+            let why = why.unwrap_or_default();
             self.failed("Stops", format!("Nothing was measured: {why}."));
             return Ok(());
-        }
+        };
+        let ended = why.map(|why| format!("Ended at {:.0} of {whole_s:.0} s: {why}.", last.time_s));
         let findings = stops::measured(&record, &plan, &loaded, &self.target.name());
-        self.publish_stops(&findings, &record, &loaded)
+        self.publish_stops(ended, &findings, &record, &loaded)
     }
 
+    /// Writes the record, which an early end has shortened, and shows what it has.
     fn publish_stops(
         &mut self,
+        ended: Option<String>,
         findings: &stops::Findings,
         record: &Record,
         loaded: &Loaded,
@@ -454,10 +458,16 @@ impl Operator<LiveBoard> {
         let mut files = OutputDir::create(&folder)?;
         stops::write(&mut files, findings, record, loaded, &name)?;
         files.publish()?;
-        self.shared.log(Weight::Plain, format!("stops measured: {}", folder.display()));
+        if let Some(line) = &ended {
+            self.shared.log(Weight::Refused, line.clone());
+        }
+        self.shared.log(Weight::Plain, format!("record of the stops: {}", folder.display()));
         let text = "gas temperature at stops, heat transfer".to_owned();
         self.shared.add_result(Outcome { name: name.clone(), folder, text, trace: true });
-        let over = Guide::over("Stops", findings.text(UnitSystem::Practical));
+        let failed = findings.failed().map(|why| format!("Not measured: {why}."));
+        let lines = ended.into_iter().chain(failed).map(|line| line + "\n");
+        let text = lines.collect::<String>() + &findings.text(UnitSystem::Practical);
+        let over = Guide::over("Stops", text);
         self.tasks.guided = Some(Guided::Over(Guide { result: Some(name), ..over }));
         Ok(())
     }
