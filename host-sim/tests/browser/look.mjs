@@ -84,10 +84,13 @@ async function used(page, id) {
   const lines = () => figure.$$eval(".plot svg svg path", (all) => all.length);
   const before = await lines();
   const trace = await figure.$("button.trace");
-  let without = null, again = null;
+  let without = null, again = null, struck = "none";
   if (trace) {
     await trace.click();
     without = await lines();
+    await page.emulateMediaType("print");
+    struck = await trace.evaluate((node) => getComputedStyle(node).textDecorationLine);
+    await page.emulateMediaType("screen");
     await trace.click();
     again = await lines();
   }
@@ -110,7 +113,7 @@ async function used(page, id) {
   for (let i = 0; i < 22; i++) await page.keyboard.press("+");
   const deep = await ticks(figure);
   await page.keyboard.press("Escape");
-  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, deep, panned, back, touched, left, keyed, traces: [before, without, again] };
+  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, deep, panned, back, touched, left, keyed, struck, traces: [before, without, again] };
 }
 
 const began = Date.now();
