@@ -73,6 +73,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
     assert_eq!(narrow["page_px"], 390, "{name}: {narrow}");
     assert_eq!(narrow["cut"], Value::Array(Vec::new()), "{name}");
     assert!(narrow["smallest_text_px"].as_f64() >= Some(11.0), "{name}: {narrow}");
+    assert_eq!(seen["beyond_paper"], Value::Array(Vec::new()), "{name}");
     seen
 }
 
@@ -114,7 +115,9 @@ fn pages_can_be_looked_into() {
     page(&folder, "short", &["run", &short.display().to_string()]);
     let data = folder.path().join("short/trace.csv").display().to_string();
     let identify = page(&folder, "identify", &["identify", &data, "--config", &identified]);
-    for (name, page) in [("tune", tune), ("identify", identify)] {
+    let stops = ["measure", "stop", "scenarios/nominal.toml", "--stops", "3", "--wait", "10"];
+    let stops = page(&folder, "stops", &stops);
+    for (name, page) in [("tune", tune), ("identify", identify), ("stops", stops)] {
         let figures = fs::read_to_string(&page).unwrap().matches("<figure ").count();
         looked_into(&chromium, &page, name, figures);
     }

@@ -141,6 +141,12 @@ const narrow = await phone.evaluate(() => ({
     text.ownerSVGElement.viewBox.baseVal.width)),
 }));
 
+// A4 less the margins of print.
+const sheet = await open({ width: 672, height: 980 });
+await sheet.emulateMediaType("print");
+const beyond_paper = await sheet.$$eval(".table", (all) => all.filter((node) => node.scrollWidth > node.clientWidth + 1)
+  .map((node) => node.textContent.slice(0, 40)));
+
 for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 844, deviceScaleFactor: 2 }]]) {
   for (const scheme of ["light", "dark"]) {
     const shot = await open(viewport, scheme);
@@ -149,4 +155,4 @@ for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 84
   }
 }
 await browser.close();
-console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, serious }));
+console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, beyond_paper, serious }));
