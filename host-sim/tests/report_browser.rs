@@ -67,6 +67,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         let [all, without, again] = [0, 1, 2].map(|i| chart["traces"][i].as_u64());
         assert!(without.is_none() || without < all && again == all, "{name}: {chart}");
         assert_eq!(chart["struck"], "none", "{name}: {chart}");
+        assert_eq!(chart["cut"], Value::Array(Vec::new()), "{name}: {chart}");
     }
     assert_eq!(seen["serious"], Value::Array(Vec::new()), "{name}");
     let narrow = &seen["narrow"];

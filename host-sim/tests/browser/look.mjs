@@ -94,6 +94,14 @@ async function used(page, id) {
     await trace.click();
     again = await lines();
   }
+  // Labels that the edge of the drawing cuts.
+  const cut = await figure.$eval(".plot > svg:not(.still)", (svg) => {
+    const { left, right } = svg.getBoundingClientRect();
+    return [...svg.querySelectorAll("text")].filter((text) => {
+      const box = text.getBoundingClientRect();
+      return getComputedStyle(svg).overflow !== "visible" && (box.left < left || box.right > right);
+    }).map((text) => text.textContent);
+  });
   // With a finger: the values stay when it lifts.
   await inSight();
   await page.touchscreen.tap(...at(0.5));
@@ -113,7 +121,7 @@ async function used(page, id) {
   for (let i = 0; i < 22; i++) await page.keyboard.press("+");
   const deep = await ticks(figure);
   await page.keyboard.press("Escape");
-  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, deep, panned, back, touched, left, keyed, struck, traces: [before, without, again] };
+  return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, deep, panned, back, touched, left, keyed, struck, cut, traces: [before, without, again] };
 }
 
 const began = Date.now();
