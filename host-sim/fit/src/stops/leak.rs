@@ -100,14 +100,18 @@ fn of(closed: &Closed, lag_s: f64) -> Option<Leak> {
         |share: f64| (0..closed.rows.len()).find(|row| closed.since_s(*row) > share * wait_s);
     let first = from(LEFT_OUT)?;
     let times_s: Vec<f64> = (0..closed.rows.len()).map(|row| closed.since_s(row)).collect();
-    let logs: Vec<f64> = closed.ratio[first..].iter().map(|ratio| ratio.ln()).collect();
+    // An interpolated length does not show a leak.
+    let shows = |row: &usize| !closed.frozen[*row];
+    let late_s: Vec<f64> = (first..times_s.len()).filter(shows).map(|row| times_s[row]).collect();
+    let logs: Vec<f64> =
+        (first..times_s.len()).filter(shows).map(|row| closed.ratio[row].ln()).collect();
     let swing = closed.ratio[0].ln().abs();
     let lines: Vec<Line> = RELAXES
         .iter()
         .map(|share| share * wait_s)
         .filter_map(|relaxes_s| {
             let left = swing * (-times_s[first] / relaxes_s).exp();
-            line(&times_s[first..], &logs, relaxes_s, left)
+            line(&late_s, &logs, relaxes_s, left)
         })
         .collect();
     let least = lines.iter().map(|line| line.squares).fold(f64::INFINITY, f64::min);

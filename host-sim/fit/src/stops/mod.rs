@@ -76,6 +76,12 @@ const LAG_OFF: f64 = 0.2;
 /// Change in the last quarter of a wait above which the wait is too short, of the gas or of the sensor's remaining lag
 /// \[K\].
 const UNSETTLED_K: f64 = 0.5;
+/// Time for which a length that moves is not the same, unless the converter freezes it \[s\]. Assumption.
+const FROZEN_S: f64 = 0.2;
+/// Share of itself by which a length jumps at the least where it leaves a wide code. Assumption.
+const UNSEEN: f64 = 2e-4;
+/// Time at the end of a stop for which a length may be frozen \[s\]. Assumption.
+const ENDS_FROZEN_S: f64 = 1.0;
 /// Change of the temperature at the stop up to which a leak is corrected \[K\].
 const MOST_LEAK_K: f64 = 1.5;
 /// Share of the gas above which a leak is reported rather than a load that moves with it \[-\]. Assumption.
@@ -203,6 +209,8 @@ struct Closed<'a> {
     end_j: f64,
     /// Volume of the gas whose temperature changes \[m3\].
     volume_m3: Vec<f64>,
+    /// Rows whose length is interpolated.
+    frozen: Vec<bool>,
     /// Leak as seen with a sensor of the configured lag.
     leak: Leak,
 }
@@ -283,10 +291,72 @@ impl Cool {
     }
 }
 
+/// Whether each row has a length that stays the same for a while and then jumps: it is in one of the converter's wide
+/// codes (erratum RP2040-E11).
+fn frozen(rows: &[Row]) -> Vec<bool> {
+    let mut frozen_m = Vec::new();
+    let mut first = 0;
+    for same in rows.chunk_by(|a, b| a.length_m == b.length_m) {
+        let after = first + same.len();
+        let length_m = same[0].length_m;
+        let lasts = same[same.len() - 1].time_s - same[0].time_s > FROZEN_S;
+        let mut beside = first.checked_sub(1).into_iter().chain([after]);
+        let jumps = |row: usize| {
+            let other = rows.get(row);
+            other.is_some_and(|row| (row.length_m - length_m).abs() > UNSEEN * length_m)
+        };
+        if lasts && beside.any(jumps) {
+            frozen_m.push(length_m);
+        }
+        first = after;
+    }
+    rows.iter().map(|row| frozen_m.contains(&row.length_m)).collect()
+}
+
+/// Lengths of rows \[m\]: frozen ones lie on a line between the rows before and after them that are not.
+fn bridged_m(rows: &[Row], frozen: &[bool]) -> Vec<f64> {
+    let mut lengths_m: Vec<f64> = rows.iter().map(|row| row.length_m).collect();
+    let mut first = 0;
+    for same in frozen.chunk_by(|a, b| a == b) {
+        let after = first + same.len();
+        let before = first.checked_sub(1).map(|row| &rows[row]);
+        let (from, to) = match (before, rows.get(after)) {
+            (Some(from), Some(to)) => (from, to),
+            (Some(edge), None) | (None, Some(edge)) => (edge, edge),
+            (None, None) => return lengths_m,
+        };
+        if same[0] {
+            let span_s = (to.time_s - from.time_s).max(f64::MIN_POSITIVE);
+            for (length_m, row) in lengths_m[first..after].iter_mut().zip(&rows[first..]) {
+                let share = ((row.time_s - from.time_s) / span_s).clamp(0.0, 1.0);
+                *length_m = from.length_m + share * (to.length_m - from.length_m);
+            }
+        }
+        first = after;
+    }
+    lengths_m
+}
+
+/// Reason why a stop that ends in a wide code cannot be used.
+fn ends_frozen(Closed { rows, frozen, .. }: &Closed) -> Option<String> {
+    let last = frozen.iter().rposition(|frozen| !frozen)?;
+    let (before, first, end) = (&rows[last], rows.get(last + 1)?, rows.last()?);
+    let off_m = (first.length_m - before.length_m).abs();
+    (end.time_s - first.time_s > ENDS_FROZEN_S).then(|| {
+        format!(
+            "from {:.1} s on the length is within {:.1} mm, in a code that the converter makes too wide (erratum \
+             RP2040-E11): another load or pressure moves it out",
+            first.time_s,
+            2.0e3 * off_m
+        )
+    })
+}
+
 fn close<'a>(hold: Hold, rows: &'a Rows, chamber: &AnyChamber, cool: &Cool) -> Closed<'a> {
     let rows = &rows.rows[hold.rows.clone()];
-    let whole_m3: Vec<f64> =
-        rows.iter().map(|row| f64::from(chamber.volume_m3(row.length_m as f32))).collect();
+    let volume_m3 = |length_m: f64| f64::from(chamber.volume_m3(length_m as f32));
+    let frozen = frozen(rows);
+    let whole_m3: Vec<f64> = bridged_m(rows, &frozen).into_iter().map(volume_m3).collect();
     // Gas of the last twentieth of the wait.
     let first = rows.len() - (rows.len() / 20).max(1);
     let mean = |of: &dyn Fn(usize) -> f64| {
@@ -306,6 +376,7 @@ fn close<'a>(hold: Hold, rows: &'a Rows, chamber: &AnyChamber, cool: &Cool) -> C
         end_j: end_j - cool.inside_m3 * end_pa,
         volume_m3: whole_m3.iter().map(|volume_m3| volume_m3 - cool.inside_m3).collect(),
         leak: Leak::NONE,
+        frozen,
         hold,
         rows,
     }
@@ -336,6 +407,9 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             "the record has a gap from {:.2} to {:.2} s",
             before.time_s, after.time_s
         ));
+    }
+    if let Some(frozen) = ends_frozen(closed) {
+        return Some(frozen);
     }
     let lost = closed.leak.lost(closed.wait_s());
     if lost.abs() > PLAIN_LEAK {
