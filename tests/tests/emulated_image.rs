@@ -16,8 +16,8 @@ const FLASH: RangeInclusive<u64> = 150 * 1024..=161 * 1024;
 const RAM: RangeInclusive<u64> = 26 * 1024..=29 * 1024;
 /// Cycles of the RP2040 in a millisecond.
 const CYCLES_PER_MS: f64 = 200.0e3;
-/// Fraction of the time for which the processor is busy, including telemetry as at the start; 0.137 is reached.
-const BUSY: Range<f64> = 0.12..0.145;
+/// Fraction of the time for which the processor is busy, including telemetry as at the start; 0.127 is reached.
+const BUSY: Range<f64> = 0.115..0.135;
 
 /// The same for the image of a joint: 188.0 and 49.0 KiB, of which an encoder takes 1.3 and 0.2.
 const JOINT_FLASH: RangeInclusive<u64> = 180 * 1024..=191 * 1024;
