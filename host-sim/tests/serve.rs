@@ -13,6 +13,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
 use crate::board_support::Bench;
+use crate::command_support::Said;
 
 /// Serialises the tests: an emulated board needs a core for itself.
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
@@ -330,6 +331,35 @@ fn recording() -> (Served, Page) {
     page.order(json!("record"));
     page.until("rows", |page| page.state["recording"]["rows"].as_u64() > Some(0));
     (served, page)
+}
+
+/// Each of them used to replace the board of the one before, which lost its link.
+#[test]
+fn servers_started_at_once_do_not_replace_each_others_board() {
+    let _turn = ONE_BY_ONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let bench = Bench::new();
+    let start = |number| {
+        let line = format!("thermyo serve scenarios/contraction.toml --out out/serve-{number}");
+        let mut command = bench.command(&line);
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let mut servers = [0, 1, 2].map(start);
+    let addresses = servers.each_mut().map(|server| {
+        let mut address = String::new();
+        BufReader::new(server.stdout.as_mut().unwrap()).read_line(&mut address).unwrap();
+        address
+    });
+    for (mut server, address) in servers.into_iter().zip(&addresses) {
+        if address.is_empty() {
+            let said = Said::of("thermyo serve", server.wait_with_output().unwrap()).ends(2);
+            assert!(said.err.contains("another program has it open"), "{}", said.err);
+        } else {
+            let _ = server.kill();
+            let _ = server.wait();
+        }
+    }
+    let served = addresses.iter().filter(|address| address.starts_with("http://")).count();
+    assert_eq!(served, 1, "{addresses:?}");
 }
 
 /// The terminal is closed.

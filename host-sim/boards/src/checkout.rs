@@ -200,7 +200,7 @@ fn alone_by(
             Err(TryLockError::Error(error)) => return Err(error),
         }
         if began.elapsed() >= sign_due {
-            say(&format!("{doing}: {} s, waiting for another build", began.elapsed().as_secs()));
+            say(&format!("{doing}: {} s, waiting for another process", began.elapsed().as_secs()));
             sign_due += interval;
         }
     }
@@ -346,7 +346,7 @@ mod tests {
                 alone_by(&lock, "building it", Duration::ZERO, say).map(drop)
             }
         });
-        assert_eq!(lines.recv().unwrap(), "building it: 0 s, waiting for another build");
+        assert_eq!(lines.recv().unwrap(), "building it: 0 s, waiting for another process");
         drop(held);
         waits.join().unwrap().unwrap();
         alone_by(&lock, "building it", Duration::MAX, silent).unwrap();

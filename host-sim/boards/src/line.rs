@@ -42,9 +42,17 @@ impl Line {
     /// As [`Line::open`], but accepts any protocol version; use only the requests that all versions
     /// have.
     pub fn meet(name: &str) -> Result<(Self, Version), BoardError> {
+        Self::meet_by(name, || port::open(name))
+    }
+
+    /// As [`Line::meet`], over the port that `open` opens.
+    pub(super) fn meet_by(
+        name: &str,
+        open: impl Fn() -> Result<Box<dyn Port>, BoardError>,
+    ) -> Result<(Self, Version), BoardError> {
         let began = Instant::now();
         loop {
-            let mut line = Self::over(port::open(name)?, name);
+            let mut line = Self::over(open()?, name);
             match line.ask(HostCommand::Version, "version") {
                 Ok(Answer::Version(version)) => return Ok((line, version)),
                 Ok(_) => return Err(BoardError::Silent { asked: "version" }),

@@ -12,6 +12,7 @@ use thermyo_simulation::board::BoardError;
 /// # Errors
 /// [`BoardError::Taken`] for an earlier one that another program has open; other errors if the board does not start.
 pub fn plug(image: Variant, scenario: Option<&Path>) -> Result<(), BoardError> {
+    let _alone = service::alone()?;
     refuse_taken()?;
     service::plug(image, scenario).map(drop)
 }
@@ -22,13 +23,15 @@ pub fn plug(image: Variant, scenario: Option<&Path>) -> Result<(), BoardError> {
 /// # Errors
 /// As [`plug`].
 pub fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
+    let _alone = service::alone()?;
     refuse_taken()?;
     service::plug_into_this_process(loaded)
 }
 
 fn refuse_taken() -> Result<(), BoardError> {
-    match service::is_plugged_in().then(|| Line::meet(port::EMULATED)) {
-        Some(Err(taken @ BoardError::Taken { .. })) => Err(taken),
+    let open = || service::plugged_in().ok_or(BoardError::Silent { asked: "a connection" });
+    match Line::meet_by(port::EMULATED, || Ok(Box::new(open()?))) {
+        Err(taken @ BoardError::Taken { .. }) => Err(taken),
         _ => Ok(()),
     }
 }

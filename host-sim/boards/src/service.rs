@@ -7,9 +7,11 @@
 //! host is gone; if unused for long, the process ends. A second file beside the first holds the content of its flash,
 //! which survives the loss of power, a third one describes the hardware at its pins.
 
+use super::checkout;
 use super::emulated::{EmulatedBoard, Exchange, Port, STEP_NS};
 use super::image::{self, Variant};
 use super::serial_port::READ;
+use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
@@ -61,10 +63,20 @@ fn build() -> String {
 
 /// Connects to the board, plugging it in if necessary.
 pub fn connect() -> Result<TcpStream, BoardError> {
+    if let Some(stream) = plugged_in() {
+        return Ok(stream);
+    }
+    let _alone = alone()?;
     match plugged_in() {
         Some(stream) => Ok(stream),
         None => plug(Variant::Standard, None),
     }
+}
+
+/// Waits until no other program plugs in a board. Programs that start at the same time would each replace the board of
+/// the one before.
+pub(super) fn alone() -> io::Result<File> {
+    checkout::alone(&file().with_extension("lock"), "plugging in the emulated board")
 }
 
 /// Local port of the board that is plugged in.
@@ -74,14 +86,15 @@ fn address() -> Option<u16> {
     if by == build() { port.parse().ok() } else { None }
 }
 
-fn plugged_in() -> Option<TcpStream> {
+pub(super) fn plugged_in() -> Option<TcpStream> {
     let stream = TcpStream::connect((Ipv4Addr::LOCALHOST, address()?)).ok()?;
     stream.set_read_timeout(Some(READ)).ok()?;
     stream.set_nodelay(true).ok()?;
     Some(stream)
 }
 
-/// Plugs in a board with an image and the muscle or joint of a scenario file, replacing an earlier one.
+/// Plugs in a board with an image and the muscle or joint of a scenario file, replacing an earlier one. The caller is
+/// [`alone`].
 pub(super) fn plug(image: Variant, scenario: Option<&Path>) -> Result<TcpStream, BoardError> {
     // Prepared here, so that the caller gets the errors.
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(image)?);
@@ -114,7 +127,7 @@ pub fn is_plugged_in() -> bool {
 }
 
 /// Plugs in a board that runs in a thread of this process, with the muscle of a scenario, replacing
-/// an earlier one: for programs that cannot be started again as the board's process.
+/// an earlier one: for programs that cannot be started again as the board's process. The caller is [`alone`].
 pub(super) fn plug_into_this_process(loaded: Loaded) -> Result<(), BoardError> {
     let (scripts, image) = (image::prepare_emulator()?, image::firmware(Variant::Standard)?);
     unplug();
