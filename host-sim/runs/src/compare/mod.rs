@@ -53,7 +53,7 @@ pub struct Compared {
     pub run: String,
     /// Name of the first run.
     pub with: String,
-    /// Rows of the first run within the time of both.
+    /// Rows of the first run at which both have a value of the same column.
     pub rows: usize,
     pub differences: BTreeMap<&'static str, Difference>,
     #[serde(skip)]
@@ -154,22 +154,23 @@ impl Run {
     }
 
     pub fn compared(&self, first: &Self) -> Compared {
-        let both = |time_s: &&f64| self.at(&self.time_s, **time_s).is_some();
-        let rows = first.time_s.iter().filter(both).count();
-        let differences = self
-            .subject
-            .columns()
+        let columns = self.subject.columns().iter().copied();
+        let common: Vec<_> = columns
+            .filter_map(|name| Some((name, self.column(name)?, first.column(name)?)))
+            .collect();
+        let difference = |own: &[f64], (time_s, value): (&f64, &f64)| {
+            Some(self.at(own, *time_s)? - value).filter(|difference| difference.is_finite())
+        };
+        let is_compared = |(row, time_s): &(usize, &f64)| {
+            common.iter().any(|(_, own, other)| difference(own, (time_s, &other[*row])).is_some())
+        };
+        let rows = first.time_s.iter().enumerate().filter(is_compared).count();
+        let differences = common
             .iter()
-            .copied()
-            .filter_map(|name| {
-                let (own, other) = (self.column(name)?, first.column(name)?);
-                let differences: Vec<f64> = first
-                    .time_s
-                    .iter()
-                    .zip(other)
-                    .filter_map(|(time_s, value)| Some(self.at(own, *time_s)? - value))
-                    .filter(|difference| difference.is_finite())
-                    .collect();
+            .filter_map(|(name, own, other)| {
+                let cells = first.time_s.iter().zip(*other);
+                let differences: Vec<f64> =
+                    cells.filter_map(|cell| difference(own, cell)).collect();
                 let count = differences.len() as f64;
                 (!differences.is_empty()).then(|| {
                     let square: f64 = differences.iter().map(|d| d * d).sum();
@@ -178,7 +179,7 @@ impl Run {
                         rms: (square / count).sqrt(),
                         max: differences.iter().fold(0.0, |max, d| d.abs().max(max)),
                     };
-                    (name, difference)
+                    (*name, difference)
                 })
             })
             .collect();
@@ -222,6 +223,14 @@ mod tests {
                 .contains("pressure_pa            RMS 0.00300 kPa")
         );
         assert!(text(&[compared], UnitSystem::Si).contains("pressure_pa            RMS 3.00 Pa"));
+    }
+
+    /// Rows whose cells are empty used to count.
+    #[test]
+    fn rows_are_those_with_a_value_in_both() {
+        let first = run("a", "time_s,pressure_pa,length_m\n0,1,\n1,,\n2,1,1\n3,1,1\n4,,1\n");
+        let second = run("b", "time_s,pressure_pa\n0,1\n1,1\n2,1\n3,\n4,1\n");
+        assert_eq!(second.compared(&first).rows, 2);
     }
 
     #[test]
