@@ -2,6 +2,7 @@
 //!
 //! The pages stay in the target folder's `tmp` for inspection.
 
+use std::collections::HashSet;
 use std::f64::consts::TAU;
 use std::path::Path;
 
@@ -540,6 +541,23 @@ fn a_chart_alone_is_a_whole_document() {
         assert!(svg.contains(text), "{text}: {svg}");
     }
     assert!(svg.len() < 20_000, "{} bytes", svg.len());
+}
+
+/// The seventh line of a kind used to look like the first, and a long legend ran out of the drawing.
+#[test]
+fn many_lines_differ_and_their_legend_fits() {
+    let panel = (0..14).fold(Panel::new(Axis::new("Gas", "K")), |panel, n| {
+        panel.nth_line(n, &format!("stop number {}", n + 1), &[0.0, 1.0], &[0.0, 1.0])
+    });
+    let chart = Chart::new(Axis::new("Time", "s")).panel(panel);
+    let svg = chart.document("Stops");
+    let samples = svg.split("<svg class=\"").skip(2).take(14);
+    let looks: HashSet<_> = samples.map(|text| text.split(" d=").next().unwrap()).collect();
+    assert_eq!(looks.len(), 14, "{svg}");
+    let number = |text: &str| text.split([' ', '"']).next().unwrap().parse::<f64>().unwrap();
+    let after = |mark| svg.split(mark).skip(1).map(number);
+    let width_px = after(" width=\"").next().unwrap();
+    assert!(after("translate(").all(|left_px| left_px + 100.0 < width_px), "{svg}");
 }
 
 #[test]

@@ -128,6 +128,13 @@ impl Panel {
         self.layer(Layer::new(name, colour, Mark::Dashed, x, &[y]))
     }
 
+    /// A line, number `n` from 0 among several of one kind: in the colours of curves, dashed in every second round.
+    pub fn nth_line(self, n: usize, name: &str, x: &[f64], y: &[f64]) -> Self {
+        let colours = Colour::CURVES.len();
+        let line = if (n / colours).is_multiple_of(2) { Self::line } else { Self::dashed };
+        line(self, name, Colour::CURVES[n % colours], x, y)
+    }
+
     /// A curve in the plane, such as a loop, through the points in their order.
     pub fn plane(self, name: &str, colour: Colour, x: &[f64], y: &[f64]) -> Self {
         self.layer(Layer::new(name, colour, Mark::Plane, x, &[y]))
@@ -223,28 +230,30 @@ impl Chart {
     /// pages of this crate.
     pub fn document(&self, title: &str) -> String {
         let (chart, height) = self.svg(title);
-        let mut right = BORDER;
-        let entries: Vec<(f64, &Layer)> = self
-            .named()
-            .into_iter()
-            .map(|layer| {
-                let left = right;
-                right += SAMPLE + text_width(&layer.name) + BORDER;
-                (left, layer)
-            })
-            .collect();
-        let (width, height) = (self.width + 2.0 * BORDER, height + 62.0 + BORDER);
+        let width = self.width + 2.0 * BORDER;
+        let (mut left, mut top) = (BORDER, 40.0);
+        let mut entries: Vec<([f64; 2], &Layer)> = Vec::new();
+        for layer in self.named() {
+            let entry = SAMPLE + text_width(&layer.name);
+            if left > BORDER && left + entry > width {
+                (left, top) = (BORDER, top + LINE_HEIGHT);
+            }
+            entries.push(([left, top], layer));
+            left += entry + BORDER;
+        }
+        let chart_top = top + 22.0;
+        let height = height + chart_top + BORDER;
         let document = html! {
             svg.chart xmlns="http://www.w3.org/2000/svg" width=(px(width)) height=(px(height))
                 viewBox={ "0 0 " (px(width)) " " (px(height)) } {
                 style { (PreEscaped(DRAWING_STYLE)) }
                 rect width="100%" height="100%" fill="var(--paper)" {}
                 text.label.value x=(px(BORDER)) y="26" { (title) }
-                @for (left, layer) in &entries {
-                    g transform={ "translate(" (px(*left)) " 40)" } { (layer.sample()) }
-                    text x=(px(left + SAMPLE)) y="49" { (layer.name) }
+                @for ([left, top], layer) in &entries {
+                    g transform={ "translate(" (px(*left)) " " (px(*top)) ")" } { (layer.sample()) }
+                    text x=(px(left + SAMPLE)) y=(px(top + 9.0)) { (layer.name) }
                 }
-                g transform={ "translate(" (px(BORDER)) " 62)" } { (chart) }
+                g transform={ "translate(" (px(BORDER)) " " (px(chart_top)) ")" } { (chart) }
             }
         };
         document.into_string()

@@ -29,6 +29,17 @@ pub enum Colour {
 }
 
 impl Colour {
+    /// Colours of several curves of one kind, in their order.
+    pub const CURVES: [Self; 7] = [
+        Self::Ink,
+        Self::Blue,
+        Self::Vermillion,
+        Self::Green,
+        Self::Purple,
+        Self::Orange,
+        Self::Sky,
+    ];
+
     pub(super) fn class(self) -> &'static str {
         match self {
             Self::Truth => "c-truth",

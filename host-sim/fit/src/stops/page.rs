@@ -7,10 +7,6 @@ use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table, Tile};
 use thermyo_setup::Loaded;
 
-/// Colours of the stops, repeated.
-const COLOURS: [Colour; 6] =
-    [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
-
 /// A page with tiles of the figures.
 pub fn begun(title: &str, lead: &str, loaded: &Loaded, analysis: &Analysis) -> Page {
     let page = Page::new(title, lead, &thermyo_setup::render(loaded));
@@ -121,22 +117,19 @@ pub fn relaxations(analysis: &Analysis, rows: &Rows) -> Chart {
     let mut gas = Panel::new(kelvin("Gas less its end")).height(240.0);
     let mut sensor = Panel::new(kelvin("Sensor less that end")).height(180.0);
     let mut error = Panel::new(kelvin("Estimate less measured")).height(180.0);
-    for (i, (stop, colour)) in analysis.stops.iter().zip(COLOURS.iter().cycle()).enumerate() {
-        if !stop.usable() {
-            continue;
-        }
+    for (i, stop) in analysis.stops.iter().enumerate().filter(|(_, stop)| stop.usable()) {
         let of = &rows.rows[stop.rows.clone()];
         let times: Vec<f64> = of.iter().map(|row| row.time_s - stop.time_s).collect();
         let gas_k: Vec<f64> = stop.curve_k.iter().map(|k| k - stop.end_k).collect();
         let sensor_k: Vec<f64> = of.iter().map(|row| row.sensor_k - stop.end_k).collect();
-        gas = gas.line(&format!("stop {}", i + 1), *colour, &times, &gas_k);
-        sensor = sensor.line("", *colour, &times, &sensor_k);
+        gas = gas.nth_line(i, &format!("stop {}", i + 1), &times, &gas_k);
+        sensor = sensor.nth_line(i, "", &times, &sensor_k);
         let errors: Vec<f64> = of
             .iter()
             .zip(&stop.curve_k)
             .map(|(row, k)| row.estimate_k.unwrap_or(f64::NAN) - k)
             .collect();
-        error = error.line("", *colour, &times, &errors);
+        error = error.nth_line(i, "", &times, &errors);
     }
     Chart::new(Axis::new("Time since the stop", "s"))
         .panel(gas)

@@ -8,9 +8,6 @@ use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::heatmap::{Heatmap, Style};
 use thermyo_report::page::{Page, Section, Tile};
 
-/// Colours of the lengths, longest first, repeated.
-const COLOURS: [Colour; 6] =
-    [Colour::Ink, Colour::Blue, Colour::Vermillion, Colour::Green, Colour::Purple, Colour::Orange];
 /// Number of bins along a map's axis; readings in one bin share a cell.
 const PARTS: f64 = 30.0;
 /// Number of lengths above which neighbouring ones share a curve, such as the measured lengths of a loop.
@@ -52,7 +49,7 @@ fn chart(identified: &Identified) -> Chart {
     let lengths_m = curves(&lengths_m(readings));
     let mut panel = Panel::new(Axis::new("Force", "N"));
     let mut rest = Panel::new(Axis::new("Law less reading", "N")).height(170.0);
-    for (length_m, colour) in lengths_m.iter().rev().zip(COLOURS.iter().cycle()) {
+    for (length_m, colour) in lengths_m.iter().rev().zip(Colour::CURVES.iter().cycle()) {
         let all = readings.loaded.iter().zip(&identified.residuals_n);
         let mut rows: Vec<_> = all.filter(|(r, _)| within(*length_m, r.length_m)).collect();
         let [low_m, high_m] = length_m;

@@ -5,19 +5,8 @@ use super::{Compared, Run};
 use crate::run_report::capitalised;
 use thermyo_files::number::MISSING;
 use thermyo_files::units::UnitSystem;
-use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Table};
-
-const COLOURS: [Colour; 7] = [
-    Colour::Ink,
-    Colour::Blue,
-    Colour::Vermillion,
-    Colour::Green,
-    Colour::Purple,
-    Colour::Orange,
-    Colour::Sky,
-];
 
 /// Builds the page. `compared` contains all runs except the first.
 pub fn page(runs: &[Run], compared: &[Compared], warnings: &[String]) -> String {
@@ -52,11 +41,10 @@ fn panel(runs: &[Run], column: &str) -> Option<Panel> {
     runs.iter().find(drawn)?;
     let title = capitalised(&label(column));
     let panel = Panel::new(Axis::new(&title, unit.symbol)).height(160.0);
-    let lines = runs.iter().zip(COLOURS.into_iter().cycle());
-    Some(lines.fold(panel, |panel, (run, colour)| match run.column(column) {
+    Some(runs.iter().enumerate().fold(panel, |panel, (n, run)| match run.column(column) {
         Some(values) => {
             let (times_s, values) = run.curve(values);
-            panel.line(&run.name, colour, &times_s, &unit.convert(&values))
+            panel.nth_line(n, &run.name, &times_s, &unit.convert(&values))
         }
         None => panel,
     }))
