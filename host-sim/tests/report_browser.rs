@@ -52,6 +52,8 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
             downloads["rows"].as_u64() > Some(2) && downloads["svg"] == "<svg",
             "{name}: {chart}"
         );
+        let none = Value::Array(Vec::new());
+        assert_eq!([&downloads["cut"], &downloads["unnamed"]], [&none; 2], "{name}: {chart}");
         assert!(downloads["head"].as_str().unwrap().contains("\",\""), "{name}: {chart}");
         assert_ne!(chart["zoomed"], chart["whole"], "{name}: {chart}");
         assert_ne!(chart["panned"], chart["zoomed"], "{name}: {chart}");

@@ -4,6 +4,8 @@
 const HEAD = 28, FOOT = 42, ROW = 15, CHARACTER = 6.7, CLIP = 3;
 /** Margins of a growing record, whose title stands outside. */
 const LIVE_HEAD = 8, LIVE_FOOT = 22, LIVE_TITLE = 28;
+/** Height of a row of the legend, and width of a sample with its gap, in a downloaded drawing. */
+const LEGEND = 18, SAMPLE = 33;
 const SMALLEST = 1e-6; // of the whole window
 const NARROW = 520;
 /** Marks from the lowest: a line through dense dots stays visible. */
@@ -131,7 +133,18 @@ function toolbar() {
 }
 
 /** Properties that style sheets give a drawing. */
-const INHERENT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-dasharray", "stroke-linecap", "stroke-linejoin", "opacity", "font-family", "font-size", "font-weight", "text-anchor", "display"];
+const INHERENT = ["fill", "fill-opacity", "stroke", "stroke-width", "stroke-opacity", "stroke-dasharray", "stroke-linecap", "stroke-linejoin", "opacity", "font-family", "font-size", "font-weight", "text-anchor", "display"];
+
+/** A copy of a drawing with the properties that style sheets give it. */
+function styled(drawing) {
+  const copy = drawing.cloneNode(true);
+  const [from, to] = [drawing, copy].map((svg) => [svg, ...svg.querySelectorAll("*")]);
+  from.forEach((node, i) => {
+    const style = getComputedStyle(node);
+    for (const name of INHERENT) to[i].style.setProperty(name, style.getPropertyValue(name));
+  });
+  return copy;
+}
 
 /** The charts that share a window: those over the same quantity. */
 const linkedTo = (key) => charts.filter((chart) => chart.key === key);
@@ -275,26 +288,41 @@ export class Chart {
 
   /** The drawing as a file of its own, with the colours of the page. */
   drawing() {
-    const copy = this.svg.cloneNode(true);
-    const [from, to] = [this.svg, copy].map((svg) => [svg, ...svg.querySelectorAll("*")]);
-    from.forEach((node, i) => {
-      const style = getComputedStyle(node);
-      for (const name of INHERENT) to[i].style.setProperty(name, style.getPropertyValue(name));
-    });
+    const copy = styled(this.svg), [wide, high] = ["width", "height"].map((name) => Number(copy.getAttribute(name)));
+    const head = this.head(wide), top = -head.height;
+    // Labels may reach over the edge of the drawing.
+    const labels = [...this.svg.querySelectorAll("text")].map((label) => label.getBBox());
+    const left = Math.floor(Math.min(0, ...labels.map(({ x }) => x)));
+    const right = Math.ceil(Math.max(wide, ...labels.map(({ x, width }) => x + width)));
+    const size = { width: right - left, height: high - top };
+    for (const [name, value] of Object.entries(size)) copy.setAttribute(name, value);
+    copy.setAttribute("viewBox", `${left} ${top} ${size.width} ${size.height}`);
     const fill = getComputedStyle(document.body).backgroundColor;
-    let top = 0;
-    // The title of a growing record is outside the drawing, as HTML.
-    if (this.plot.live) {
-      const [wide, high] = ["width", "height"].map((name) => Number(copy.getAttribute(name)));
-      top = -LIVE_TITLE;
-      copy.setAttribute("height", high + LIVE_TITLE);
-      copy.setAttribute("viewBox", `0 ${top} ${wide} ${high + LIVE_TITLE}`);
-      const { fontFamily, color } = getComputedStyle(this.box);
-      const style = `font: 600 13px ${fontFamily}; fill: ${color}`;
-      copy.prepend(element("text", { x: px(this.x.from), y: -8, style }, title(this.plot.panels[0].y)));
-    }
-    copy.prepend(element("rect", { y: top, width: "100%", height: "100%", fill }));
+    copy.prepend(element("rect", { x: left, y: top, width: "100%", height: "100%", fill }), ...head.parts);
     return new XMLSerializer().serializeToString(copy);
+  }
+
+  /** Legend, and title of a growing record, above a drawing of this width: both are outside of it on the page. */
+  head(wide) {
+    const { fontFamily, color } = getComputedStyle(this.box), { from } = this.x, parts = [];
+    const text = (x, y, weight, content) => parts.push(element("text", { x: px(x), y, style: `font: ${weight} 13px ${fontFamily}; fill: ${color}` }, content));
+    const seen = [...this.latest].filter(([id]) => !this.off.has(id)).map(([id, value]) => [id.split("|")[0], value.parentElement]);
+    let x = from, y = 0;
+    if (this.plot.live) text(x, y += LIVE_TITLE - 8, 600, title(this.plot.panels[0].y));
+    if (seen.length) y += LEGEND;
+    for (const [name, trace] of seen) {
+      const entry = SAMPLE + width(name);
+      if (x + entry > wide && x > from) [x, y] = [from, y + LEGEND];
+      const line = styled(trace.querySelector("svg"));
+      line.setAttribute("x", px(x));
+      line.setAttribute("y", y - 9);
+      parts.push(line);
+      text(x + SAMPLE, y, 400, name);
+      x += entry + LEGEND;
+    }
+    const height = y && y + 8;
+    for (const part of parts) part.setAttribute("y", Number(part.getAttribute("y")) - height);
+    return { parts, height };
   }
 
   /** Moves the whole to `window`, which a zoomed chart does not show until it is back. */

@@ -60,8 +60,24 @@ async function used(page, id) {
     HTMLAnchorElement.prototype.click = click;
     return links;
   });
+  // The downloaded drawing by itself: labels that its edge cuts, and traces that it names.
+  const file = await page.evaluate((svg) => {
+    const place = document.createElement("div");
+    place.innerHTML = svg;
+    document.body.append(place);
+    const { left, right, top, bottom } = place.firstElementChild.getBoundingClientRect();
+    const texts = [...place.querySelectorAll("text")], contents = texts.map((text) => text.textContent);
+    const cut = texts.filter((text) => {
+      const box = text.getBoundingClientRect();
+      return box.left < left || box.right > right || box.top < top || box.bottom > bottom;
+    }).map((text) => text.textContent);
+    place.remove();
+    return { cut, contents };
+  }, saved[1][1]);
+  const unnamed = await figure.$$eval("button.trace", (all, contents) => all.map((trace) => trace.childNodes[1].textContent)
+    .filter((name) => !contents.includes(name)), file.contents);
   const table = saved[0][1].trim().split("\n");
-  const downloads = { names: saved.map(([name]) => name.split(".").at(-1)), rows: table.length, head: table[0], svg: saved[1][1].slice(0, 4) };
+  const downloads = { names: saved.map(([name]) => name.split(".").at(-1)), rows: table.length, head: table[0], svg: saved[1][1].slice(0, 4), cut: file.cut, unnamed };
   await page.mouse.move(...at(0.4));
   await page.mouse.down();
   await page.mouse.move(...at(0.5), { steps: 4 });
