@@ -153,8 +153,9 @@ pub struct Guide {
     pub title: &'static str,
     /// Instruction or outcome.
     pub text: String,
-    /// Values in rows of name, before and after.
-    pub table: Vec<[String; 3]>,
+    /// Names of the table's columns.
+    pub head: Vec<&'static str>,
+    pub table: Vec<Vec<String>>,
     /// Whether the board has new values that the user may keep, or replace by the former
     /// configuration.
     pub chooses: bool,

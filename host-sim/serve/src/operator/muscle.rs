@@ -397,7 +397,8 @@ impl Operator<LiveBoard> {
         };
         let text = format!("{}\n{has}", tuned.findings.verdict());
         self.tasks.guided = Some(Guided::Over(Guide {
-            table: tuned.findings.rows(),
+            head: vec!["Value", "before", "after"],
+            table: tuned.findings.rows().into_iter().map(Vec::from).collect(),
             chooses: adopted,
             result: Some(name),
             ..Guide::over("Tuning", text)
@@ -466,9 +467,13 @@ impl Operator<LiveBoard> {
         self.shared.add_result(Outcome { name: name.clone(), folder, text, trace: true });
         let failed = findings.failed().map(|why| format!("Not measured: {why}."));
         let lines = ended.into_iter().chain(failed).map(|line| line + "\n");
-        let text = lines.collect::<String>() + &findings.text(UnitSystem::Practical);
-        let over = Guide::over("Stops", text);
-        self.tasks.guided = Some(Guided::Over(Guide { result: Some(name), ..over }));
+        let text = lines.collect::<String>() + &findings.figures();
+        self.tasks.guided = Some(Guided::Over(Guide {
+            head: stops::Findings::HEAD.to_vec(),
+            table: findings.rows(UnitSystem::Practical),
+            result: Some(name),
+            ..Guide::over("Stops", text)
+        }));
         Ok(())
     }
 

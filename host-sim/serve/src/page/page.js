@@ -233,7 +233,7 @@ function showGuide(guide) {
   if (!guide) return;
   $("guide").open = true;
   showText("guide-text", guide.text);
-  showTable("guide-table", guide.table);
+  showTable("guide-table", guide.head, guide.table);
   $("guide-progress").hidden = guide.progress === null;
   if (guide.progress !== null) $("guide-progress").value = guide.progress;
   $("reference").hidden = !guide.asks;
@@ -259,8 +259,9 @@ function changes(id, rows) {
   return true;
 }
 
-function showTable(id, rows) {
+function showTable(id, head, rows) {
   $(id).hidden = !rows.length;
+  if (changes(`${id}-head`, head)) $(id).tHead.rows[0].replaceChildren(...head.map((name) => element("th", name, { scope: "col" })));
   if (changes(id, rows)) $(id).tBodies[0].replaceChildren(...rows.map(([name, ...values]) => {
     const row = document.createElement("tr");
     row.append(element("th", name, { scope: "row" }), ...values.map((value) => element("td", value)));
@@ -319,8 +320,7 @@ function showStudy(study) {
   $("records").open = true;
   $("study-title").textContent = study.title;
   showText("study-text", study.text);
-  if (changes("study-head", study.head)) $("study-table").tHead.rows[0].replaceChildren(...study.head.map((name) => element("th", name, { scope: "col" })));
-  showTable("study-table", study.rows);
+  showTable("study-table", study.head, study.rows);
   $("study-progress").hidden = study.progress === null;
   if (study.progress !== null) $("study-progress").value = study.progress;
   const path = (file) => (study.result && file ? `results/${study.result}/${file}` : "");

@@ -15,7 +15,7 @@ pub use record::{LiveRows, Record, RowBench, SimulatedRows};
 
 use serde::Serialize;
 use thermyo_files::input::InputError;
-use thermyo_files::number::fixed;
+use thermyo_files::number::{MISSING, fixed};
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_fit::stops::{Analysis, FEWEST, Stop, analyse_with, page, refusals};
@@ -123,7 +123,15 @@ impl Findings {
         })
     }
 
-    /// Figures as lines for a terminal.
+    /// Head of the table of the stops.
+    pub const HEAD: [&str; 4] = ["Stop", "Gas", "Estimate", "Sensor"];
+
+    /// The stops that count, in the rows of a table.
+    pub fn rows(&self, units: UnitSystem) -> Vec<Vec<String>> {
+        rows(&self.analysis.stops, units)
+    }
+
+    /// Stops and figures as lines for a terminal.
     pub fn text(&self, units: UnitSystem) -> String {
         let temperature = |k: f64| units.text(k, "K", 2);
         let mut text = String::new();
@@ -142,10 +150,15 @@ impl Findings {
                 temperature(stop.sensor_k),
             );
         }
+        text + &self.figures()
+    }
+
+    /// The figures of all stops together, as lines.
+    pub fn figures(&self) -> String {
         let rms = |name: &str, value: Option<f64>| {
             value.map_or_else(String::new, |k| format!("{name}: {} K RMS\n", fixed(k, 2)))
         };
-        text += &rms("estimate less measured", self.rms_k.estimate);
+        let mut text = rms("estimate less measured", self.rms_k.estimate);
         text += &rms("bare sensor less measured", self.rms_k.sensor_gas);
         text += &rms("simulated plant less measured", self.rms_k.plant);
         text += &rms("stated deviation of the measurement", self.rms_k.stated);
@@ -194,5 +207,62 @@ impl Findings {
         });
         let page = page::begun(title, &lead, loaded, &self.analysis);
         page::with_stops(page, &self.analysis, &record.rows, &self.remarks).render()
+    }
+}
+
+fn rows(stops: &[Stop], units: UnitSystem) -> Vec<Vec<String>> {
+    let with_sd = |k: f64, sd_k: f64| format!("{} ± {sd_k:.2} K", units.text(k, "K", 2));
+    let row = |(i, stop): (usize, &Stop)| {
+        let estimate = stop.estimate_k.zip(stop.estimate_sd_k);
+        vec![
+            format!("{}, {:.1} s", i + 1, stop.time_s),
+            with_sd(stop.gas_k, stop.gas_sd_k),
+            estimate.map_or_else(|| MISSING.to_owned(), |(k, sd_k)| with_sd(k, sd_k)),
+            units.text(stop.sensor_k, "K", 2),
+        ]
+    };
+    stops.iter().enumerate().filter(|(_, stop)| stop.usable()).map(row).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stop(time_s: f64, estimate_k: Option<f64>, refused: Option<String>) -> Stop {
+        Stop {
+            time_s,
+            wait_s: 30.0,
+            gas_k: 312.27,
+            gas_sd_k: 0.34,
+            causes: Default::default(),
+            estimate_k,
+            estimate_sd_k: Some(1.3),
+            sensor_k: 300.43,
+            truth_k: None,
+            end_k: 298.0,
+            pressure_pa: 4e5,
+            mass_kg: 1e-3,
+            leak_1_s: 0.0,
+            refused,
+            rows: 0..0,
+            curve_k: Vec::new(),
+        }
+    }
+
+    /// The live page had a line of text for each stop, of which most were out of sight.
+    #[test]
+    fn a_stop_that_counts_is_a_row() {
+        let stops = [
+            stop(31.26, Some(312.56), None),
+            stop(78.4, None, Some("it moves".to_owned())),
+            stop(124.6, None, None),
+        ];
+        assert_eq!(
+            rows(&stops, UnitSystem::Si),
+            [
+                ["1, 31.3 s", "312.27 K ± 0.34 K", "312.56 K ± 1.30 K", "300.43 K"],
+                ["3, 124.6 s", "312.27 K ± 0.34 K", MISSING, "300.43 K"],
+            ]
+        );
     }
 }
