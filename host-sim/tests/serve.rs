@@ -758,6 +758,9 @@ fn assert_the_page_is_of_a_piece(seen: &Value) {
     assert_eq!(seen["palette"][0], seen["palette"][1], "{seen}");
     let calibrates = seen["calibrates"].as_str().unwrap();
     assert!(calibrates.contains("The reference reads 101.30 kPa, the sensor 10"), "{seen}");
+    let saved = seen["saved"].as_str().unwrap();
+    assert!(["Pressure, absolute", "set point"].iter().all(|text| saved.contains(text)), "{seen}");
+    assert_eq!(seen["covered"], json!([]), "{seen}");
     for room_px in seen["table_px"].as_array().unwrap() {
         assert!((0.0..60.0).contains(&room_px.as_f64().unwrap()), "{seen}");
     }

@@ -305,7 +305,8 @@ export class Chart {
   /** Legend, and title of a growing record, above a drawing of this width: both are outside of it on the page. */
   head(wide) {
     const { fontFamily, color } = getComputedStyle(this.box), { from } = this.x, parts = [];
-    const text = (x, y, weight, content) => parts.push(element("text", { x: px(x), y, style: `font: ${weight} 13px ${fontFamily}; fill: ${color}` }, content));
+    const font = { "font-family": fontFamily, "font-size": 13, fill: color };
+    const text = (x, y, weight, content) => parts.push(element("text", { x: px(x), y, ...font, "font-weight": weight }, content));
     const seen = [...this.latest].filter(([id]) => !this.off.has(id)).map(([id, value]) => [id.split("|")[0], value.parentElement]);
     let x = from, y = 0;
     if (this.plot.live) text(x, y += LIVE_TITLE - 8, 600, title(this.plot.panels[0].y));

@@ -223,7 +223,25 @@ await until(page, () => document.getElementById("guide-text").textContent.includ
 const calibrates = await text(page, "guide-text");
 await page.click("#leave");
 await until(page, () => document.getElementById("guided").hidden);
-// The table of a tuning fits its box.
+// A drawing is downloaded without a complaint of the browser.
+const saved = await page.evaluate(() => {
+  const hrefs = [], { click } = HTMLAnchorElement.prototype;
+  HTMLAnchorElement.prototype.click = function () { hrefs.push(decodeURIComponent(this.href)); };
+  document.querySelector("#plot-pressure [aria-label^='Download as SVG']").click();
+  HTMLAnchorElement.prototype.click = click;
+  return hrefs.join();
+});
+// With text of twice the size no legend lies on a button.
+const covered = await page.evaluate(() => {
+  document.documentElement.style.fontSize = "32px";
+  const boxes = (figure, what) => [...figure.querySelectorAll(what)].map((node) => node.getBoundingClientRect());
+  const lies = (a, b) => a.left < b.right && a.right > b.left && a.top < b.bottom && a.bottom > b.top;
+  const all = [...document.querySelectorAll("figure")].filter((figure) => figure.checkVisibility() &&
+    boxes(figure, ".tool").some((tool) => boxes(figure, ".trace").some((trace) => lies(tool, trace))));
+  document.documentElement.style.fontSize = "";
+  return all.map((figure) => figure.id);
+});
+// The table of a tuning fits its box, and no line of a long outcome is hidden.
 const table_px = [];
 for (const width of [1280, 390]) {
   await page.setViewport({ ...wide, width });
@@ -233,7 +251,9 @@ for (const width of [1280, 390]) {
     table.tBodies[0].innerHTML = "<tr><th>friction.viscous_n_s_m</th><td>90.0 N s/m</td><td>101 ± 12 N s/m</td></tr>" +
       "<tr><th>valve.conductance_m3_s_pa</th><td>4.00×10⁻⁹ m³/(s Pa)</td><td>(3.79 ± 0.02)×10⁻⁹ m³/(s Pa)</td></tr>";
     guided.hidden = table.hidden = false;
-    const room = document.getElementById("guide").clientWidth - table.scrollWidth;
+    const long = document.getElementById("guide-text");
+    long.textContent = "stop\n".repeat(60);
+    const room = Math.min(document.getElementById("guide").clientWidth - table.scrollWidth, long.clientHeight - long.scrollHeight);
     guided.hidden = table.hidden = true;
     return room;
   }));
@@ -308,4 +328,4 @@ process.kill(Number(server), "SIGKILL");
 await link("no server");
 const killed = { armed: await text(page, "armed"), mode: await text(page, "mode"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
 await browser.close();
-console.log(JSON.stringify({ problems, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, let_go, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, table_px, ticked, not_identified, compared, records_px, serious }));
+console.log(JSON.stringify({ problems, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, let_go, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, saved, covered, table_px, ticked, not_identified, compared, records_px, serious }));
