@@ -30,6 +30,8 @@ use thermyo_studies::tune::OutOfReach;
 
 /// A board without telemetry for this long counts as silent.
 const SILENCE: Duration = Duration::from_millis(500);
+/// A silence that is no restart of the board, which takes 1.6 s at most.
+const LONGEST_START: Duration = Duration::from_secs(2);
 /// Interval of attempts to open a lost port.
 const RETRY: Duration = Duration::from_millis(300);
 /// Polling interval of a port that is being opened.
@@ -64,6 +66,8 @@ pub struct Operator<S: Served> {
     next_step: Option<u32>,
     lost_steps: u64,
     heard: Instant,
+    /// Whether the events report the board's silence.
+    missed: bool,
     /// Time of the last order or vent, and whether it was a vent.
     carried_out: Instant,
     vented: bool,
@@ -141,6 +145,7 @@ impl<S: Served> Operator<S> {
             next_step: None,
             lost_steps: 0,
             heard: now,
+            missed: false,
             carried_out: now,
             vented: false,
             tried: now,
@@ -210,8 +215,13 @@ impl<S: Served> Operator<S> {
         match self.board.as_mut().map(S::poll) {
             Some(Ok(Some(telemetry))) => self.see(&telemetry),
             Some(Ok(None)) => {
-                if self.link == Link::Connected && self.heard.elapsed() > SILENCE {
+                let silent = self.heard.elapsed();
+                if self.link == Link::Connected && silent > SILENCE {
+                    self.missed = false;
                     self.link_is(Link::Silent);
+                }
+                if self.link == Link::Silent && !self.missed && silent > LONGEST_START {
+                    self.missed = true;
                     self.shared.log(Weight::Fault, "the board does not answer");
                 }
             }
@@ -326,7 +336,9 @@ impl<S: Served> Operator<S> {
         self.heard = Instant::now();
         if self.link == Link::Silent {
             self.link_is(Link::Connected);
-            self.shared.log(Weight::Plain, "the board answers again");
+            if std::mem::take(&mut self.missed) {
+                self.shared.log(Weight::Plain, "the board answers again");
+            }
         }
         self.see_faults(S::faults(telemetry));
         self.see_status();

@@ -79,6 +79,21 @@ mod at_a_terminal {
         }
     }
 
+    /// A restart, during which a board is silent, used to be reported as one that does not answer.
+    #[test]
+    fn a_board_that_starts_is_silent_and_not_reported() {
+        let out = tempfile::tempdir().unwrap();
+        let mut operator = operated(out.path(), |_| true);
+        let mut silent_for = |silent_s| {
+            operator.heard = Instant::now() - Duration::from_secs_f64(silent_s);
+            operator.listen();
+            let said = "the board does not answer";
+            (operator.link, operator.shared.events().iter().any(|event| event.text == said))
+        };
+        assert_eq!(silent_for(0.6), (Link::Silent, false));
+        assert_eq!(silent_for(3.0), (Link::Silent, true));
+    }
+
     #[test]
     fn no_order_is_carried_out_between_a_vent_and_its_arrival() {
         let heard: Arc<Mutex<Vec<HostCommand>>> = Arc::default();
