@@ -1,5 +1,6 @@
 //! `thermyo identify` of a joint's record.
 
+use super::progress::Bar;
 use super::{Console, Failure, IdentifyArgs, pretty, say_damage, title_of};
 use thermyo_files::table;
 use thermyo_joint::JointLoaded;
@@ -18,7 +19,10 @@ pub(super) fn run(
     let table = table::read_record(data)?;
     say_damage(&table, to);
     let mut out = args.output.create("identify")?;
-    let found = identify(loaded, &table).map_err(|error| match error {
+    let bar = Bar::new(0, args.output.format.quiet);
+    let found = identify(loaded, &table);
+    bar.clear();
+    let found = found.map_err(|error| match error {
         RecordError::Input(error) => Failure::Input(error),
         RecordError::Refused(refusal) => Failure::Check(format!("nothing was found: {refusal}")),
     })?;

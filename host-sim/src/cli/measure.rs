@@ -166,7 +166,9 @@ fn measure(
         to.say("stopped before its first step, nothing is kept");
         return Err(Failure::Interrupted);
     }
+    let bar = Bar::new(0, args.format.quiet);
     let findings = measured(&record, plan, loaded, board);
+    bar.clear();
     write(&mut files, &findings, &record, loaded, title)?;
     to.results(files, (&findings.json(), &findings.text(to.units)))?;
     if interrupted {

@@ -1,32 +1,51 @@
-//! A progress bar on standard error, if that is a terminal.
+//! Progress on standard error: a bar on a terminal, otherwise a line now and then.
 
 use super::interrupt;
 use crossterm::terminal;
 use std::io::{self, IsTerminal, Write};
-use std::sync::Mutex;
+use std::sync::mpsc::{self, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant};
 use thermyo_compute::parallel::Watch;
 
 /// Shortest time between two drawings.
 const REDRAW: Duration = Duration::from_millis(100);
+/// Time after which a bar is drawn again even if no part was done.
+const TICK: Duration = Duration::from_secs(1);
+/// Time between two lines without a terminal.
+const SIGN_OF_LIFE: Duration = Duration::from_secs(30);
 const CLEAR: &str = "\r\x1b[K";
 
-/// Clears the bar when dropped.
-pub(super) struct Bar(Option<Mutex<State>>);
+/// Cleared when dropped.
+pub(super) struct Bar(Option<Shown>);
+
+struct Shown {
+    state: Arc<Mutex<State>>,
+    /// Ends the thread that shows progress while a part takes long.
+    _ticks: Sender<()>,
+}
 
 struct State {
     position: u64,
     length: u64,
     begun: Instant,
     drawn: Option<Instant>,
+    ended: bool,
+    on_terminal: bool,
+    to: Box<dyn Write + Send>,
 }
 
 impl Bar {
     /// `length`: number of parts to do, as far as it is known.
     pub(super) fn new(length: u64, quiet: bool) -> Self {
-        let shown = !quiet && io::stderr().is_terminal();
-        let state = State { position: 0, length, begun: Instant::now(), drawn: None };
-        Self(shown.then(|| Mutex::new(state)))
+        let on_terminal = io::stderr().is_terminal();
+        let interval = if on_terminal { TICK } else { SIGN_OF_LIFE };
+        Self(
+            (!quiet).then(|| {
+                Shown::new(State::new(length, on_terminal, Box::new(io::stderr())), interval)
+            }),
+        )
     }
 
     pub(super) fn set_length(&self, length: u64) {
@@ -37,23 +56,44 @@ impl Bar {
         self.update(|state| state.position = position);
     }
 
+    /// Clears the bar for good.
     pub(super) fn clear(&self) {
-        if self.0.is_some() {
-            let _ = write!(io::stderr(), "{CLEAR}");
+        let Some(shown) = &self.0 else { return };
+        let mut state = lock(&shown.state);
+        if !state.ended {
+            state.ended = true;
+            if state.on_terminal {
+                let _ = write!(state.to, "{CLEAR}");
+            }
         }
     }
 
     fn update(&self, change: impl FnOnce(&mut State)) {
-        let Some(state) = &self.0 else { return };
-        let mut state = state.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let Some(shown) = &self.0 else { return };
+        let mut state = lock(&shown.state);
         change(&mut state);
-        if state.drawn.is_none_or(|at| at.elapsed() >= REDRAW) {
-            state.drawn = Some(Instant::now());
-            let columns = terminal::size().map_or(80, |(columns, _)| columns);
-            let line = state.line(state.begun.elapsed(), columns.into());
-            let _ = write!(io::stderr(), "{CLEAR}{line}");
+        if state.on_terminal && state.drawn.is_none_or(|at| at.elapsed() >= REDRAW) {
+            state.draw();
         }
     }
+}
+
+impl Shown {
+    fn new(state: State, interval: Duration) -> Self {
+        let state = Arc::new(Mutex::new(state));
+        let (ticks, ended) = mpsc::channel();
+        let ticking = Arc::clone(&state);
+        thread::spawn(move || {
+            while ended.recv_timeout(interval) == Err(RecvTimeoutError::Timeout) {
+                lock(&ticking).draw();
+            }
+        });
+        Self { state, _ticks: ticks }
+    }
+}
+
+fn lock(state: &Mutex<State>) -> MutexGuard<'_, State> {
+    state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Watch for Bar {
@@ -77,13 +117,49 @@ impl Drop for Bar {
 }
 
 impl State {
+    fn new(length: u64, on_terminal: bool, to: Box<dyn Write + Send>) -> Self {
+        let (begun, drawn) = (Instant::now(), None);
+        Self { position: 0, length, begun, drawn, ended: false, on_terminal, to }
+    }
+
+    fn draw(&mut self) {
+        if self.ended {
+            return;
+        }
+        self.drawn = Some(Instant::now());
+        let elapsed = self.begun.elapsed();
+        let text = if self.on_terminal {
+            let columns = terminal::size().map_or(80, |(columns, _)| columns);
+            format!("{CLEAR}{}", self.line(elapsed, columns.into()))
+        } else {
+            let done = (100.0 * self.done()) as u64;
+            let share = if done > 0 { format!(", {done} % done") } else { String::new() };
+            format!("thermyo: at work for {} s{share}\n", elapsed.as_secs())
+        };
+        // A closed standard error does not stop the work.
+        let _ = write!(self.to, "{text}");
+    }
+
+    fn done(&self) -> f64 {
+        (self.position as f64 / self.length.max(1) as f64).min(1.0)
+    }
+
+    /// Percentage done, with the time left where that can be told, and otherwise the time so far.
+    fn figures(&self, elapsed: Duration) -> String {
+        let done = self.done();
+        let elapsed_s = elapsed.as_secs_f64();
+        let time = if done > 0.0 && done < 1.0 {
+            format!("{} s left", (elapsed_s * (1.0 - done) / done).min(1e6) as u64)
+        } else {
+            format!("{} s", elapsed_s as u64)
+        };
+        format!(" {:>3.0} %  {time}", done * 100.0)
+    }
+
     fn line(&self, elapsed: Duration, columns: usize) -> String {
-        let done = (self.position as f64 / self.length.max(1) as f64).min(1.0);
-        let left_s = (elapsed.as_secs_f64() * (1.0 - done) / done).min(1e6) as u64;
-        let left = if done > 0.0 { format!("  {left_s} s left") } else { String::new() };
-        let figures = format!(" {:>3.0} %{left}", done * 100.0);
+        let figures = self.figures(elapsed);
         let width = columns.saturating_sub(figures.len() + 1);
-        let full = (width as f64 * done) as usize;
+        let full = (width as f64 * self.done()) as usize;
         format!("{}{}{figures}", "█".repeat(full), "░".repeat(width - full))
     }
 }
@@ -92,15 +168,43 @@ impl State {
 mod tests {
     use super::*;
 
+    struct Lines(Sender<String>);
+
+    impl Write for Lines {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let _ = self.0.send(String::from_utf8_lossy(bytes).into_owned());
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
     #[test]
     fn a_bar_fills_its_line() {
         let line = |position, columns| {
-            let state = State { position, length: 200, begun: Instant::now(), drawn: None };
+            let state = State { position, ..State::new(200, true, Box::new(io::sink())) };
             state.line(Duration::from_secs(6), columns)
         };
-        assert_eq!(line(0, 12), "░░░░░   0 %");
+        assert_eq!(line(0, 17), "░░░░░   0 %  6 s");
         assert_eq!(line(50, 30), "███░░░░░░░░░  25 %  18 s left");
-        assert_eq!(line(400, 24), "███████ 100 %  0 s left");
+        assert_eq!(line(400, 19), "███████ 100 %  6 s");
         assert_eq!(line(50, 10), "  25 %  18 s left", "too narrow for a bar");
+    }
+
+    /// A search of minutes without finished parts used to print nothing, on a terminal or without one.
+    #[test]
+    fn a_long_part_shows_that_it_lives() {
+        for (on_terminal, sign) in [(true, "░   0 %  "), (false, "thermyo: at work for ")] {
+            let (sender, written) = mpsc::channel();
+            let state = State::new(0, on_terminal, Box::new(Lines(sender)));
+            let bar = Bar(Some(Shown::new(state, Duration::from_millis(1))));
+            let said: String = written.iter().take(8).collect();
+            assert!(said.contains(sign), "{said:?}");
+            drop(bar);
+            // Returns when the thread has ended.
+            written.iter().for_each(drop);
+        }
     }
 }

@@ -103,12 +103,12 @@ fn on_bench<T>(
     args: &TuneArgs,
     (loaded, highest_pa): (&Loaded, f64),
     to: &mut Console<'_>,
-    experiment: impl FnOnce(&mut dyn Bench) -> Result<T, Failure>,
+    experiment: impl FnOnce(&mut dyn Bench, &Bar) -> Result<T, Failure>,
 ) -> Result<T, Failure> {
     let bar = Bar::new(0, args.output.format.quiet);
     let watched = |bench: &mut dyn Bench| {
         let checks_ms = if args.plan.is_none() { (tune::checks_s() * 1e3) as u64 } else { 0 };
-        experiment(&mut Watched { bench, bar: &bar, before_ms: 0, checks_ms })
+        experiment(&mut Watched { bench, bar: &bar, before_ms: 0, checks_ms }, &bar)
     };
     let Some(port) = args.board.port() else {
         let mut board = args.board.open()?;
@@ -198,7 +198,7 @@ fn loops(
     out: &mut OutputDir,
     to: &mut Console<'_>,
 ) -> Result<Done, Failure> {
-    let tuned = on_bench(args, (loaded, highest_pa), to, |bench| {
+    let tuned = on_bench(args, (loaded, highest_pa), to, |bench, _| {
         Ok(tune::tune_on(loaded, &args.scenario, highest_pa, bench)?)
     })?;
     let page = tune::page(&tuned, &title_of(&args.scenario));
@@ -213,12 +213,13 @@ fn motion(
     out: &mut OutputDir,
     to: &mut Console<'_>,
 ) -> Result<Done, Failure> {
-    let found = on_bench(args, (loaded, highest_pa), to, |bench| {
+    let found = on_bench(args, (loaded, highest_pa), to, |bench, bar| {
         let record = tune::motion_record(loaded, &args.scenario, highest_pa, bench)?;
         out.text(RECORD, &record)?;
         // The experiment cannot be repeated quickly: its record stays if the search does not finish.
         out.keep();
         let record_file = out.place().join(RECORD);
+        bar.clear();
         let watch = Bar::new(0, args.output.format.quiet);
         let record = (record.as_str(), record_file.as_path());
         let found = tune::motion_values(loaded, &args.scenario, record, &watch)?;
