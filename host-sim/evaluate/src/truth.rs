@@ -51,19 +51,34 @@ pub enum TruthError {
     Run(#[from] RunError),
 }
 
+/// A static map: its file and its readings.
+pub type Map = (PathBuf, Readings);
+
+/// Reads the static maps below `folder`.
+///
+/// # Errors
+/// If a map cannot be used.
+pub fn maps(folder: &Path) -> Result<Vec<Map>, InputError> {
+    let read = |file: PathBuf| Ok((file.clone(), Readings::of(&read_whole(&file)?)?));
+    tables(&folder.join("muscle_static")).into_iter().map(read).collect()
+}
+
 /// Runs every case whose data lie in `folder`, in the layout of `docs/background/validation.md`.
 /// The data are published and complete, so a damaged file gives no figure. When stopped, returns
 /// the lines of the finished cases.
 ///
 /// # Errors
 /// If there are no data at all, or a case cannot be used.
-pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, TruthError> {
+pub fn evaluate(
+    folder: &Path,
+    maps: Vec<Map>,
+    watch: &dyn Watch,
+) -> Result<Vec<CaseFigures>, TruthError> {
     if !folder.is_dir() {
         let problem =
             if folder.exists() { Problem::IsFile } else { Problem::NotFound { near: None } };
         return Err(InputError::file(folder, problem).into());
     }
-    let maps = tables(&folder.join("muscle_static"));
     let spring = folder.join("gas_spring/upper_2022-01-28.csv");
     let discharge = folder.join("hyddown/air_discharge.csv");
     watch.parts(maps.len());
@@ -77,8 +92,8 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
         }
         Err(error) => Err(error),
     };
-    for file in maps {
-        add(static_map(&file))?;
+    for (file, readings) in maps {
+        add(static_map(&file, readings))?;
         watch.done();
     }
     if spring.exists() {
@@ -97,16 +112,14 @@ pub fn evaluate(folder: &Path, watch: &dyn Watch) -> Result<Vec<CaseFigures>, Tr
 /// Questions about static maps whose pressures may be absolute.
 ///
 /// # Errors
-/// If a map cannot be used.
-pub fn doubts(folder: &Path) -> Result<Vec<InputError>, InputError> {
+/// If the shipped scenario is damaged.
+pub fn doubts(maps: &[Map]) -> Result<Vec<InputError>, InputError> {
     let (loaded, _) = shipped("static_map.toml")?;
-    let asked = |file: PathBuf| -> Result<Option<InputError>, InputError> {
-        let readings = Readings::of(&read_whole(&file)?)?;
-        let remark = static_map::beyond_supply(&readings, &loaded.plant);
-        Ok(remark.map(|why| InputError::file(&file, Problem::Unusable(why))))
+    let asked = |(file, readings): &Map| {
+        let remark = static_map::beyond_supply(readings, &loaded.plant);
+        remark.map(|why| InputError::file(file, Problem::Unusable(why)))
     };
-    let all = tables(&folder.join("muscle_static")).into_iter().map(asked);
-    all.filter_map(Result::transpose).collect()
+    Ok(maps.iter().filter_map(asked).collect())
 }
 
 fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
@@ -114,9 +127,8 @@ fn shipped(name: &str) -> Result<(Loaded, PathBuf), InputError> {
     Ok((thermyo_setup::parse(shipped::text(name), &path)?, path))
 }
 
-fn static_map(file: &Path) -> Result<Vec<CaseFigures>, TruthError> {
+fn static_map(file: &Path, readings: Readings) -> Result<Vec<CaseFigures>, TruthError> {
     let (loaded, config) = shipped("static_map.toml")?;
-    let readings = Readings::of(&read_whole(file)?)?;
     let largest_n = readings.largest_n();
     let [five, others] = static_map::planned(&loaded.plant.muscle, &readings);
     if others.loaded.is_empty() {

@@ -201,8 +201,11 @@ fn evaluated(
         Subject::Control(_) => control_observed::evaluate(nominal, &bar).map_err(Failure::Run),
         Subject::Joint { .. } => joint::evaluate(&bar).map_err(Failure::Joint),
         Subject::Truth { data, .. } => {
-            to.warn(&truth::doubts(data)?);
-            Ok(truth::evaluate(data, &bar)?)
+            let maps = truth::maps(data)?;
+            bar.clear();
+            to.warn(&truth::doubts(&maps)?);
+            let bar = Bar::new(0, to.format.quiet);
+            Ok(truth::evaluate(data, maps, &bar)?)
         }
         Subject::Plants(PlantsArgs { random, seed, .. }) => {
             plants::evaluate(*seed, *random, &bar).map_err(Failure::Run)
