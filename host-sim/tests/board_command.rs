@@ -173,7 +173,10 @@ fn assert_a_drive_is_recorded(bench: &Bench) {
     assert!(first_pa < 1.06e5, "{first_pa}");
     let replayed = bench.json("thermyo replay out/drive/trace.csv --out out/again");
     assert_eq!((&replayed["steps"], &replayed["mismatches"]), (&601.into(), &0.into()));
-    assert!(bench.path("out/drive/report.html").is_file());
+    let report = fs::read_to_string(bench.path("out/drive/report.html")).unwrap();
+    for text in ["s on the emulated board, ", " µs<"] {
+        assert!(report.contains(text), "{text}");
+    }
 }
 
 /// A busy emulated board closes connections: the link is opened again, until patience ends.

@@ -275,7 +275,10 @@ fn a_drive_that_is_cut_reports_it() {
     assert_eq!(summary["stopped_of_s"], 60.0, "{summary}");
     assert!((0.01..59.0).contains(&summary["duration_s"].as_f64().unwrap()), "{summary}");
     let report = fs::read_to_string(bench.path("out/drive/report.html")).unwrap();
-    assert!(report.contains("Stopped by Ctrl-C: ") && report.contains(" s of 60 s on the board"));
+    assert!(
+        report.contains("Stopped by Ctrl-C: ")
+            && report.contains(" s of 60 s on the emulated board")
+    );
     bench.vented();
 }
 

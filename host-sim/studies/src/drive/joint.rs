@@ -1,7 +1,7 @@
 //! A run of a joint on a board that samples its own muscles and angle.
 
 use super::record::{Counted, Record};
-use super::summary::driven;
+use super::summary::{board_at, driven};
 use super::{Course, end_s};
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use serde::Serialize;
@@ -104,9 +104,9 @@ impl Driven {
     fn lead(&self) -> String {
         let stopped = if self.stopped_of_s.is_some() { "Stopped by Ctrl-C: " } else { "" };
         self.figures.lead(&format!(
-            "{stopped}{} on the board at {}, configuration {} ({:08x}).",
+            "{stopped}{} on {}, configuration {} ({:08x}).",
             driven(self.duration_s, self.stopped_of_s),
-            self.board,
+            board_at(&self.board),
             self.config_name,
             self.config_checksum,
         ))

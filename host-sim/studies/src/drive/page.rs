@@ -1,6 +1,6 @@
 //! Page of a run on a board.
 
-use super::summary::{Driven, driven};
+use super::summary::{Driven, board_at, driven};
 use model_core::SetPoint;
 use thermyo_files::number::COUNT;
 use thermyo_plant::chamber;
@@ -68,17 +68,17 @@ pub fn page(title: &str, scenario: &Loaded, drawn: &Drawn, summary: &Driven) -> 
         lead += &faulted.control(control);
     }
     lead += &format!(
-        "{} on the board at {}, configuration {} ({:08x}).",
+        "{} on {}, configuration {} ({:08x}).",
         driven(summary.duration_s, summary.stopped_of_s),
-        summary.board,
+        board_at(&summary.board),
         summary.config_name,
         summary.config_checksum
     );
     let control = summary.control.iter().map(|control| faulted.tracking(control));
     let own = [
         Tile::new("Largest pressure", summary.pressure_pa.max, "Pa"),
-        Tile::new("Core step, mean", summary.timing.step_mean_us * 1e-6, "s"),
-        Tile::new("Core step, worst", summary.timing.step_worst_us * 1e-6, "s"),
+        Tile::new("Core step, mean", summary.timing.step_mean_us, "µs"),
+        Tile::new("Core step, worst", summary.timing.step_worst_us, "µs"),
         Tile::new("Missed steps", f64::from(summary.timing.missed_steps), ""),
     ];
     let row = |label: &str, value: f64, unit: &str| SummaryRow {
@@ -88,15 +88,17 @@ pub fn page(title: &str, scenario: &Loaded, drawn: &Drawn, summary: &Driven) -> 
     };
     let mut rows = vec![row("Time driven", summary.duration_s, "s")];
     rows.extend(faulted.rows());
+    if summary.strokes > 0 {
+        rows.push(row("Strokes", summary.strokes as f64, COUNT));
+    }
     rows.extend([
-        row("Strokes", summary.strokes as f64, COUNT),
         row("Pressure, lowest", summary.pressure_pa.min, "Pa"),
         row("Pressure, highest", summary.pressure_pa.max, "Pa"),
         row("Estimated gas temperature, lowest", summary.estimate_k.min, "K"),
         row("Estimated gas temperature, highest", summary.estimate_k.max, "K"),
         row("Steps of the core", summary.core.steps as f64, COUNT),
         row("Steps whose telemetry was lost", summary.lost_steps as f64, COUNT),
-        row("Start jitter, worst", summary.timing.jitter_worst_us * 1e-6, "s"),
+        row("Start jitter, worst", summary.timing.jitter_worst_us, "µs"),
     ]);
     run_report::render(&RunReport {
         title,

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use std::collections::BTreeMap;
+use thermyo_boards::port;
 use thermyo_record::summary::{CoreFigures, Difference, Range, Readings, TimingFigures};
 use thermyo_record::tracking::Control;
 
@@ -35,6 +36,15 @@ pub struct Driven {
     /// Root-mean-square and largest difference to measured columns, if the scenario has some.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub measured: Option<BTreeMap<String, Difference>>,
+}
+
+/// The board at a port, for a sentence.
+pub(super) fn board_at(name: &str) -> String {
+    if name == port::EMULATED {
+        "the emulated board".to_owned()
+    } else {
+        format!("the board at {name}")
+    }
 }
 
 /// Driven time, "4.00 s", or "2.46 s of 4 s" if it was stopped early.
