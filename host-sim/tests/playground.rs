@@ -254,6 +254,9 @@ fn the_page_runs_and_is_turned() {
     assert_the_joint_moves(&seen);
     let refused = seen["refused"].as_str().unwrap();
     assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
+    let refused = &seen["elsewhere"]["refused"];
+    assert!(refused[0].as_str().unwrap().contains("supply.pressure_pa = -1"), "{seen:#}");
+    assert_eq!(refused[1], 0, "{seen:#}");
     // `thermyo run` accepts a saved scenario and gives the same trace.
     let saved = |name: &str| PathBuf::from(seen["shipped"][name].as_str().unwrap());
     let expected = command(&repository().join("scenarios/nominal.toml"));

@@ -42,23 +42,10 @@ function makeKnobs() {
   $("knobs").replaceChildren(...made);
 }
 
-/** Turns keys together. One that is refused for a key that comes after it is tried again. */
+/** Turns keys together. */
 function turnAll(keys, configured) {
-  let refusal;
-  const isRefused = ([key, value]) => {
-    try {
-      simulation.turn(key, value, configured);
-      turned.set(key, value);
-      return false;
-    } catch (error) {
-      refusal = error;
-      return true;
-    }
-  };
-  for (let waiting = [...keys], before = Infinity; waiting.length; waiting = waiting.filter(isRefused)) {
-    if (waiting.length === before) throw refusal;
-    before = waiting.length;
-  }
+  simulation.turn(keys, configured);
+  turned = new Map([...turned, ...keys]);
 }
 
 /** Returns whether the value is taken. */
@@ -66,9 +53,8 @@ function turn(key, value, show) {
   const taken = attempt(() => {
     // 250 kPa are 250000 Pa, and not 250000.00000000003.
     const rounded = Number(value.toPrecision(12));
-    simulation.turn(key, rounded);
+    turnAll([[key, rounded]], false);
     settings = simulation.settings();
-    turned.set(key, rounded);
     unconfigured = true;
   });
   show();
@@ -184,7 +170,7 @@ function begin(scenario) {
 function again() {
   const done = attempt(() => {
     simulation.start(text);
-    turnAll(turned, true);
+    turnAll([...turned], true);
   });
   if (done) fresh();
   showAddress();

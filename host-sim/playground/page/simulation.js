@@ -42,10 +42,10 @@ export class Simulation {
     this.columns = this.text().split(",");
   }
 
-  /** Sets a number of the plant; `configured` starts again, with a core that is configured with it too. */
-  turn(key, value, configured = false) {
-    this.give(key);
-    this.good(this.module.turn(value, configured));
+  /** Sets numbers of the plant, all or none; `configured` starts again, with a core that is configured with them too. */
+  turn(values, configured = false) {
+    this.give(values.map(([key, value]) => `${key}=${value}`).join("\n"));
+    this.good(this.module.turn(configured));
   }
 
   /** Runs `steps`; returns the cells of every `every`-th row, row after row. */

@@ -65,16 +65,18 @@ impl Kind for Joint {
         settings
     }
 
-    fn turned(&self, key: &str, value: f64, configured: bool) -> Result<Self, String> {
+    fn turned(&self, values: &[(String, f64)], configured: bool) -> Result<Self, String> {
         let mut document = self.document.clone();
         let mut set = |path: &str, number: f64| {
             document.set(path, Setting::Number(number)).map_err(|problem| problem.to_string())
         };
-        let of_core = !configured && !key.starts_with("drive.");
-        for (path, believed) in of_core.then(|| self.believed(key)).into_iter().flatten() {
-            set(&path, believed)?;
+        for (key, value) in values {
+            let of_core = !configured && !key.starts_with("drive.");
+            for (path, believed) in of_core.then(|| self.believed(key)).into_iter().flatten() {
+                set(&path, believed)?;
+            }
+            set(key, *value)?;
         }
-        set(key, value)?;
         Self::of(document)
     }
 

@@ -19,8 +19,8 @@ pub trait Kind: Sized {
     fn render(&self) -> String;
     /// Parameters of the plant by table and key.
     fn settings(&self) -> Value;
-    /// The same scenario with another number, in the plant; if `configured`, in the core too.
-    fn turned(&self, key: &str, value: f64, configured: bool) -> Result<Self, String>;
+    /// The same scenario with other numbers, in the plant; if `configured`, in the core too.
+    fn turned(&self, values: &[(String, f64)], configured: bool) -> Result<Self, String>;
     /// The same scenario without an end, with every step logged.
     fn endless(&self) -> Self;
 

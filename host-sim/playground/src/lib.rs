@@ -79,15 +79,23 @@ pub extern "C" fn start() -> bool {
     })
 }
 
-/// Sets the number of the text's key, such as `supply.pressure_pa`: of the plant while it runs; or,
-/// if `configured`, of plant and core configuration, and starts again.
+/// Sets the numbers of the text's lines, such as `supply.pressure_pa=600000`, together: of the plant
+/// while it runs; or, if `configured`, of plant and core configuration, and starts again.
 #[unsafe(no_mangle)]
-pub extern "C" fn turn(value: f64, configured: bool) -> bool {
+pub extern "C" fn turn(configured: bool) -> bool {
     with(|playground| {
-        let key = playground.taken();
-        let outcome = key.and_then(|key| playground.live()?.turn(&key, value, configured));
+        let values = playground.taken().and_then(|text| numbers(&text));
+        let outcome = values.and_then(|values| playground.live()?.turn(&values, configured));
         playground.say(outcome.map(|()| Vec::new()))
     })
+}
+
+fn numbers(text: &str) -> Result<Vec<(String, f64)>, String> {
+    let number = |line: &str| {
+        let (key, value) = line.split_once('=')?;
+        Some((key.to_owned(), value.parse().ok()?))
+    };
+    text.lines().map(|line| number(line).ok_or_else(|| format!("{line}: is no number"))).collect()
 }
 
 /// Writes the present parameters of the plant, as JSON.

@@ -12,8 +12,8 @@ pub trait Running {
     fn header(&self) -> String;
     /// Present parameters of the plant, as JSON.
     fn settings(&self) -> Vec<u8>;
-    /// Sets a key's number; if `configured`, of the core too, from time zero.
-    fn turn(&mut self, key: &str, value: f64, configured: bool) -> Result<(), String>;
+    /// Sets numbers of keys together; if `configured`, of the core too, from time zero.
+    fn turn(&mut self, values: &[(String, f64)], configured: bool) -> Result<(), String>;
     /// Runs `steps` steps, and adds the cells of every `every`-th row to `rows`.
     fn advance(&mut self, steps: u32, every: u32, rows: &mut Vec<f64>) -> Result<(), String>;
     /// A line with the core's mode, a line with its faults.
@@ -82,8 +82,8 @@ impl<K: Kind + 'static> Running for Live<K> {
         self.scenario.settings().to_string().into_bytes()
     }
 
-    fn turn(&mut self, key: &str, value: f64, configured: bool) -> Result<(), String> {
-        let turned = self.scenario.turned(key, value, configured)?;
+    fn turn(&mut self, values: &[(String, f64)], configured: bool) -> Result<(), String> {
+        let turned = self.scenario.turned(values, configured)?;
         if configured {
             *self = Self::of(turned, self.warnings.clone())?;
             return Ok(());

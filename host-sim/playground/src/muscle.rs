@@ -42,13 +42,17 @@ impl Kind for Muscle {
         json!(self.0.plant)
     }
 
-    fn turned(&self, key: &str, value: f64, configured: bool) -> Result<Self, String> {
+    fn turned(&self, values: &[(String, f64)], configured: bool) -> Result<Self, String> {
         let mut turned = self.0.clone();
-        let known = thermyo_scenario::number(&turned.believed, key)
-            == thermyo_scenario::number(&turned.plant, key);
-        turned.plant = thermyo_scenario::with_numbers(&turned.plant, [(key, value)]);
-        if configured && known {
-            turned.believed = thermyo_scenario::with_numbers(&turned.believed, [(key, value)]);
+        let values = values.iter().map(|(key, value)| (key.as_str(), *value));
+        let known = |(key, _): &(&str, f64)| {
+            thermyo_scenario::number(&self.0.believed, key)
+                == thermyo_scenario::number(&self.0.plant, key)
+        };
+        turned.plant = thermyo_scenario::with_numbers(&turned.plant, values.clone());
+        if configured {
+            let known = values.filter(known);
+            turned.believed = thermyo_scenario::with_numbers(&turned.believed, known);
         }
         // The core's drive is always the plant's.
         turned.believed.drive = turned.plant.drive.clone();
