@@ -420,6 +420,22 @@ fn static_charts_have_a_narrow_version() {
     }
 }
 
+/// Reasons and units used to be aligned right, like numbers.
+#[test]
+fn a_column_of_words_is_aligned_like_words() {
+    let row = |cells: [&str; 4]| cells.map(str::to_owned).to_vec();
+    let rows = [
+        row(["friction.force_n", "15.09", "N", "half of the hysteresis"]),
+        row(["muscle.turns", "2.027", "", "20 times the loop's"]),
+        row(["valve.dead_time_s", "–", "s", "kept"]),
+    ];
+    let table = Table::new("", &["Parameter", "After", "Unit", "From"], rows);
+    let page = Page::new("t", "", "").section(Section::new("s").table(table)).render();
+    assert!(page.contains("<td data-column=\"After\">15.09<"), "{page}");
+    assert!(page.contains("<td class=\"words\" data-column=\"Unit\">N<"), "{page}");
+    assert!(page.contains("<th class=\"words\" scope=\"col\">From<"), "{page}");
+}
+
 #[test]
 fn words_stand_at_their_places_on_an_axis() {
     let words = ["lumped", "paper"].map(str::to_owned);

@@ -108,7 +108,11 @@ pub fn table(lines: &[CaseFigures]) -> String {
 pub fn figures(lines: &[CaseFigures]) -> Table {
     let rows = lines.iter().flat_map(|line| {
         line.figures.iter().map(|figure| {
-            let mark = if figure.holds() { "✓" } else { "✗ missed" };
+            let mark = match figure.holds() {
+                _ if !figure.has_target() => "",
+                true => "✓",
+                false => "✗ missed",
+            };
             let value = significant(figure.value, 3);
             vec![line.case.clone(), figure.name.to_owned(), value, figure.target(), mark.to_owned()]
         })
@@ -140,6 +144,13 @@ pub fn missed(lines: &[CaseFigures]) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_figure_without_a_target_has_no_mark() {
+        let all = vec![Figure::at_most("error_k", 0.5, 1.0), Figure::shown("highest_kpa", 478.0)];
+        let table = figures(&[CaseFigures { case: "a".to_owned(), figures: all }]);
+        assert_eq!([&table.rows[0][4], &table.rows[1][4]], ["✓", ""]);
+    }
 
     #[test]
     fn a_page_begins_with_what_is_missed() {

@@ -56,7 +56,7 @@ impl Tile {
 pub struct Table {
     /// Text above the table; may be empty.
     pub caption: String,
-    /// Column heads. All columns but the first are aligned right, like numbers.
+    /// Column heads. The first column and those of words are aligned left, the others right.
     pub columns: Vec<String>,
     pub rows: Vec<Vec<String>>,
 }
@@ -82,12 +82,23 @@ impl Table {
         self.columns.len() > 3 || letters > NARROW_HEADS
     }
 
+    /// Whether most cells of a column, those with anything, begin with a letter.
+    fn has_words(&self, column: usize) -> bool {
+        let cells = self.rows.iter().filter_map(|row| row.get(column)?.chars().next());
+        let letters = cells.clone().filter(|first| first.is_alphabetic()).count();
+        2 * letters > cells.count()
+    }
+
     fn render(&self) -> Markup {
+        let class = |i| (i > 0 && self.has_words(i)).then_some("words");
+        let words: Vec<Option<&str>> = (0..self.columns.len()).map(class).collect();
         html! {
             div.table {
                 table.wide[self.is_wide()] {
                     @if !self.caption.is_empty() { caption { (self.caption) } }
-                    thead { tr { @for column in &self.columns { th scope="col" { (column) } } } }
+                    thead { tr { @for (column, words) in self.columns.iter().zip(&words) {
+                        th class=[*words] scope="col" { (column) }
+                    } } }
                     tbody {
                         @for row in &self.rows {
                             // On a phone a wide table shows each row as a list: each cell carries
@@ -97,7 +108,7 @@ impl Table {
                                 @if i == 0 && cell.parse::<f64>().is_ok() {
                                     td.number data-column=(column) { (cell) }
                                 } @else {
-                                    td data-column=(column) { (cell) }
+                                    td class=[words[i]] data-column=(column) { (cell) }
                                 }
                             } }
                         }

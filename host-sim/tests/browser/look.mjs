@@ -170,6 +170,9 @@ const sheet = await open({ width: 672, height: 980 });
 await sheet.emulateMediaType("print");
 const beyond_paper = await sheet.$$eval(".table", (all) => all.filter((node) => node.scrollWidth > node.clientWidth + 1)
   .map((node) => node.textContent.slice(0, 40)));
+// Drawings of half a width that take a page each.
+const stacked = await sheet.$$eval(".figures", (all) => all.filter(({ children: [first, second] }) => second &&
+  first.getBoundingClientRect().top !== second.getBoundingClientRect().top).map((node) => node.textContent.slice(0, 40)));
 
 for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 844, deviceScaleFactor: 2 }]]) {
   for (const scheme of ["light", "dark"]) {
@@ -179,4 +182,4 @@ for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 84
   }
 }
 await browser.close();
-console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, beyond_paper, serious }));
+console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, beyond_paper, stacked, serious }));
