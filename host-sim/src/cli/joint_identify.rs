@@ -28,7 +28,7 @@ pub(super) fn run(
     })?;
     to.warn(&found.warnings);
     let title = title_of(data);
-    let json = pretty(&found.values);
+    let json = pretty(&found.findings());
     out.text("summary.json", &json)?;
     out.text("identified.toml", &thermyo_joint::render(&found.scenario))?;
     out.text("report.html", &record_page(&found, &title))?;

@@ -3,8 +3,10 @@
 use super::experiment::{MOST_LOST, Record, filled, sliding_rad_s};
 use super::findings::{self, Estimate};
 use super::{Refusal, Values, adopt};
-use crate::tune::SLIDING_M_S;
+use crate::tune::{Parameter, SLIDING_M_S};
 use model_core::joint::JointConfig;
+use serde::Serialize;
+use std::collections::BTreeMap;
 use thermyo_files::input::{InputError, Problem};
 use thermyo_files::number::significant;
 use thermyo_files::table::Table;
@@ -56,6 +58,48 @@ impl Identified {
             self.values.table()
         )
     }
+
+    /// Content of `summary.json`: values by their keys, as those of a muscle.
+    pub fn findings(&self) -> impl Serialize {
+        let Values { duration_s, highest_pa, torque_rms_n_m, residual_rms_n_m, .. } = self.values;
+        let found = self.values.parameters.iter().map(|parameter| {
+            let Parameter { path, before, after: value, standard_error, unit, ref remark } =
+                *parameter;
+            (path, Found { value, standard_error, unit, before, remark })
+        });
+        Findings {
+            duration_s,
+            highest_pa,
+            parameters: found.collect(),
+            open: &self.values.open,
+            torque_rms_n_m,
+            rmse: Rmse { torque_n_m: residual_rms_n_m },
+        }
+    }
+}
+
+#[derive(Serialize)]
+struct Findings<'a> {
+    duration_s: f64,
+    highest_pa: f64,
+    parameters: BTreeMap<&'static str, Found<'a>>,
+    open: &'a [&'static str],
+    torque_rms_n_m: f64,
+    rmse: Rmse,
+}
+
+#[derive(Serialize)]
+struct Found<'a> {
+    value: f64,
+    standard_error: Option<f64>,
+    unit: &'static str,
+    before: f64,
+    remark: &'a str,
+}
+
+#[derive(Serialize)]
+struct Rmse {
+    torque_n_m: f64,
 }
 
 /// Fits inertia, gravity, friction and mid-lengths to a record: columns of `joint_trace.csv`, or `time_s`, `angle_rad`,

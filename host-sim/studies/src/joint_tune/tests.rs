@@ -149,7 +149,13 @@ fn a_record_with_a_row_each(every: usize) {
         assert!(off != 0.0 && off.abs() < 0.02, "{path}: {after}, {truth}");
     }
     assert!(found.values.open.is_empty(), "{}", found.text());
-    assert_eq!(found.scenario.believed.inertia_kg_m2, found.values.parameters[0].after);
+    let inertia_kg_m2 = found.values.parameters[0].after;
+    assert_eq!(found.scenario.believed.inertia_kg_m2, inertia_kg_m2);
+    let summary = serde_json::to_value(found.findings()).unwrap();
+    let inertia = &summary["parameters"]["joint.inertia_kg_m2"];
+    assert_eq!(inertia["value"], inertia_kg_m2);
+    assert!(inertia["standard_error"].as_f64() > Some(0.0) && inertia["unit"] == "kg m2");
+    assert!(summary["rmse"]["torque_n_m"].as_f64() < Some(0.05), "{summary}");
 }
 
 #[test]
