@@ -143,10 +143,16 @@ impl Parts<'_> {
             ),
         )];
         if self.switching {
-            let switch_s = self
+            // Tube and regulator lower the conductance of an open valve, but hardly that of a short pulse. Their part shows
+            // in the difference between inlet and outlet.
+            let apart = (inlet.conductance.value - outlet.conductance.value).abs();
+            let relative = apart / conductance.value;
+            let found = self
                 .switch_time_s
-                .unwrap_or(Measure { value: self.before("valve.switch_time_s"), error: 0.0 });
-            all.push(match self.switch_time_s {
+                .map(|found| Measure { error: found.error.hypot(relative * found.value), ..found });
+            let switch_s =
+                found.unwrap_or(Measure { value: self.before("valve.switch_time_s"), error: 0.0 });
+            all.push(match found {
                 Some(found) => {
                     self.measured("valve.switch_time_s", found, "what short pulses move")
                 }

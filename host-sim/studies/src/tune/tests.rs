@@ -66,6 +66,21 @@ fn a_muscle_without_friction_is_tuned() {
     }
 }
 
+/// The conductance of short pulses is larger than that of open valves behind tube and regulator.
+#[test]
+fn switching_times_are_within_two_stated_errors() {
+    for (pwm_hz, switch_time_s) in [(100.0, 0.002), (50.0, 0.004)] {
+        let text = format!("[valve]\npwm_hz = {pwm_hz:?}\nswitch_time_s = {switch_time_s}\n");
+        let text = format!("[plant]\nmodel = \"full\"\n[load]\nforce_n = 60\n{text}");
+        let loaded = thermyo_setup::parse(&text, Path::new("s.toml")).unwrap();
+        let tuned = tune(&loaded, Path::new("s.toml"), HIGHEST_PA, &mut CoreBoard::default());
+        let tuned = tuned.unwrap_or_else(|error| panic!("{pwm_hz} Hz: {error}"));
+        let found = tuned.findings.value("valve.switch_time_s").unwrap();
+        let (after, error) = (found.after, found.standard_error.unwrap());
+        assert!((after - switch_time_s).abs() < 2.0 * error, "{after} +- {error} s");
+    }
+}
+
 /// The plant's slip and creep differ from the core's configuration.
 #[test]
 fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
