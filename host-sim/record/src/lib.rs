@@ -1,5 +1,6 @@
 //! Results of a run: trace, summary, and comparison with measurements.
 
+mod bandwidth;
 pub mod board_trace;
 pub mod limit_cycle;
 pub mod measured;

@@ -1,5 +1,6 @@
 //! Tracking of the set point: figures of `control` in every summary, gathered step by step.
 
+use crate::bandwidth::Bandwidth;
 use crate::trace::Row;
 use model_core::{Command, Mode};
 use serde::{Deserialize, Serialize};
@@ -7,7 +8,7 @@ use std::f64::consts::TAU;
 use thermyo_compute::math;
 use thermyo_files::number::significant;
 use thermyo_files::units::{Unit, UnitSystem};
-use thermyo_scenario::{DriveKind, Scenario, Shape, ValveKind};
+use thermyo_scenario::{Chirp, DriveKind, Scenario, Shape, ValveKind};
 
 /// An error within this fraction of a jump counts as settled, as in `thermyo tune` \[-\].
 const SETTLED: f64 = 0.05;
@@ -68,6 +69,9 @@ pub struct Control {
     pub gain: Option<f64>,
     /// Phase of the value against that sine; negative if it lags \[deg\].
     pub phase_deg: Option<f64>,
+    /// Frequency up to which the gain of a chirp stays above -3 dB, at most the chirp's highest \[Hz\]; none for other
+    /// shapes.
+    pub bandwidth_hz: Option<f64>,
     /// Longest time from a jump of the set point until the error stays within 5 % of the jump, or within twice the
     /// controller's dead zone \[s\]; none if a jump never settled, or there was none.
     pub settled_s: Option<f64>,
@@ -97,6 +101,9 @@ impl Control {
         if let (Some(gain), Some(phase_deg)) = (self.gain, self.phase_deg) {
             line += &format!(", gain {}, phase {phase_deg:.0} deg", significant(gain, 3));
         }
+        if let Some(hz) = self.bandwidth_hz {
+            line += &format!(", gain above -3 dB up to {} Hz", significant(hz, 2));
+        }
         if let Some(settled_s) = self.settled_s {
             line += &format!(", settled in {} s", significant(settled_s, 3));
         }
@@ -113,6 +120,8 @@ impl Control {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reference {
     sine_s: Option<f64>,
+    /// A chirp, and the set point about which it swings.
+    chirp: Option<(Chirp, f64)>,
     /// Whether the set point jumps and is constant in between.
     jumps: bool,
     /// Error that the controller tolerates at rest, in the set point's unit.
@@ -136,6 +145,8 @@ impl Reference {
         Self {
             dead_zone: f64::from(dead_zone),
             sine_s: (drive.shape == Shape::Sine).then_some(drive.period_s),
+            chirp: (drive.shape == Shape::Chirp)
+                .then(|| (drive.chirp(scenario.run.duration_s), drive.middle())),
             jumps: matches!(drive.shape, Shape::Step | Shape::Staircase) || drive.is_constant(),
             switches: scenario.valve.kind == ValveKind::Switching,
             pwm_hz: scenario.valve.pwm_hz,
@@ -183,6 +194,7 @@ pub(crate) struct Tracking {
     falls: bool,
     /// Sums of set point and value with sine and cosine.
     sums: [[f64; 2]; 2],
+    bandwidth: Option<Bandwidth>,
     before: Option<f64>,
     jump: Option<Jump>,
     settled_s: Option<f64>,
@@ -208,6 +220,7 @@ impl Tracking {
             way: 0.0,
             falls: false,
             sums: [[0.0; 2]; 2],
+            bandwidth: reference.chirp.map(Bandwidth::new),
             before: None,
             jump: None,
             settled_s: None,
@@ -248,6 +261,9 @@ impl Tracking {
         self.squares += error * error;
         self.limited += u64::from(row.telemetry.limited);
         self.add_sine(time_s, [set_point, value]);
+        if let Some(bandwidth) = &mut self.bandwidth {
+            bandwidth.add(time_s, [set_point, value]);
+        }
         if self.reference.jumps {
             self.add_jump(time_s, set_point, value);
         }
@@ -358,6 +374,7 @@ impl Tracking {
             overshoot: ((high - most).max(below) / span).max(0.0),
             gain: sine.then(|| math::hypot(sin, cos) / size),
             phase_deg: sine.then(|| wrapped(phase).to_degrees()),
+            bandwidth_hz: self.bandwidth.as_ref().and_then(Bandwidth::hz),
             settled_s: self.settled_s.filter(|_| self.unsettled == 0),
             unsettled: self.unsettled,
             pulses_per_s: self

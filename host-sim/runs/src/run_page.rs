@@ -235,6 +235,7 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
         rows.push(row("Set point, overshoot", 100.0 * control.overshoot, "%"));
         rows.extend(control.gain.map(|gain| row("Sine, gain", gain, "")));
         rows.extend(control.phase_deg.map(|phase_deg| row("Sine, phase", phase_deg, "deg")));
+        rows.extend(control.bandwidth_hz.map(|hz| row("Chirp, gain above -3 dB up to", hz, "Hz")));
         rows.extend(control.settled_s.map(|settled_s| row("Steps, settled in", settled_s, "s")));
         rows.extend(control.pulses_per_s.map(|rate| row("Pulses of both valves", rate, "1/s")));
         rows.push(row("Inlet fully open", 100.0 * control.inlet_open, "%"));

@@ -82,6 +82,26 @@ fn an_estimate_that_is_worse_than_it_states_is_reported() {
     assert!(warning.contains("its RMS error is ") && warning.contains(" K, and it states "));
 }
 
+/// A chirp's bandwidth is where sines of their own lose 3 dB.
+#[test]
+fn a_chirp_has_the_bandwidth_of_sines() {
+    let driven = |duration_s: f64, shape: &str| {
+        control(&format!(
+            "duration_s = {duration_s}\n[drive]\nkind = \"contraction\"\noffset = \"10 %\"\n\
+             amplitude = \"1%\"\nshape = {shape}\n"
+        ))
+    };
+    let chirp = driven(20.0, "\"chirp\"\nperiod_s = 1");
+    let bandwidth_hz = chirp["bandwidth_hz"].as_f64().unwrap();
+    let gain = |hz: f64| {
+        let sine = driven(2.0, &format!("\"sine\"\nperiod_s = {:.3}", 1.0 / hz));
+        assert!(sine["bandwidth_hz"].is_null(), "{sine}");
+        sine["gain"].as_f64().unwrap()
+    };
+    let [below, above] = [0.8, 1.25].map(|share| gain(share * bandwidth_hz));
+    assert!(below > 0.75 && above < 0.68, "{bandwidth_hz} Hz: {below}, {above}");
+}
+
 #[test]
 fn a_slow_sine_is_followed_and_a_fast_one_is_late() {
     let sine = |period_s: f64| {

@@ -110,16 +110,32 @@ impl Drive {
             Shape::Constant => 0.0,
             Shape::Sine => math::sin(TAU * cycles),
             Shape::Step => f64::from(u8::from(part >= 0.5)),
-            Shape::Chirp => {
-                let octaves = CHIRP_OCTAVES * LN_2 / duration_s;
-                math::sin(TAU / self.period_s * (math::exp(octaves * time_s) - 1.0) / octaves)
-            }
+            Shape::Chirp => math::sin(self.chirp(duration_s).angle(time_s)),
             Shape::Staircase => {
                 const HOLDS: [f64; 8] = [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5];
                 HOLDS.get((part * 8.0) as usize).copied().unwrap_or_default()
             }
         };
         self.middle() + self.amplitude * share
+    }
+
+    /// A chirp in a run of this duration.
+    pub fn chirp(&self, duration_s: f64) -> Chirp {
+        Chirp { period_s: self.period_s, duration_s }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chirp {
+    period_s: f64,
+    duration_s: f64,
+}
+
+impl Chirp {
+    /// Angle of the sine \[rad\].
+    pub fn angle(&self, time_s: f64) -> f64 {
+        let octaves = CHIRP_OCTAVES * LN_2 / self.duration_s;
+        TAU / self.period_s * (math::exp(octaves * time_s) - 1.0) / octaves
     }
 }
 
