@@ -278,6 +278,31 @@ fn motion_alone_leaves_the_heat_transfer_of_a_muscle_in_zones_open() {
     assert_eq!(found.summary["converged"], Value::Bool(false));
 }
 
+/// Pulses in every third period, and one row in five periods: most pulses are between the rows, and 26 W/(m2 K) were
+/// found where 15 are true, with an error of 2.
+#[test]
+fn a_record_that_misses_pulses_is_refused() {
+    let columns = ["time_s", "pressure_pa", "length_m", "sensor_gas_k", "duty_in", "duty_out"];
+    let recorded = |log_every: u32| {
+        let slow = format!(
+            "[run]\nduration_s = 60.0\nlog_every = {log_every}\n[plant]\nmodel = \"lumped\"\n\
+             [load]\nkind = \"isometric\"\n[drive]\nperiod_s = 7.0\nflow_kg_s = 1.2e-4\n\
+             [heat]\nmodel = \"constant\"\n"
+        );
+        let run = run_text(&slow, &[]);
+        csv(&(columns.join(",") + "\n"), columns.map(|name| run.column(name)), 0.0)
+    };
+    let config =
+        configured("lumped").replace("[identify]", "[load]\nkind = \"isometric\"\n[identify]");
+    let found = identify_texts(&recorded(50), &config);
+    let Outcome { code, err, .. } = &found.outcome;
+    assert_eq!(*code, 2, "{err}");
+    let expected = "column time_s: rows are 0.0500 s apart, and pulses between them are missing: \
+                    must be at most 0.0100 s";
+    assert!(err.contains(expected), "{err}");
+    assert_eq!(identify_texts(&recorded(10), &config).outcome.code, 0);
+}
+
 #[test]
 fn a_record_with_holes_or_of_something_else_is_remarked() {
     let record = monitored("lumped", 0.0);

@@ -21,6 +21,11 @@ const HOLE_ROWS: f64 = 20.0;
 /// Longest typical distance of rows at which they resolve a muscle's motion \[s\].
 const SLOWEST_S: f64 = 1.0;
 
+/// Most rows without a pulse for which a valve pauses in its pulses, rather than waits, and fraction of pulses after such
+/// a pause from which pulses are missing between the rows \[-\]. Assumptions.
+const PAUSE_ROWS: usize = 3;
+const OFTEN_PAUSED: f64 = 0.1;
+
 /// LSBs of a raw code over a sensor's range.
 const CODE_STEPS: f64 = 32_760.0;
 
@@ -138,6 +143,7 @@ impl Data {
         let columns = Columns { measured, path };
         let observed = observed(measured, path, scenario)?;
         let input = columns.input(scenario, &observed)?;
+        columns.check_pulses(&input, scenario)?;
         let is_vessel = scenario.plant.kind == PlantKind::Vessel;
         let volume = measured.column("volume_m3");
         let volume = volume.filter(|column| is_vessel && varies(&column.points));
@@ -208,6 +214,25 @@ impl Columns<'_> {
         })
     }
 
+    /// Refuses duties that miss pulses: a valve that pulses in fewer than all periods looks shut where rows are further
+    /// apart than a period.
+    fn check_pulses(&self, input: &Input, scenario: &Scenario) -> Result<(), InputError> {
+        let (Input::Duties(duties) | Input::Given(Given { duties, .. })) = input else {
+            return Ok(());
+        };
+        let distance_s = median_distance(&duties.iter().map(|row| row.0).collect::<Vec<_>>());
+        let period_s = scenario.pwm_period_s();
+        if distance_s < 1.5 * period_s || !(pauses(duties, 0) || pauses(duties, 1)) {
+            return Ok(());
+        }
+        let [distance_s, period_s] = [distance_s, period_s].map(|time_s| significant(time_s, 3));
+        let why = format!(
+            "rows are {distance_s} s apart, and pulses between them are missing: must be at most {period_s} s, a period \
+             of valve.pwm_hz, where a valve does not pulse in each of them"
+        );
+        Err(self.unusable(TIME, &why))
+    }
+
     fn unusable(&self, name: &str, why: &str) -> InputError {
         let (column, why) = (name.to_owned(), why.to_owned());
         InputError::file(self.path, Problem::UnusableColumn { column, why })
@@ -237,6 +262,24 @@ impl Columns<'_> {
             error => self.unusable(name, &error.to_string()),
         })
     }
+}
+
+/// Whether a valve often pulses, is shut for a few rows, and pulses again, while the other one stays shut.
+fn pauses(duties: &[(f64, [f64; 2])], valve: usize) -> bool {
+    let pulses = |row: &(f64, [f64; 2])| row.1[valve] > 0.0 && row.1[valve] < 1.0;
+    let (mut count, mut paused, mut shut_rows) = (0, 0, usize::MAX);
+    for row in duties {
+        if pulses(row) {
+            count += 1;
+            paused += usize::from((1..=PAUSE_ROWS).contains(&shut_rows));
+            shut_rows = 0;
+        } else if row.1 == [0.0; 2] {
+            shut_rows = shut_rows.saturating_add(1);
+        } else {
+            shut_rows = usize::MAX;
+        }
+    }
+    paused as f64 > OFTEN_PAUSED * f64::from(count)
 }
 
 fn varies(points: &[(f64, f64)]) -> bool {
