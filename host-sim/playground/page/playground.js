@@ -106,8 +106,7 @@ function showAddress() {
 function fromAddress() {
   const fields = new URLSearchParams(location.hash.slice(1));
   const index = Math.max(0, scenarios.findIndex(({ name }) => name === fields.get("run")));
-  const known = new Set(Object.values(VIEWS).flatMap(({ knobs }) => knobs.map(([key]) => key)));
-  const values = [...fields].map(([key, text]) => [key, Number(text)]).filter(([key, value]) => known.has(key) && Number.isFinite(value));
+  const values = [...fields].map(([key, text]) => [key, Number(text)]).filter(([, value]) => Number.isFinite(value));
   start(index, values, fields.get("core") === "updated");
 }
 
@@ -115,7 +114,9 @@ function fromAddress() {
 function start(index, keys, configured) {
   $("choice").selectedIndex = index;
   if (!run(index)) return false;
-  attempt(() => turnAll(keys, configured));
+  // An address may have keys of another kind of scenario.
+  const applies = ([key]) => view.knobs.some((knob) => knob[0] === key && knob[7](settings));
+  attempt(() => turnAll(keys.filter(applies), configured));
   settings = simulation.settings();
   unconfigured = turned.size > 0 && !configured;
   makeKnobs();

@@ -177,8 +177,8 @@ const other = await browser.newPage();
 await other.goto(`${address}${await page.evaluate(() => location.hash)}`);
 await other.waitForFunction(() => parseFloat(document.getElementById("time").textContent) > 0, { timeout: 30000, polling: 50 });
 const elsewhere = { address: await other.evaluate(() => decodeURIComponent(location.hash)), knobs: await other.$eval("#knobs", (node) => node.textContent), here: await text("knobs") };
-// Keys of an address are taken together or not at all.
-await other.evaluate(() => { location.hash = "#heat.scale=3&supply.pressure_pa=-1"; });
+// Keys of an address are taken together or not at all; one that this scenario does not have is left out.
+await other.evaluate(() => { location.hash = "#drive.angle_rad=0.3&heat.scale=3&supply.pressure_pa=-1"; });
 await other.waitForFunction(() => !document.getElementById("wrong").hidden, { timeout: 30000, polling: 50 });
 elsewhere.refused = [await other.$eval("#wrong", (node) => node.textContent), await other.$$eval("#knobs .turned", (all) => all.length)];
 await other.close();
