@@ -125,8 +125,10 @@ impl Drive {
     }
 }
 
+/// Sine whose frequency doubles in equal times, over a whole run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Chirp {
+    /// Period at the start.
     period_s: f64,
     duration_s: f64,
 }
