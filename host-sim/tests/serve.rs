@@ -19,7 +19,7 @@ use crate::command_support::Said;
 static ONE_BY_ONE: Mutex<()> = Mutex::new(());
 
 /// Longest wait of a test \[s\], even on a busy machine: a limit against hanging, not a target.
-const HANGS_S: f64 = 60.0;
+const HANGS_S: f64 = 180.0;
 
 /// A server, which is stopped with its board.
 pub(crate) struct Served {

@@ -19,7 +19,7 @@ fn poll_until(session: &mut Session<LiveBoard>, done: impl Fn(&Session<LiveBoard
     let start = Instant::now();
     while !done(session) {
         session.poll().unwrap();
-        assert!(start.elapsed() < Duration::from_secs(60), "{:?}", session.status());
+        assert!(start.elapsed() < Duration::from_secs(180), "{:?}", session.status());
     }
 }
 

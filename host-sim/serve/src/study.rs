@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! order --> Study --thread--> table --identify or compare--> folder, and what the page shows
-//!              ^-- polled at every state, and stopped on request
+//!              ^-- polled at every state, and left to end by itself when it is cancelled
 //! ```
 
 use super::results::{Outcome, next_folder};
@@ -14,7 +14,7 @@ use hyper::body::Bytes;
 use model_core::Config;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicU8, AtomicUsize, Ordering};
 use std::thread::{self, JoinHandle};
 use thermyo_compute::parallel::Watch;
 use thermyo_files::input::InputError;
@@ -61,12 +61,37 @@ pub struct Fit {
     pub after: Config,
 }
 
-/// Number of finished parts, and whether the work should stop.
+/// Number of finished parts, and the phase of the work.
 #[derive(Debug, Default)]
 struct Progress {
     parts: AtomicUsize,
     done: AtomicUsize,
-    stopped: AtomicBool,
+    phase: AtomicU8,
+}
+
+/// Phases of the work. It is cancelled or it saves its result, never both.
+const WORKS: u8 = 0;
+const SAVES: u8 = 1;
+const CANCELLED: u8 = 2;
+
+impl Progress {
+    /// Begins to save the result.
+    ///
+    /// # Errors
+    /// If the work is cancelled.
+    fn save(&self) -> Result<(), NotDone> {
+        if self.leaves_work_for(SAVES) { Ok(()) } else { Err(NotDone::Cancelled) }
+    }
+
+    /// Whether it is cancelled: not once it saves.
+    fn cancel(&self) -> bool {
+        self.leaves_work_for(CANCELLED)
+    }
+
+    fn leaves_work_for(&self, phase: u8) -> bool {
+        let order = Ordering::Relaxed;
+        self.phase.compare_exchange(WORKS, phase, order, order).is_ok()
+    }
 }
 
 impl Watch for Progress {
@@ -79,7 +104,7 @@ impl Watch for Progress {
     }
 
     fn stopped(&self) -> bool {
-        self.stopped.load(Ordering::Relaxed)
+        self.phase.load(Ordering::Relaxed) == CANCELLED
     }
 
     /// Number of threads: one core is left for the board and its page.
@@ -103,6 +128,8 @@ enum NotDone {
     Identify(#[from] IdentifyError),
     #[error("{0}")]
     OtherTable(String),
+    #[error("Cancelled: nothing was kept.")]
+    Cancelled,
 }
 
 /// A table of the page or of a result.
@@ -194,7 +221,7 @@ impl Study {
     /// Compares the second record with the first; results go to a folder of `out`.
     pub fn compare(&mut self, records: [Content; 2], out: &Path) {
         let out = out.to_path_buf();
-        self.begin("Comparison", move |_| compare(&records, &out));
+        self.begin("Comparison", move |watch| compare(&records, &out, watch));
     }
 
     fn begin(
@@ -211,11 +238,16 @@ impl Study {
         (self.works, self.over) = (Some(Works { title, progress, thread }), None);
     }
 
-    /// Stops the work, or closes its result.
+    /// Cancels the work, or closes its result. Cancelled work gets so little time on a busy machine
+    /// that its end is not waited for; work that already saves its result goes on.
     pub fn close(&mut self) {
-        match &self.works {
-            Some(works) => works.progress.stopped.store(true, Ordering::Relaxed),
-            None => self.over = None,
+        if self.works.is_none() {
+            self.over = None;
+        } else if let Some(Works { title, .. }) =
+            self.works.take_if(|works| works.progress.cancel())
+        {
+            let shown = state::Study::failed(title, NotDone::Cancelled.to_string());
+            self.over = Some(Over { shown, fit: None });
         }
     }
 
@@ -232,9 +264,6 @@ impl Study {
                 shared.log(Weight::Plain, format!("{title}: {}", outcome.folder.display()));
                 shared.add_result(outcome);
                 Over { shown, fit }
-            }
-            Ok(Err(NotDone::Identify(IdentifyError::Stopped { .. }))) => {
-                failed("Cancelled: nothing was kept.".to_owned())
             }
             Ok(Err(error)) => failed(error.to_string()),
             Err(_) => failed("it ended by a fault of this program".to_owned()),
@@ -269,10 +298,9 @@ impl Study {
             return self.over.as_ref().map(|over| over.shown.clone());
         };
         let [parts, done] = [&progress.parts, &progress.done].map(|n| n.load(Ordering::Relaxed));
-        let text = match (progress.stopped(), parts) {
-            (true, _) => "It is cancelled.".to_owned(),
-            (false, 0) => "The record is read.".to_owned(),
-            (false, parts) => format!("{done} of {parts} searches."),
+        let text = match parts {
+            0 => "The record is read.".to_owned(),
+            parts => format!("{done} of {parts} searches."),
         };
         let progress = Some(if parts == 0 { 0.0 } else { done as f64 / parts as f64 });
         Some(state::Study { title: (*title).to_owned(), text, progress, ..state::Study::default() })
@@ -298,6 +326,7 @@ fn fit(
     let table = data.table()?;
     check(sought, &table, data)?;
     let found = identify_table(loaded, Path::new(BOARDS), &table, data.path(), None, watch)?;
+    watch.save()?;
     let (folder, name) = next_folder(out, "identify");
     let mut files = OutputDir::create(&folder)?;
     let json = serde_json::to_string_pretty(&found.findings()).expect("plain data") + "\n";
@@ -364,10 +393,11 @@ fn rows(found: &Found, before: &Loaded) -> Vec<Vec<String>> {
     found.values().into_iter().map(row).collect()
 }
 
-fn compare(records: &[Content; 2], out: &Path) -> Result<Done, NotDone> {
+fn compare(records: &[Content; 2], out: &Path, watch: &Progress) -> Result<Done, NotDone> {
     let [(first, first_damage), (second, second_damage)] =
         [records[0].record()?, records[1].record()?];
     let comparison = Comparison::of(vec![first, second]);
+    watch.save()?;
     let (folder, name) = next_folder(out, "compare");
     let mut files = OutputDir::create(&folder)?;
     files.text("summary.json", &comparison.summary())?;
@@ -393,4 +423,53 @@ fn compare(records: &[Content; 2], out: &Path) -> Result<Done, NotDone> {
     };
     let outcome = Outcome { name, folder, text: format!("{run} less {with}"), trace: false };
     Ok(Done { shown, outcome, fit: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc;
+
+    fn text(study: &Study) -> String {
+        study.state().unwrap().text
+    }
+
+    #[test]
+    fn work_that_does_not_look_is_cancelled_at_once_and_saves_nothing() {
+        let mut study = Study::default();
+        let (reach, reached) = mpsc::channel::<()>();
+        let (say, said) = mpsc::channel();
+        study.begin("Identification", move |watch| {
+            reached.recv().unwrap();
+            say.send(watch.save().is_ok()).unwrap();
+            Err(NotDone::Cancelled)
+        });
+        study.close();
+        assert!(!study.works());
+        assert_eq!(text(&study), "Cancelled: nothing was kept.");
+        reach.send(()).unwrap();
+        assert!(!said.recv().unwrap(), "it saves although it is cancelled");
+        study.close();
+        assert!(study.state().is_none());
+    }
+
+    #[test]
+    fn work_that_saves_its_result_is_not_cancelled() {
+        let mut study = Study::default();
+        let (reach, reached) = mpsc::channel::<()>();
+        let (say, said) = mpsc::channel();
+        study.begin("Comparison", move |watch| {
+            say.send(watch.save().is_ok()).unwrap();
+            reached.recv().unwrap();
+            Err(NotDone::OtherTable("its own end".to_owned()))
+        });
+        assert!(said.recv().unwrap());
+        study.close();
+        assert!(study.works());
+        reach.send(()).unwrap();
+        while study.works() {
+            study.poll(&Shared::default());
+        }
+        assert_eq!(text(&study), "its own end");
+    }
 }

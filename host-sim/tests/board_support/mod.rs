@@ -20,7 +20,7 @@ pub fn repository() -> PathBuf {
 pub fn until(what: &str, mut holds: impl FnMut() -> bool) {
     let began = Instant::now();
     while !holds() {
-        assert!(began.elapsed() < Duration::from_secs(60), "{what}: not within a minute");
+        assert!(began.elapsed() < Duration::from_secs(180), "{what}: not within three minutes");
         thread::sleep(Duration::from_millis(20));
     }
 }

@@ -2,7 +2,7 @@
 import puppeteer from "puppeteer-core";
 
 // A limit against hanging, not a target.
-const timeout = 60000;
+const timeout = 180000;
 export const wide = { width: 1280, height: 900 };
 
 /** The browser; opens pages of an address, and lists their problems: errors, warnings, and what they fetch elsewhere. */

@@ -40,7 +40,7 @@ page.on("response", (response) => {
 });
 
 const pause = (ms) => new Promise((done) => setTimeout(done, ms));
-const until = (what, ...values) => page.waitForFunction(what, { timeout: 30000, polling: 50 }, ...values);
+const until = (what, ...values) => page.waitForFunction(what, { polling: 50 }, ...values);
 const number = (id) => page.$eval(`#${id}`, (node) => parseFloat(node.textContent));
 const text = (id) => page.$eval(`#${id}`, (node) => node.textContent);
 const choose = (name, value) => page.$eval(`[name=${name}][value="${value}"]`, (radio) => radio.click());
@@ -175,11 +175,11 @@ for (let i = 0; i < 5; i++) {
 // An address opens the same page elsewhere.
 const other = await browser.newPage();
 await other.goto(`${address}${await page.evaluate(() => location.hash)}`);
-await other.waitForFunction(() => parseFloat(document.getElementById("time").textContent) > 0, { timeout: 30000, polling: 50 });
+await other.waitForFunction(() => parseFloat(document.getElementById("time").textContent) > 0, { polling: 50 });
 const elsewhere = { address: await other.evaluate(() => decodeURIComponent(location.hash)), knobs: await other.$eval("#knobs", (node) => node.textContent), here: await text("knobs") };
 // Keys of an address are taken together or not at all; one that this scenario does not have is left out.
 await other.evaluate(() => { location.hash = "#drive.angle_rad=0.3&heat.scale=3&supply.pressure_pa=-1"; });
-await other.waitForFunction(() => !document.getElementById("wrong").hidden, { timeout: 30000, polling: 50 });
+await other.waitForFunction(() => !document.getElementById("wrong").hidden, { polling: 50 });
 elsewhere.refused = [await other.$eval("#wrong", (node) => node.textContent), await other.$$eval("#knobs .turned", (all) => all.length)];
 await other.close();
 await page.bringToFront();
