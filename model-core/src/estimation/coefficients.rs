@@ -30,6 +30,8 @@ const SWING_S: f32 = 8.0;
 const SMOOTHING_S: f32 = 0.5;
 /// Time over which innovations are added up to see a bias \[s\].
 const BIAS_S: f32 = 20.0;
+/// Difference between gas and a wall at ambient temperature for which the coefficients of air are configured \[K\].
+const WORKING_K: f32 = 20.0;
 /// Housings faster than this count as none \[s\].
 const LEAST_HOUSING_S: f32 = 1.0e-3;
 
@@ -81,6 +83,8 @@ pub struct Coefficients {
     pub place: f32,
     pub half_span: f32,
     pub profile: Coefficient,
+    /// Half of one over the film temperature for which the coefficients of air hold \[1/K\].
+    pub per_film_k: f32,
     pub foil_settled: f32,
     /// Flow for which the configured gains of stirring hold \[kg/s\], and its cube root; 0: they hold for any flow.
     pub forced_kg_s: f32,
@@ -155,6 +159,7 @@ impl Coefficients {
             place: zones.foil_position,
             half_span: 0.5 * zones.foil_span,
             profile,
+            per_film_k: 0.5 / (config.ambient.temperature_k + 0.5 * WORKING_K),
             foil_settled: profile.foil_settled(),
             forced_kg_s: zones.forced_flow_kg_s,
             per_move: 1.0 / (ZONES as f32 * f32::from(counts.move_steps)),
@@ -216,11 +221,10 @@ fn jets(zones: &Zones, length_m: f32) -> ([f32; ZONES], [f32; ZONES - 1]) {
 
 /// Fourth power of buoyancy's coefficient, over pressure squared and temperature difference.
 fn buoyancy4(zones: &Zones) -> f32 {
-    /// Pressure and difference at which `buoyancy_w_m2_k` holds.
-    const BUOYANCY_PA: f32 = 2.0e5;
-    const BUOYANCY_K: f32 = 20.0;
-    let buoyancy2 = zones.buoyancy_w_m2_k * zones.buoyancy_w_m2_k / BUOYANCY_PA;
-    buoyancy2 * buoyancy2 / BUOYANCY_K
+    /// Pressure at which `buoyancy_w_m2_k` holds.
+    const WORKING_PA: f32 = 2.0e5;
+    let buoyancy2 = zones.buoyancy_w_m2_k * zones.buoyancy_w_m2_k / WORKING_PA;
+    buoyancy2 * buoyancy2 / WORKING_K
 }
 
 /// Share of each error that an interval keeps: the learnt values and the foil's place fade.

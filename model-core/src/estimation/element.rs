@@ -1,7 +1,7 @@
 //! The gas sensor's element in its housing, and whether its readings can be believed.
 
 use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
-use super::profile::Profile;
+use super::profile::{Conduction, Profile};
 use super::zones::Exchange;
 use super::{Coefficients, HOTTEST_K};
 use crate::math::{absolute, limit, small_exp, sqrt};
@@ -198,10 +198,10 @@ impl Element {
 
     /// Moves the profile around the foil, in zones that are `excess_k` warmer than their wall \[K\].
     pub fn conduct(&mut self, c: &Coefficients, exchange: &Exchange, excess_k: &PerZone) {
-        self.profile.advance(&exchange.conduction, total(&times(&self.weights, excess_k)));
+        let conduction = Conduction::seen(&exchange.conduction, &self.weights);
+        self.profile.advance(&conduction, total(&times(&self.weights, excess_k)));
         // Stirring flattens it.
-        let stirred_j_k = total(&times(&self.weights, &exchange.stirred_j_k));
-        let share = exchange.still_share(stirred_j_k);
+        let share = exchange.still_share(&self.weights);
         self.above_k = share * self.profile.foil_k(&c.profile);
         self.gain = 1.0 + share * c.foil_settled;
     }
@@ -340,7 +340,6 @@ impl Element {
 
 #[cfg(test)]
 mod tests {
-    use super::super::profile::Conduction;
     use super::*;
     use crate::config::Config;
 
@@ -351,8 +350,8 @@ mod tests {
         (config.zones.bore_m, config.zones.foil_radius) = (0.02, 0.0);
         let c = Coefficients::new(&config);
         let mut element = Element::new(300.0, &c);
-        let conduction = Conduction::new(&c.profile, 0.001, 2.3, 0.02);
-        let exchange = Exchange { conduction, formed_j_k: 1.0, ..Exchange::default() };
+        let conduction = [Conduction::new(&c.profile, 0.001, 2.3, 0.02); ZONES];
+        let exchange = Exchange { conduction, formed_j_k: [1.0; ZONES], ..Exchange::default() };
         for _ in 0..100_000 {
             element.conduct(&c, &exchange, &[1.0; ZONES]);
         }

@@ -5,6 +5,7 @@
 use super::covariance::{ElementRow, Errors, GasRow, HousingRow, Product, Transition};
 use super::element::Response;
 use super::per_zone::{PerZone, ZONES, minus, plus, scaled, times, total};
+use super::profile::corrected;
 use super::zones::{Faces, Flow, Moved, Place, Zones};
 use super::{Balance, Coefficients, Estimator, LengthSource, Measurement};
 use crate::config::EstimatorConfig;
@@ -682,7 +683,7 @@ impl Estimator {
         let wrong_k = self.gas_k;
         self.update_temperature();
         let excess_k = self.gas_k - wrong_k - wall_k;
-        self.zones.profile_k = super::profile::corrected(&self.zones.profile_k, excess_k);
+        self.zones.profile_k = self.zones.profile_k.map(|modes_k| corrected(&modes_k, excess_k));
         self.element.profile.correct(excess_k);
         let wall_k = [wall_k; ZONES];
         let Zones { wall_k: inner_k, outer_k, .. } = &self.zones;

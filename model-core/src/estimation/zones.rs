@@ -16,12 +16,17 @@
 //! count as if they had been as large all the time; instead, the shape of the masses moves ([`Zones::replaced`]).
 
 use super::coefficients::Coefficients;
-use super::per_zone::{PerZone, ZONES, least, minus, plus, scaled, times, total};
-use super::profile::{Conduction, SETTLED_CONDUCTION};
+use super::per_zone::{PerZone, ZONES, least, minus, paired, plus, scaled, times, total};
+use super::profile::{Conduction, Modes, SETTLED_CONDUCTION};
 use crate::math::{absolute, inverse_cube_root, limit, sqrt};
 
 /// Share of the gas across a face that comes from ahead \[-\].
 const AHEAD: f32 = 0.25;
+/// Powers of the temperature with which the conductivity of air grows, and with which buoyancy's lambda^3/(T^3 mu)
+/// falls, at 300 K: Sutherland's laws of conductivity and viscosity (White, Viscous Fluid Flow, tables 1-2 and 1-3) have
+/// slopes of 0.893 and 0.770 there.
+const CONDUCTIVITY: f32 = 0.893;
+const BUOYANCY: f32 = 3.0 + 0.770 - 3.0 * CONDUCTIVITY;
 /// Volumes of a zone that must cross a face to replace its gas \[-\].
 const REPLACED: f32 = 1.0;
 /// Smallest and largest mass of a zone, in shares of the mean \[-\].
@@ -41,22 +46,24 @@ pub struct Exchange {
     pub stirred_j_k: PerZone,
     /// Energy that the profile adds in each zone \[J\].
     pub profile_j: PerZone,
-    /// Conductance of still gas in each zone: once its profile has formed, and for a persistent error \[J/K\].
-    pub formed_j_k: f32,
-    pub settled_j_k: f32,
-    pub conduction: Conduction,
+    /// Conductance of still gas in each zone once its profile has formed \[J/K\].
+    pub formed_j_k: PerZone,
+    /// The same for a persistent error, over that conductance \[-\].
+    pub settled: f32,
+    pub conduction: [Conduction; ZONES],
 }
 
 impl Exchange {
-    /// Share of still gas in the conductance where flows stir this much \[-\].
-    pub fn still_share(&self, stirred_j_k: f32) -> f32 {
-        let all = self.formed_j_k + stirred_j_k;
-        if all > 0.0 { self.formed_j_k / all } else { 1.0 }
+    /// Share of still gas in the conductance at a foil that averages over the zones with these weights \[-\].
+    pub fn still_share(&self, weights: &PerZone) -> f32 {
+        let formed_j_k = total(&times(weights, &self.formed_j_k));
+        let all = formed_j_k + total(&times(weights, &self.stirred_j_k));
+        if all > 0.0 { formed_j_k / all } else { 1.0 }
     }
 
     /// Conductance of each zone for a persistent error \[J/K\].
     pub fn settled_j_k(&self) -> PerZone {
-        plus(&self.stirred_j_k, &[self.settled_j_k; ZONES])
+        plus(&self.stirred_j_k, &scaled(&self.formed_j_k, self.settled))
     }
 }
 
@@ -141,8 +148,8 @@ pub struct Zones {
     /// Flows through the port as the gas still feels them \[kg/s\].
     stirring_in: f32,
     stirring_out: f32,
-    /// First mode of still gas's profile, less the mean \[K\].
-    pub profile_k: PerZone,
+    /// Profile of still gas in each.
+    pub profile_k: [Modes; ZONES],
 }
 
 impl Faces {
@@ -169,7 +176,7 @@ impl Zones {
             mean_wall_k: temperature_k,
             stirring_in: 0.0,
             stirring_out: 0.0,
-            profile_k: [0.0; ZONES],
+            profile_k: [[0.0; 2]; ZONES],
         }
     }
 
@@ -207,28 +214,29 @@ impl Zones {
         gas_k: f32,
     ) -> Exchange {
         let share = scale * place.surface_m2 * c.step_s * (1.0 / ZONES as f32);
-        let still = c.still_w_m2_k(place.pressure_pa, gas_k - self.mean_wall_k());
+        let gas_k = scaled(&self.ratio, gas_k);
+        let excess_k = minus(&gas_k, &self.wall_k);
+        let film = c.film(&plus(&gas_k, &self.wall_k));
         let jet = scaled(&c.jet, c.forced(self.stirring_in));
         let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
+        let stirred = times(&stirred, &film.map(conductivity));
         let stirred_j_k = scaled(&stirred, share * stirring);
         // Within one movement no zone passes the temperature of its wall.
         let most_j_kg_k = c.gas.cp_j_kg_k() * c.per_move * ZONES as f32;
         let stirred_j_k = least(&stirred_j_k, &scaled(&self.mass_kg, most_j_kg_k));
-        let formed_j_k = share * still;
-        let (mut still_j_k, mut settled_j_k) = (formed_j_k, formed_j_k);
+        let per_pa2 = place.pressure_pa * place.pressure_pa;
+        let still =
+            |excess_k: f32, film: f32| share * c.still_w_m2_k(per_pa2 * absolute(excess_k), film);
+        let formed_j_k = paired(&excess_k, &film, still);
+        let conduction = self.conduction(c, place, &formed_j_k);
+        let zone_j_k = scaled(&conduction.map(|zone| zone.per_k), c.per_move * ZONES as f32);
+        let zone_j_k = plus(&zone_j_k, &stirred_j_k);
         let mut profile_j = [0.0; ZONES];
-        let mut conduction = Conduction::default();
-        if c.profile.exists {
-            let steps = f32::from(c.counts.move_steps);
-            let density_kg_m3 = place.mass_kg / place.volume_m3;
-            let formed = ZONES as f32 * steps * formed_j_k;
-            let surface_m2 = place.surface_m2;
-            conduction = Conduction::new(&c.profile, formed, density_kg_m3, surface_m2);
-            still_j_k = conduction.per_k * c.per_move;
-            profile_j = scaled(&self.profile_k, conduction.per_profile_k * c.per_move);
-            settled_j_k *= SETTLED_CONDUCTION;
+        for (profile_j, (zone, modes_k)) in
+            profile_j.iter_mut().zip(conduction.iter().zip(&self.profile_k))
+        {
+            *profile_j = c.per_move * ZONES as f32 * zone.profile_j(modes_k);
         }
-        let zone_j_k = plus(&[still_j_k; ZONES], &stirred_j_k);
         Exchange {
             per_k: total(&times(&zone_j_k, &self.ratio)),
             offset_j: total(&times(&zone_j_k, &self.wall_k)) - total(&profile_j),
@@ -236,9 +244,28 @@ impl Zones {
             stirred_j_k,
             profile_j,
             formed_j_k,
-            settled_j_k,
+            settled: if c.profile.exists { SETTLED_CONDUCTION } else { 1.0 },
             conduction,
         }
+    }
+
+    /// Conduction in each zone over one movement, for these conductances in a step once the profile has formed \[J/K\].
+    fn conduction(
+        &self,
+        c: &Coefficients,
+        place: &Place,
+        formed_j_k: &PerZone,
+    ) -> [Conduction; ZONES] {
+        let steps = f32::from(c.counts.move_steps);
+        let (surface_m2, volume_m3) = (place.surface_m2, place.volume_m3);
+        let (zone_m2, per_zone_m3) = (surface_m2 * (1.0 / ZONES as f32), ZONES as f32 / volume_m3);
+        let mut conduction = formed_j_k.map(|formed_j_k| Conduction::even(steps * formed_j_k));
+        if c.profile.exists {
+            for (zone, mass_kg) in conduction.iter_mut().zip(self.mass_kg) {
+                *zone = Conduction::new(&c.profile, zone.per_k, mass_kg * per_zone_m3, zone_m2);
+            }
+        }
+        conduction
     }
 
     /// Moves gas and walls by a number of steps.
@@ -255,7 +282,10 @@ impl Zones {
         let gas_k = scaled(&self.ratio, mean_k);
         let excess_k = minus(&gas_k, &self.wall_k);
         if c.profile.exists {
-            self.profile_k = exchange.conduction.advance(&self.profile_k, &excess_k);
+            let zones = exchange.conduction.iter().zip(&excess_k);
+            for (modes_k, (zone, excess_k)) in self.profile_k.iter_mut().zip(zones) {
+                *modes_k = zone.advance(modes_k, *excess_k);
+            }
         }
         let excess_k = scaled(&excess_k, steps);
         let profile_j = scaled(&exchange.profile_j, steps);
@@ -423,22 +453,86 @@ impl Coefficients {
         }
     }
 
-    /// Heat transfer coefficient of still gas at this pressure \[Pa\] and difference from the wall \[K\]: conduction,
-    /// or buoyancy where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J. 18, 1972), h_b^4 in
-    /// proportion to the Rayleigh number.
-    fn still_w_m2_k(&self, pressure_pa: f32, difference_k: f32) -> f32 {
-        if self.buoyancy4 < f32::MIN_POSITIVE {
-            return self.heat.inner_w_m2_k;
+    /// How much warmer the films are than the one for which the configured coefficients hold, share of its temperature
+    /// \[-\], for the sums of the zones' gas and wall temperatures \[K\]. Coefficients that are no laws of air, without a
+    /// profile, hold for any film.
+    fn film(&self, sums_k: &PerZone) -> PerZone {
+        if self.profile.exists {
+            sums_k.map(|sum_k| sum_k * self.per_film_k - 1.0)
+        } else {
+            [0.0; ZONES]
         }
-        let buoyancy = self.buoyancy4 * pressure_pa * pressure_pa * absolute(difference_k);
-        sqrt(sqrt(self.conduction4 + buoyancy))
     }
+
+    /// Heat transfer coefficient of still gas for the square of the pressure times the difference from the wall \[Pa2
+    /// K\] and the film: conduction, or buoyancy where it is stronger, h^4 = h_c^4 + h_b^4 (Churchill and Usagi, AIChE J.
+    /// 18, 1972), h_b^4 in proportion to lambda^4 times the Rayleigh number, that is, to P^2 dT lambda^3/(T^3 mu).
+    fn still_w_m2_k(&self, pa2_k: f32, film: f32) -> f32 {
+        if self.buoyancy4 < f32::MIN_POSITIVE {
+            return self.heat.inner_w_m2_k * conductivity(film);
+        }
+        let square = conductivity(film) * conductivity(film);
+        let buoyancy = self.buoyancy4 * pa2_k * limit(1.0 - BUOYANCY * film, 0.0, 2.0);
+        sqrt(sqrt(self.conduction4 * square * square + buoyancy))
+    }
+}
+
+/// Conductivity of air over that of the film for which the coefficients hold \[-\]; see [`CONDUCTIVITY`].
+fn conductivity(film: f32) -> f32 {
+    limit(1.0 + CONDUCTIVITY * film, 0.1, 10.0)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::config::Config;
+
+    /// Coefficients of air in a bore of 20 mm, with this buoyancy.
+    fn air(buoyancy_w_m2_k: f32) -> Coefficients {
+        let mut config = Config::default();
+        config.heat.inner_w_m2_k = 7.5;
+        (config.zones.bore_m, config.zones.buoyancy_w_m2_k) = (0.02, buoyancy_w_m2_k);
+        Coefficients::new(&config)
+    }
+
+    /// Conductance of still gas in the zones of these shares of the mean mass, at 2 bar, relative to a wall at ambient
+    /// temperature \[-\].
+    fn formed(c: &Coefficients, shares: PerZone, gas_k: f32) -> PerZone {
+        let mut zones = Zones::at(c.ambient.temperature_k, 4.0e-4);
+        zones.mass_kg = scaled(&shares, 1.0e-4);
+        zones.set_mass(4.0e-4);
+        let place = Place {
+            pressure_pa: 2.0e5,
+            surface_m2: 0.02,
+            volume_m3: 1.0e-4,
+            mass_kg: 4.0e-4,
+            ..Place::NONE
+        };
+        let exchange = zones.exchange(c, (1.0, 0.0), &place, gas_k);
+        scaled(&exchange.formed_j_k, ZONES as f32 / (0.02 * c.step_s * 7.5))
+    }
+
+    #[test]
+    fn still_air_conducts_as_its_film_does() {
+        let sutherland = |t: f64| t * t.sqrt() / (t + 194.0);
+        let c = air(0.0);
+        let wall_k = f64::from(c.ambient.temperature_k);
+        for above_k in [-60.0, -20.0, 20.0, 60.0] {
+            let film_k = wall_k + 0.5 * above_k;
+            let exact = sutherland(film_k) / sutherland(wall_k + 10.0);
+            let [ours, ..] = formed(&c, [1.0; ZONES], (wall_k + above_k) as f32);
+            assert!((f64::from(ours) / exact - 1.0).abs() < 0.005, "{above_k} K: {ours}, {exact}");
+        }
+    }
+
+    /// Where the mean gas is as warm as its wall, the zones are not.
+    #[test]
+    fn each_zone_convects_by_its_own_difference() {
+        let c = air(10.0);
+        let [warm, even, _, cold] = formed(&c, [0.95, 1.0, 1.0, 1.05], c.ambient.temperature_k);
+        assert!((0.9..1.0).contains(&even), "{even}");
+        assert!((1.2..1.6).contains(&warm) && (1.2..1.6).contains(&cold), "{warm} {cold}");
+    }
 
     /// Ratios of the zones after gas has compressed the original gas fourfold without mixing: a layer that comes in at
     /// the pressure p has its own temperature there and (p_end/p)^((k-1)/k) times that in the end, where it fills the
