@@ -56,8 +56,9 @@ pub struct Coefficients {
     /// Coefficient of stirred gas in each zone, per flow in and out \[W/(m2 K) per kg/s\].
     pub jet: PerZone,
     pub column: PerZone,
-    /// Share of a movement's mean flow in the flow that still stirs \[-\].
+    /// Share of a movement's mean flow in the flow that still stirs \[-\], and whether a jet stirs longer than it lasts.
     pub stirring_share: f32,
+    pub stirring_lasts: bool,
     /// Volume that the jet exchanges at each face, per volume that comes in \[-\].
     pub recirculation: [f32; 3],
     pub diffusivity_m2_s: f32,
@@ -141,6 +142,7 @@ impl Coefficients {
             jet: scaled(&jet, config.heat.inner_per_flow * ZONES as f32 / total(&jet)),
             column: scaled(&[1.75, 1.25, 0.75, 0.25], zones.per_outflow),
             stirring_share: move_s / (zones.stirring_decay_s + move_s),
+            stirring_lasts: zones.stirring_decay_s > 0.0 || zones.forced_flow_kg_s > 0.0,
             recirculation,
             diffusivity_m2_s: zones.diffusivity_m2_s,
             length_m,

@@ -378,6 +378,7 @@ impl Estimator {
         };
         self.length_m = length_m;
         self.movements.add_flow(&flow, &self.zones);
+        self.exchange.add_jet(&flow);
         let moved = self.zones.advance(&self.coefficients, &flow, &self.exchange, &place);
         self.moved = Some((moved, None));
         self.place = place;

@@ -189,6 +189,8 @@ pub struct Estimator {
     followed_m: f32,
     /// Leak in a step, over the absolute pressure \[kg/Pa\]; its other factors do not change within an interval.
     leak_kg_pa: f32,
+    /// Mass that came in with the last step \[kg\]: what its jet stirs.
+    jet_kg: f32,
     missing_steps: u16,
     entering: bool,
     /// Whether gas flowed while the length was anywhere within a wide code: the mass is then as uncertain as the
@@ -295,6 +297,7 @@ impl Estimator {
             entering: false,
             flowed_unseen: false,
             wide_volume: 0.0,
+            jet_kg: 0.0,
             missing_steps: 0,
             length_m: 0.0,
             held: Held::default(),
@@ -563,7 +566,11 @@ impl Estimator {
 
     /// Moves mass and temperature by one step, from the changes of pressure and volume.
     fn propagate(&mut self, pressure_pa: f32, wide_pa: f32, volume_m3: f32, openings: Openings) {
-        let heat_j = self.heat_per_k * self.gas_k - self.heat_offset_j;
+        let mut heat_j = self.heat_per_k * self.gas_k - self.heat_offset_j;
+        if self.jet_kg.to_bits() != 0 {
+            heat_j += self.exchange.jet.heat_j(self.jet_kg, self.gas_k);
+            self.jet_kg = 0.0;
+        }
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
         if self.interval.flow.steps == 0 {
             self.interval.flow.energy_j = self.energy.energy_j();
@@ -622,6 +629,7 @@ impl Estimator {
         let change_kg = if self.entering {
             let inflow_kg = enthalpy_j * self.coefficients.per_cp_supply;
             flow.inflow_kg += inflow_kg;
+            self.jet_kg = inflow_kg;
             inflow_kg
         } else {
             let port_k = self.gas_k * self.port_ratio;
@@ -894,6 +902,36 @@ mod tests {
             let gas_k = estimator.estimate().gas_k;
             assert!((297.9..307.0).contains(&gas_k), "{gas_k} K after {filling_ms} ms");
         }
+    }
+
+    /// A jet of 50 ms whose stirring ends with it: dU/dm = cp T_s - A b (T - T_w) for a coefficient of b per kg/s.
+    #[test]
+    fn a_jet_gives_off_heat_while_it_comes_in() {
+        let mut config = Config::default();
+        let per_flow = 1.0e5;
+        (config.heat.inner_w_m2_k, config.heat.inner_per_flow) = (0.0, per_flow);
+        let mut estimator = Estimator::new(&config);
+        let (muscle, gas) = (muscle(), config.gas);
+        let (volume_m3, surface_m2) = (muscle.volume_m3(0.28), muscle.surface_m2(0.28));
+        let mut mass_kg = gas.mass_kg(2.0e5, volume_m3, 298.0);
+        let mut temperature_k = 298.0_f32;
+        for step in 0..2_060_u16 {
+            let flows = (2_000..2_050).contains(&step);
+            for _ in 0..if flows { 10 } else { 0 } {
+                let (came_kg, excess_k) = (5.0e-7, temperature_k - 298.0);
+                let given_j = surface_m2 * per_flow * came_kg * excess_k;
+                let enthalpy_j = gas.cp_j_kg_k() * config.supply.temperature_k * came_kg;
+                let per_cv = (gas.heat_capacity_ratio - 1.0) / gas.gas_constant_j_kg_k;
+                let energy = mass_kg * temperature_k + per_cv * (enthalpy_j - given_j);
+                mass_kg += came_kg;
+                temperature_k = energy / mass_kg;
+            }
+            let pressure_pa = gas.pressure_pa(mass_kg, volume_m3, temperature_k);
+            estimator.step(&muscle, &measurement(pressure_pa, 0.28, 298.0, u8::from(flows)));
+        }
+        assert!((305.0..330.0).contains(&temperature_k), "{temperature_k} K");
+        let error_k = estimator.estimate().gas_k - temperature_k;
+        assert!(error_k.abs() < 0.7, "{error_k} K of {temperature_k} K");
     }
 
     /// Ten seconds at rest at 25 degC with a gas sensor that reads 25 degC and then `reads_k`; returns the last

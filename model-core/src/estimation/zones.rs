@@ -44,6 +44,7 @@ pub struct Exchange {
     /// Conductance of each zone, and its part due to flows that stir \[J/K\].
     pub zone_j_k: PerZone,
     pub stirred_j_k: PerZone,
+    pub jet: Jet,
     /// Energy that the profile adds in each zone \[J\].
     pub profile_j: PerZone,
     /// Conductance of still gas in each zone once its profile has formed \[J/K\].
@@ -53,7 +54,40 @@ pub struct Exchange {
     pub conduction: [Conduction; ZONES],
 }
 
+/// Heat transfer by a jet that stirs only while it lasts: a step's is `per_k` of the gas's mean temperature, less
+/// `offset_j`, for each kilogram that comes in.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Jet {
+    /// \[J/(K kg)\].
+    per_k: f32,
+    /// \[J/kg\].
+    offset_j: f32,
+    /// Conductance of each zone \[J/(K kg)\].
+    zone_j_k: PerZone,
+    /// Largest mass that counts in a step \[kg\]: within one movement the gas does not pass its wall's temperature.
+    most_kg: f32,
+}
+
+impl Jet {
+    /// Heat to the wall in a step in which this mass comes in \[kg\]; its noise has either sign.
+    pub fn heat_j(&self, inflow_kg: f32, gas_k: f32) -> f32 {
+        limit(inflow_kg, -self.most_kg, self.most_kg) * (self.per_k * gas_k - self.offset_j)
+    }
+
+    /// Conductance of each zone in a step \[J/K\], in the mean over a movement in which this mass comes in \[kg\].
+    fn mean_j_k(&self, inflow_kg: f32, steps: f32) -> PerZone {
+        scaled(&self.zone_j_k, limit(inflow_kg / steps, 0.0, self.most_kg))
+    }
+}
+
 impl Exchange {
+    /// Adds the jet of a movement that has ended.
+    pub fn add_jet(&mut self, flow: &Flow) {
+        let jet_j_k = self.jet.mean_j_k(flow.inflow_kg, f32::from(flow.steps));
+        self.stirred_j_k = plus(&self.stirred_j_k, &jet_j_k);
+        self.zone_j_k = plus(&self.zone_j_k, &jet_j_k);
+    }
+
     /// Share of still gas in the conductance at a foil that averages over the zones with these weights \[-\].
     pub fn still_share(&self, weights: &PerZone) -> f32 {
         let formed_j_k = total(&times(weights, &self.formed_j_k));
@@ -217,8 +251,9 @@ impl Zones {
         let gas_k = scaled(&self.ratio, gas_k);
         let excess_k = minus(&gas_k, &self.wall_k);
         let film = c.film(&plus(&gas_k, &self.wall_k));
-        let jet = scaled(&c.jet, c.forced(self.stirring_in));
-        let stirred = plus(&jet, &scaled(&c.column, c.forced(self.stirring_out)));
+        let lasting = if c.stirring_lasts { c.forced(self.stirring_in) } else { 0.0 };
+        let stirred =
+            plus(&scaled(&c.jet, lasting), &scaled(&c.column, c.forced(self.stirring_out)));
         let stirred = times(&stirred, &film.map(conductivity));
         let stirred_j_k = scaled(&stirred, share * stirring);
         // Within one movement no zone passes the temperature of its wall.
@@ -242,11 +277,25 @@ impl Zones {
             offset_j: total(&times(&zone_j_k, &self.wall_k)) - total(&profile_j),
             zone_j_k,
             stirred_j_k,
+            jet: self.jet(c, scale * stirring * place.surface_m2, most_j_kg_k),
             profile_j,
             formed_j_k,
             settled: if c.profile.exists { SETTLED_CONDUCTION } else { 1.0 },
             conduction,
         }
+    }
+
+    /// Jet whose stirring does not last, for the scaled surface of the gas \[m2\] and the largest conductance in a step
+    /// per mass \[J/(K kg)\].
+    fn jet(&self, c: &Coefficients, surface_m2: f32, most_j_kg_k: f32) -> Jet {
+        if c.stirring_lasts {
+            return Jet::default();
+        }
+        let zone_j_k = scaled(&c.jet, surface_m2 * (1.0 / ZONES as f32));
+        let per_k = total(&times(&zone_j_k, &self.ratio));
+        let most_j_k = most_j_kg_k * total(&self.mass_kg);
+        let most_kg = if per_k > 0.0 { most_j_k / per_k } else { 0.0 };
+        Jet { per_k, offset_j: total(&times(&zone_j_k, &self.wall_k)), zone_j_k, most_kg }
     }
 
     /// Conduction in each zone over one movement, for these conductances in a step once the profile has formed \[J/K\].
