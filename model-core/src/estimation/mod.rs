@@ -92,6 +92,9 @@ const LEAST_KG: f32 = 1.0e-9;
 /// Steps between a movement of the zones and the end of a balance: both, with their follow-up work, are done one after
 /// the other.
 const WINDOW_STEPS: u16 = 2;
+/// Range of the temperature at the port over the mean \[-\]: the range of the zones' masses.
+const LEAST_PORT: f32 = 0.3;
+const MOST_PORT: f32 = 3.0;
 /// Range of temperatures of gas and wall \[K\].
 const COLDEST_K: f32 = 100.0;
 const HOTTEST_K: f32 = 1000.0;
@@ -693,8 +696,9 @@ impl Estimator {
         self.exchange = self.zones.exchange(&self.coefficients, factors, &self.place, self.gas_k);
         self.heat_per_k = self.exchange.per_k;
         self.heat_offset_j = self.exchange.offset_j;
-        let [port_ratio, ..] = self.zones.ratio;
-        self.port_ratio = port_ratio;
+        // At the port, on a straight line through the middles of the first two zones.
+        let [first, second, ..] = self.zones.ratio;
+        self.port_ratio = limit(first + 0.5 * (first - second), LEAST_PORT, MOST_PORT);
     }
 }
 
@@ -902,6 +906,18 @@ mod tests {
             let gas_k = estimator.estimate().gas_k;
             assert!((297.9..307.0).contains(&gas_k), "{gas_k} K after {filling_ms} ms");
         }
+    }
+
+    #[test]
+    fn gas_leaves_at_the_temperature_of_the_port() {
+        let mut estimator = Estimator::new(&Config::default());
+        estimator.step(&muscle(), &measurement(2.0e5, 0.28, 298.0, 0));
+        // 1.03, 1.01, 0.99 and 0.97 of the mean in the middles of the zones: 1.04 at the port.
+        estimator.zones.mass_kg = [1.03, 1.01, 0.99, 0.97].map(|ratio: f32| 1.0e-4 / ratio);
+        let mass_kg = estimator.zones.mass_kg.iter().sum();
+        estimator.zones.set_mass(mass_kg);
+        estimator.set_exchange();
+        assert!((estimator.port_ratio - 1.04).abs() < 0.001, "{}", estimator.port_ratio);
     }
 
     /// A jet of 50 ms whose stirring ends with it: dU/dm = cp T_s - A b (T - T_w) for a coefficient of b per kg/s.
