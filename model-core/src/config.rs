@@ -136,6 +136,9 @@ parameters! {
         foil_radius: 0.0, "", 0.0 to 1.0, "distance of the foil from the axis, share of the radius";
         outer_wall_j_k: 1.0, "J/K", 0.01 to 1.0e9, "heat capacity of the layer behind the wall that touches the gas";
         reversal_sd: 1.0e6, "", 0.0 to 1.0e6, "deviations of a pressure from which on a step's flow is against the valve that is open, as behind a hose";
+        tube_m3: 0.0, "m3", 0.0 to 0.1, "part of the chamber's volume that is the tube: its gas has ambient temperature";
+        hose_m3: 0.0, "m3", 0.0 to 0.1, "volume of a hose beyond that, likewise";
+        warming_m3: 0.0, "m3", 0.0 to 0.1, "volume of them whose compression warms the gas that comes in";
         layers_w_k: 0.0, "W/K", 0.0 to 1.0e6, "conductance from the one to the other; 0: there is no other";
     }
 }

@@ -115,7 +115,7 @@ use serde::de::{DeserializeOwned, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 /// Version of these messages. Board and host must have the same one.
-pub const PROTOCOL: u16 = 23;
+pub const PROTOCOL: u16 = 24;
 /// USB vendor and product of a board: pid.codes' pair for tests, until the project has its own.
 pub const USB_ID: (u16, u16) = (0x1209, 0x0001);
 /// USB name of the board's maker, which distinguishes it from other devices of [`USB_ID`].
@@ -944,7 +944,7 @@ mod tests {
             (request(HostCommand::TelemetryDivider(10)), "0807080a81ac02d200"),
             (request(HostCommand::Alive), "07070c13c82e0700"),
             (request(HostCommand::Step(sample)), "03070d035a1e054e3ecd5c02010105c5cc30c500"),
-            (answer(Answer::Version(version)), "03010702170201010105b25cd85d00"),
+            (answer(Answer::Version(version)), "0301070218020101010567ee8eac00"),
             (answer(Answer::Done { step: 1000 }), "0a010701e8076460946f00"),
             (answer(Answer::Refused(Refusal::NotConfigured)), "0901070205f138ebde00"),
             (
@@ -974,9 +974,9 @@ mod tests {
         let joint = Request { sequence: 7, command: joint };
         let of_joint = Message::JointTelemetry(longest_of_joint());
         for (frame, expected) in [
-            (encode(&config), (454, 4_190_454_537)),
+            (encode(&config), (466, 2_278_870_752)),
             (encode(&telemetry), (77, 1_017_350_385)),
-            (encode(&muscle), (455, 3_741_056_634)),
+            (encode(&muscle), (467, 3_501_585_281)),
             (encode(&joint), (161, 4_259_523_710)),
             (encode(&of_joint), (191, 1_436_421_169)),
         ] {

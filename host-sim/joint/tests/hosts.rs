@@ -140,14 +140,14 @@ fn a_step_stays_a_step() {
     }
 }
 
-/// 50 deg/s, and a hold from one value to the next: 2.6 and 2.8 deg too far. An interval is 1 deg, and the course
-/// continues for up to one and a quarter.
+/// 50 deg/s, and a hold from one value to the next: 2.6 and 3.6 deg too far, and 0.3 to 3.6 deg with other delays of the
+/// host. An interval is 1 deg, and the course continues for up to one and a quarter.
 #[test]
 fn a_ramp_ends_in_its_hold() {
     for inertia_kg_m2 in ARMS_KG_M2 {
         let ramp = |time_s: f64| (50.0 * (time_s - 1.0)).clamp(0.0, 20.0);
         let beyond_deg = beyond_deg(inertia_kg_m2, 20.0, ramp);
-        assert!((1.3..3.0).contains(&beyond_deg), "{inertia_kg_m2} kg m2: {beyond_deg} deg");
+        assert!((1.3..4.0).contains(&beyond_deg), "{inertia_kg_m2} kg m2: {beyond_deg} deg");
         // A course that slows down by 13 rad/s2, and then rests.
         let eases = |time_s: f64| {
             let share = (2.5 * (time_s - 1.0)).clamp(0.0, 1.0);

@@ -71,9 +71,27 @@ impl Bore {
     /// gas is mixed \[m3\], and a length of line \[m\]: 1/(1 + G/(m cp)) exp(-G/(m cp)), each with its own conductance
     /// G.
     pub fn kept(&self, gas: &IdealGas, tube_m3: f64, line_m: f64, flow_kg_s: f64) -> f64 {
-        let nusselt = self.friction(flow_kg_s).1;
-        let transfers = |m3: f64| self.conductance(m3, nusselt) / (flow_kg_s * gas.cp);
+        let transfers = self.transfers(gas, flow_kg_s);
         math::exp(-transfers(self.volume_m3(line_m))) / (1.0 + transfers(tube_m3))
+    }
+
+    /// Volume of tube and line whose compression warms the gas that a steady flow \[kg/s\] carries into the chamber
+    /// \[m3\]: at a rising pressure that gas is V dP/dt/(m cp) warmer than the walls. Each length of a line adds A dP,
+    /// and loses what the wall takes up on the way; a mixed volume adds V dP/(1 + G/(m cp)).
+    pub fn warming_m3(&self, gas: &IdealGas, tube_m3: f64, line_m: f64, flow_kg_s: f64) -> f64 {
+        let transfers = self.transfers(gas, flow_kg_s);
+        let line_m3 = self.volume_m3(line_m);
+        let through = transfers(line_m3);
+        let left = math::exp(-through);
+        let of_line = if through > 0.0 { line_m3 * (1.0 - left) / through } else { 0.0 };
+        of_line + left * tube_m3 / (1.0 + transfers(tube_m3))
+    }
+
+    /// Conductance of the wall of a volume \[m3\] over the heat capacity of a steady flow \[kg/s\], G/(m cp) \[-\].
+    fn transfers(&self, gas: &IdealGas, flow_kg_s: f64) -> impl Fn(f64) -> f64 {
+        let nusselt = self.friction(flow_kg_s).1;
+        let (bore, per_capacity) = (*self, 1.0 / (flow_kg_s * gas.cp));
+        move |m3| bore.conductance(m3, nusselt) * per_capacity
     }
 
     /// Friction factor times Reynolds number, f Re, and Nusselt number \[-\], at a flow \[kg/s\]. Both are interpolated

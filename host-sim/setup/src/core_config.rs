@@ -46,9 +46,9 @@ const NOMINAL_VALVE: f64 = 4.0e-9;
 /// Properties of the plant `full` that reach the core only as effective values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Effective {
-    /// Volume of the tube \[m3\], which fills and empties with the muscle. The volume of a line is left out, because
-    /// its gas keeps the temperature of its wall: with or without it, the estimate of the nominal cycle behind 4 m of 4
-    /// mm is off by the same tenths of a kelvin.
+    /// Volume of the tube \[m3\], which fills and empties with the muscle: part of the core's chamber. The controller
+    /// leaves out the volume of a line, which counts the muscle's gain at the port; the estimator has both
+    /// (`zones.tube_m3`, `hose_m3`).
     pub tube_m3: f64,
     /// Fraction of the wall that follows a stroke: the inner layer.
     pub wall: f64,
@@ -287,6 +287,9 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     let Some(chamber) = moving.filter(|_| s.moves_in_full()) else { return laws };
     let diameter_m = chamber.diameter(chamber.rest_length());
     let foil = &s.sensor.gas;
+    let gas = IdealGas::new(&s.gas);
+    let bore = Bore::of_tube(s, &gas);
+    let line_m = s.tube.line().map_or(0.0, |[length_m, _]| length_m);
     Zones {
         // In the plant, exchange between neighbours acts over the distance of its zones.
         recirculation: (RECIRCULATION * CORE_ZONES / chamber.zones().max(1) as f64) as f32,
@@ -300,6 +303,9 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
         outer_wall_j_k: (s.wall.outer_fraction * s.wall.heat_capacity_j_k).max(LEAST_WALL_J_K)
             as f32,
         reversal_sd: s.tube.line().map_or(laws.reversal_sd, |_| HOSE_REVERSAL_SD),
+        tube_m3: s.tube.volume_m3 as f32,
+        hose_m3: bore.volume_m3(line_m) as f32,
+        warming_m3: bore.warming_m3(&gas, s.tube.volume_m3, line_m, working_flow_kg_s(s)) as f32,
         layers_w_k: s.wall.conductance_w_k as f32,
         ..laws
     }

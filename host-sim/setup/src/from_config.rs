@@ -80,12 +80,15 @@ fn scenario(config: &Config) -> Result<Scenario, Problem> {
 
 /// Volumes of the tube, in the plant and in the core \[m3\].
 ///
-/// The core has no tube of its own: its dead volume contains it. A tube that its valve fills as fast as the default
-/// valve fills the default tube needs no shorter integration steps. If the dead volume is smaller than that, all of it
-/// is the core's tube.
+/// The core's dead volume contains its tube. A core that does not state it gets a tube that its valve fills as fast as
+/// the default valve fills the default tube, which needs no shorter integration steps. If the dead volume is smaller
+/// than that, all of it is the core's tube.
 fn tubes_m3(defaults: &Scenario, config: &Config) -> [f64; 2] {
     let valve = f64::from(config.valve.conductance_m3_s_pa) / defaults.valve.conductance_m3_s_pa;
-    let tube_m3 = defaults.tube.volume_m3 * valve.max(1.0);
+    let tube_m3 = match short(config.zones.tube_m3) {
+        0.0 => defaults.tube.volume_m3 * valve.max(1.0),
+        tube_m3 => tube_m3,
+    };
     let Limits { min, max, .. } = limits("tube.volume_m3");
     let tube_m3 = tube_m3.clamp(min, max);
     let core_m3 = match config.chamber {

@@ -74,12 +74,13 @@ fn a_loop_that_swings_is_said_to_rest_only_if_it_does() {
 
 #[test]
 fn an_estimate_that_is_worse_than_it_states_is_reported() {
-    let text = "[run]\nduration_s = 10\n[muscle]\ndiameter_m = 0.004\nrest_length_m = 0.05\n\
-                dead_volume_m3 = 1e-7\n[load]\nforce_n = 3\n";
+    // A foil beside the wall that is believed on the axis.
+    let text = "[drive]\nperiod_s = 30\nflow_kg_s = 6e-5\n[plant]\nmodel = \"full\"\n\
+                [sensor.gas]\nradius = 0.9\n[believed.sensor.gas]\nradius = 0.0\n";
     let loaded = thermyo_setup::parse(text, "test".as_ref()).unwrap();
     let summary = run::on_core(&loaded, |_| ()).unwrap();
     let warning = summary.overconfidence().unwrap();
-    assert!(warning.contains("its RMS error is ") && warning.contains(" K, and it states "));
+    assert!(warning.contains("within two of its stated standard deviations only 1"), "{warning}");
 }
 
 /// A chirp's bandwidth is where sines of their own lose 3 dB.

@@ -5,7 +5,7 @@ use super::energy::Averaging;
 use super::per_zone::{PerZone, ZONES, scaled, total};
 use super::profile::Coefficient;
 use crate::config::{Config, EstimatorConfig, Zones};
-use crate::math::{exp, limit, ln, sqrt};
+use crate::math::{exp, inverse_cube_root, limit, ln, sqrt};
 use crate::physics::chamber::{AnyChamber, Chamber};
 use crate::physics::friction::Friction;
 use crate::physics::gas::{Gas, Reservoir};
@@ -35,6 +35,64 @@ const WORKING_K: f32 = 20.0;
 /// Housings faster than this count as none \[s\].
 const LEAST_HOUSING_S: f32 = 1.0e-3;
 
+/// How long a flow stirs, and how much.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Stirring {
+    /// Whether a jet stirs longer than it lasts.
+    pub lasts: bool,
+    /// Share of a movement's mean flow in the flow that still stirs \[-\].
+    pub share: f32,
+    /// Flow for which the configured gains hold \[kg/s\], and its cube root; 0: they hold for any flow.
+    forced_kg_s: f32,
+    forced_root: f32,
+}
+
+impl Stirring {
+    fn new(zones: &Zones, move_s: f32) -> Self {
+        let forced_kg_s = zones.forced_flow_kg_s;
+        Self {
+            lasts: zones.stirring_decay_s > 0.0 || forced_kg_s > 0.0,
+            share: move_s / (zones.stirring_decay_s + move_s),
+            forced_kg_s,
+            forced_root: exp(ln(forced_kg_s) * (1.0 / 3.0)),
+        }
+    }
+
+    /// Flow that stirs in proportion as much as this one does \[kg/s\]: f (s/f)^(2/3).
+    pub fn forced(&self, flow_kg_s: f32) -> f32 {
+        if self.forced_kg_s > 0.0 {
+            flow_kg_s * self.forced_root * inverse_cube_root(flow_kg_s)
+        } else {
+            flow_kg_s
+        }
+    }
+}
+
+/// Gas outside of the muscle that has its pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Tube {
+    /// Volume of the chamber that is the tube \[m3\].
+    pub volume_m3: f32,
+    /// Gas that tube and hose take up with the pressure \[kg/Pa\], and the enthalpy that goes along \[J/Pa\].
+    pub takes_kg_pa: f32,
+    pub takes_j_pa: f32,
+    /// Volume whose compression warms the gas that comes in \[m3\].
+    pub warming_m3: f32,
+}
+
+impl Tube {
+    fn new(config: &Config) -> Self {
+        let (zones, gas) = (&config.zones, &config.gas);
+        let (all_m3, k) = (zones.tube_m3 + zones.hose_m3, gas.heat_capacity_ratio);
+        Self {
+            volume_m3: zones.tube_m3,
+            takes_kg_pa: all_m3 / (gas.gas_constant_j_kg_k * config.ambient.temperature_k),
+            takes_j_pa: all_m3 * k / (k - 1.0),
+            warming_m3: zones.warming_m3,
+        }
+    }
+}
+
 /// Coefficients of the estimator.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Coefficients {
@@ -56,9 +114,7 @@ pub struct Coefficients {
     /// Coefficient of stirred gas in each zone, per flow in and out \[W/(m2 K) per kg/s\].
     pub jet: PerZone,
     pub column: PerZone,
-    /// Share of a movement's mean flow in the flow that still stirs \[-\], and whether a jet stirs longer than it lasts.
-    pub stirring_share: f32,
-    pub stirring_lasts: bool,
+    pub stirring: Stirring,
     /// Volume that the jet exchanges at each face, per volume that comes in \[-\].
     pub recirculation: [f32; 3],
     pub diffusivity_m2_s: f32,
@@ -68,6 +124,7 @@ pub struct Coefficients {
     pub wall_j_k: f32,
     pub outer_j_k: f32,
     pub layers_w_k: f32,
+    pub tube: Tube,
     pub step_s: f32,
     pub interval_s: f32,
     pub per_k_minus_1: f32,
@@ -87,9 +144,6 @@ pub struct Coefficients {
     /// Half of one over the film temperature for which the coefficients of air hold \[1/K\].
     pub per_film_k: f32,
     pub foil_settled: f32,
-    /// Flow for which the configured gains of stirring hold \[kg/s\], and its cube root; 0: they hold for any flow.
-    pub forced_kg_s: f32,
-    pub forced_root: f32,
     /// Share of one step and one zone in a movement of the zones \[-\].
     pub per_move: f32,
     /// Share of an interval in the mean square of the swing.
@@ -119,8 +173,8 @@ impl Coefficients {
     pub fn new(config: &Config) -> Self {
         let (zones, sensors, k) = (&config.zones, &config.sensors, config.gas.heat_capacity_ratio);
         let counts = StepCounts::new(config.step_s);
-        let interval_s = f32::from(counts.update_steps) * config.step_s;
-        let move_s = f32::from(counts.move_steps) * config.step_s;
+        let [interval_s, move_s] =
+            [counts.update_steps, counts.move_steps].map(|steps| f32::from(steps) * config.step_s);
         let Noises { reversal_pa, noise_pa, pressure_sd_pa } = Noises::new(config);
         let length_m = AnyChamber::new(&config.chamber).rest_length_m();
         let (jet, recirculation) = jets(zones, length_m);
@@ -141,14 +195,14 @@ impl Coefficients {
             buoyancy4: buoyancy4(zones),
             jet: scaled(&jet, config.heat.inner_per_flow * ZONES as f32 / total(&jet)),
             column: scaled(&[1.75, 1.25, 0.75, 0.25], zones.per_outflow),
-            stirring_share: move_s / (zones.stirring_decay_s + move_s),
-            stirring_lasts: zones.stirring_decay_s > 0.0 || zones.forced_flow_kg_s > 0.0,
+            stirring: Stirring::new(zones, move_s),
             recirculation,
             diffusivity_m2_s: zones.diffusivity_m2_s,
             length_m,
             wall_j_k: config.wall.heat_capacity_j_k,
             outer_j_k: zones.outer_wall_j_k,
             layers_w_k: zones.layers_w_k,
+            tube: Tube::new(config),
             step_s: config.step_s,
             interval_s,
             per_k_minus_1: 1.0 / (k - 1.0),
@@ -163,9 +217,7 @@ impl Coefficients {
             profile,
             per_film_k: 0.5 / (config.ambient.temperature_k + 0.5 * WORKING_K),
             foil_settled: profile.foil_settled(),
-            forced_kg_s: zones.forced_flow_kg_s,
             per_move: 1.0 / (ZONES as f32 * f32::from(counts.move_steps)),
-            forced_root: exp(ln(zones.forced_flow_kg_s) * (1.0 / 3.0)),
             swing_window: interval_s * (1.0 / SWING_S),
             smoothing: limit(interval_s * (1.0 / SMOOTHING_S), 0.0, 1.0),
             bias_kept: 1.0 - limit(interval_s * (1.0 / BIAS_S), 0.0, 1.0),

@@ -18,7 +18,7 @@
 use super::coefficients::Coefficients;
 use super::per_zone::{PerZone, ZONES, least, minus, paired, plus, scaled, times, total};
 use super::profile::{Conduction, Modes, SETTLED_CONDUCTION};
-use crate::math::{absolute, inverse_cube_root, limit, sqrt};
+use crate::math::{absolute, limit, sqrt};
 
 /// Share of the gas across a face that comes from ahead \[-\].
 const AHEAD: f32 = 0.25;
@@ -251,9 +251,11 @@ impl Zones {
         let gas_k = scaled(&self.ratio, gas_k);
         let excess_k = minus(&gas_k, &self.wall_k);
         let film = c.film(&plus(&gas_k, &self.wall_k));
-        let lasting = if c.stirring_lasts { c.forced(self.stirring_in) } else { 0.0 };
-        let stirred =
-            plus(&scaled(&c.jet, lasting), &scaled(&c.column, c.forced(self.stirring_out)));
+        let lasting = if c.stirring.lasts { c.stirring.forced(self.stirring_in) } else { 0.0 };
+        let stirred = plus(
+            &scaled(&c.jet, lasting),
+            &scaled(&c.column, c.stirring.forced(self.stirring_out)),
+        );
         let stirred = times(&stirred, &film.map(conductivity));
         let stirred_j_k = scaled(&stirred, share * stirring);
         // Within one movement no zone passes the temperature of its wall.
@@ -288,7 +290,7 @@ impl Zones {
     /// Jet whose stirring does not last, for the scaled surface of the gas \[m2\] and the largest conductance in a step
     /// per mass \[J/(K kg)\].
     fn jet(&self, c: &Coefficients, surface_m2: f32, most_j_kg_k: f32) -> Jet {
-        if c.stirring_lasts {
+        if c.stirring.lasts {
             return Jet::default();
         }
         let zone_j_k = scaled(&c.jet, surface_m2 * (1.0 / ZONES as f32));
@@ -352,7 +354,7 @@ impl Zones {
         self.set_mass(place.mass_kg);
         self.warm_walls(c, place, &heat_j, duration_s);
         let stirring = |flow_kg: f32, stirs: f32| {
-            stirs + c.stirring_share * (limit(flow_kg, 0.0, f32::MAX) * (1.0 / duration_s) - stirs)
+            stirs + c.stirring.share * (limit(flow_kg, 0.0, f32::MAX) * (1.0 / duration_s) - stirs)
         };
         self.stirring_in = stirring(flow.inflow_kg, self.stirring_in);
         self.stirring_out = stirring(flow.outflow_kg, self.stirring_out);
@@ -493,15 +495,6 @@ impl Zones {
 }
 
 impl Coefficients {
-    /// Flow that stirs in proportion as much as this one does \[kg/s\]: f (s/f)^(2/3).
-    fn forced(&self, flow_kg_s: f32) -> f32 {
-        if self.forced_kg_s > 0.0 {
-            flow_kg_s * self.forced_root * inverse_cube_root(flow_kg_s)
-        } else {
-            flow_kg_s
-        }
-    }
-
     /// How much warmer the films are than the one for which the configured coefficients hold, share of its temperature
     /// \[-\], for the sums of the zones' gas and wall temperatures \[K\]. Coefficients that are no laws of air, without a
     /// profile, hold for any film.

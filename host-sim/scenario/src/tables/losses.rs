@@ -59,6 +59,9 @@ table! {
         core foil_radius;
         core outer_wall_j_k;
         core reversal_sd;
+        core tube_m3;
+        core hose_m3;
+        core warming_m3;
         core layers_w_k;
     }
 }
