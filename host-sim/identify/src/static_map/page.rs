@@ -46,31 +46,50 @@ fn lengths_m(readings: &Readings) -> Vec<f64> {
 
 fn chart(identified: &Identified) -> Chart {
     let readings = &identified.readings;
-    let lengths_m = curves(&lengths_m(readings));
+    let mut lengths_m = curves(&lengths_m(readings));
+    lengths_m.reverse();
     let mut panel = Panel::new(Axis::new("Force", "N"));
     let mut rest = Panel::new(Axis::new("Law less reading", "N")).height(170.0);
-    for (length_m, colour) in lengths_m.iter().rev().zip(Colour::CURVES.iter().cycle()) {
+    let mut coloured: Vec<_> = lengths_m.iter().zip(colours(lengths_m.len())).collect();
+    // Grey lies below the colours.
+    coloured.sort_by_key(|(_, colour)| *colour != Colour::Grey);
+    for ([low_m, high_m], colour) in coloured {
         let all = readings.loaded.iter().zip(&identified.residuals_n);
-        let mut rows: Vec<_> = all.filter(|(r, _)| within(*length_m, r.length_m)).collect();
-        let [low_m, high_m] = length_m;
-        if low_m < high_m {
-            rows.sort_by(|(a, _), (b, _)| a.gauge_pressure_pa.total_cmp(&b.gauge_pressure_pa));
-        }
+        let mut rows: Vec<_> = all.filter(|(r, _)| within([*low_m, *high_m], r.length_m)).collect();
+        rows.sort_by(|(a, _), (b, _)| a.gauge_pressure_pa.total_cmp(&b.gauge_pressure_pa));
         let rows = || rows.iter();
         let kilopascals: Vec<f64> = rows().map(|(r, _)| r.gauge_pressure_pa / 1000.0).collect();
         let measured: Vec<f64> = rows().map(|(reading, _)| reading.force_n).collect();
-        let law: Vec<f64> = rows().map(|(reading, left_n)| reading.force_n + **left_n).collect();
         let left: Vec<f64> = rows().map(|(_, left_n)| **left_n).collect();
-        let name = format!("{} mm", significant(500.0 * (low_m + high_m), 4));
-        panel = panel.dots(&name, *colour, &kilopascals, &measured).line(
-            "",
-            *colour,
-            &kilopascals,
-            &law,
-        );
-        rest = rest.dots("", *colour, &kilopascals, &left);
+        let name = match colour {
+            Colour::Grey => "lengths between".to_owned(),
+            _ => format!("{} mm", significant(500.0 * (low_m + high_m), 4)),
+        };
+        panel = panel.dots(&name, colour, &kilopascals, &measured);
+        // Friction has a law for each direction.
+        for direction in [-1.0, 0.0, 1.0] {
+            let one_way = rows().filter(|(reading, _)| reading.direction == direction);
+            let (kilopascals, law): (Vec<f64>, Vec<f64>) = one_way
+                .map(|(r, left_n)| (r.gauge_pressure_pa / 1000.0, r.force_n + **left_n))
+                .unzip();
+            panel = panel.line("", colour, &kilopascals, &law);
+        }
+        rest = rest.dots("", colour, &kilopascals, &left);
     }
     Chart::new(Axis::new("Gauge pressure", "kPa")).panel(panel).panel(rest.reference(0.0, "0"))
+}
+
+/// Colours of this many curves in the order of their lengths: a colour each, or, where there are
+/// more of them, evenly spaced ones and grey between.
+fn colours(number: usize) -> Vec<Colour> {
+    let named = Colour::CURVES;
+    let mut colours = vec![Colour::Grey; number];
+    for (n, colour) in named.iter().enumerate().take(number) {
+        let last = named.len() - 1;
+        let place = if number > named.len() { (n * (number - 1) + last / 2) / last } else { n };
+        colours[place] = *colour;
+    }
+    colours
 }
 
 /// Readings and law as a separate drawing.
@@ -82,7 +101,8 @@ fn fit(identified: &Identified) -> Section {
     let readings = &identified.readings;
     let section = Section::new("Fit").figure(chart(identified).figure(
         "Readings and law",
-        "Dots: readings at each length; lines: the law. Below: what it leaves.",
+        "Dots: readings at each length; lines: the law. Below: what it leaves. Of more than seven \
+         lengths, seven have a colour.",
     ));
     let lengths_m = groups(&lengths_m(readings));
     let pressures_pa =
@@ -145,6 +165,19 @@ fn groups(values: &[f64]) -> Vec<[f64; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Thirty lengths used to repeat seven colours, so that four or five of them looked the same.
+    #[test]
+    fn no_two_lengths_share_a_colour() {
+        for number in 0..=MOST_LENGTHS {
+            let mut named = colours(number);
+            assert_eq!(named.len(), number);
+            let ends = [named.first(), named.last()];
+            assert!(!ends.contains(&Some(&Colour::Grey)), "{number}: {named:?}");
+            named.retain(|colour| *colour != Colour::Grey);
+            assert_eq!(named, Colour::CURVES[..number.min(7)]);
+        }
+    }
 
     /// A loop has a length of its own in each row, and its page used to have as many curves.
     #[test]
