@@ -26,7 +26,6 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_boards::subject::Subject;
 use thermyo_files::input::InputError;
 use thermyo_files::output::OutputDir;
-use thermyo_files::units::UnitSystem;
 use thermyo_plant::chamber;
 use thermyo_protocol::{ConfigSource, Refusal};
 use thermyo_setup::Loaded;
@@ -470,7 +469,7 @@ impl Operator<LiveBoard> {
         let text = lines.collect::<String>() + &findings.figures();
         self.tasks.guided = Some(Guided::Over(Guide {
             head: stops::Findings::HEAD.to_vec(),
-            table: findings.rows(UnitSystem::Practical),
+            table: findings.rows(),
             result: Some(name),
             ..Guide::over("Stops", text)
         }));

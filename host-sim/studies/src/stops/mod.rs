@@ -126,31 +126,14 @@ impl Findings {
     /// Head of the table of the stops.
     pub const HEAD: [&str; 4] = ["Stop", "Gas", "Estimate", "Sensor"];
 
-    /// The stops that count, in the rows of a table.
-    pub fn rows(&self, units: UnitSystem) -> Vec<Vec<String>> {
-        rows(&self.analysis.stops, units)
+    /// The stops that count, in the rows of a table. Temperatures are in K, as on the page.
+    pub fn rows(&self) -> Vec<Vec<String>> {
+        rows(&self.analysis.stops)
     }
 
     /// Stops and figures as lines for a terminal.
     pub fn text(&self, units: UnitSystem) -> String {
-        let temperature = |k: f64| units.text(k, "K", 2);
-        let mut text = String::new();
-        for (i, stop) in self.analysis.stops.iter().enumerate() {
-            let Some(estimate_k) = stop.estimate_k.filter(|_| stop.usable()) else { continue };
-            let plant =
-                stop.truth_k.map_or_else(String::new, |k| format!("  plant {}", temperature(k)));
-            text += &format!(
-                "stop {:2} at {:7.2} s: gas {} ± {:.2} K  estimate {} ± {:.2} K  sensor {}{plant}\n",
-                i + 1,
-                stop.time_s,
-                temperature(stop.gas_k),
-                stop.gas_sd_k,
-                temperature(estimate_k),
-                stop.estimate_sd_k.unwrap_or(f64::NAN),
-                temperature(stop.sensor_k),
-            );
-        }
-        text + &self.figures()
+        lines(&self.analysis.stops, units) + &self.figures()
     }
 
     /// The figures of all stops together, as lines.
@@ -210,18 +193,41 @@ impl Findings {
     }
 }
 
-fn rows(stops: &[Stop], units: UnitSystem) -> Vec<Vec<String>> {
-    let with_sd = |k: f64, sd_k: f64| format!("{} ± {sd_k:.2} K", units.text(k, "K", 2));
-    let row = |(i, stop): (usize, &Stop)| {
-        let estimate = stop.estimate_k.zip(stop.estimate_sd_k);
-        vec![
-            format!("{}, {:.1} s", i + 1, stop.time_s),
-            with_sd(stop.gas_k, stop.gas_sd_k),
-            estimate.map_or_else(|| MISSING.to_owned(), |(k, sd_k)| with_sd(k, sd_k)),
-            units.text(stop.sensor_k, "K", 2),
-        ]
+fn rows(stops: &[Stop]) -> Vec<Vec<String>> {
+    let row = |(number, stop): (usize, &Stop)| {
+        let name = format!("{number}, {:.1} s", stop.time_s);
+        [name].into_iter().chain(temperatures(stop, UnitSystem::Si)).collect()
     };
-    stops.iter().enumerate().filter(|(_, stop)| stop.usable()).map(row).collect()
+    counted(stops).map(row).collect()
+}
+
+fn lines(stops: &[Stop], units: UnitSystem) -> String {
+    let line = |(number, stop): (usize, &Stop)| {
+        let [gas, estimate, sensor] = temperatures(stop, units);
+        let plant = stop.truth_k.map(|k| format!("  plant {}", units.text(k, "K", 2)));
+        format!(
+            "stop {number:2} at {:7.2} s: gas {gas}  estimate {estimate}  sensor {sensor}{}\n",
+            stop.time_s,
+            plant.unwrap_or_default(),
+        )
+    };
+    counted(stops).map(line).collect()
+}
+
+/// The stops that count, with their numbers among all from 1.
+fn counted(stops: &[Stop]) -> impl Iterator<Item = (usize, &Stop)> {
+    (1..).zip(stops).filter(|(_, stop)| stop.usable())
+}
+
+/// Gas, estimate and sensor at a stop, with the deviations that they state.
+fn temperatures(stop: &Stop, units: UnitSystem) -> [String; 3] {
+    let with_sd = |k: f64, sd_k: f64| format!("{} ± {sd_k:.2} K", units.text(k, "K", 2));
+    let estimate = stop.estimate_k.zip(stop.estimate_sd_k);
+    [
+        with_sd(stop.gas_k, stop.gas_sd_k),
+        estimate.map_or_else(|| MISSING.to_owned(), |(k, sd_k)| with_sd(k, sd_k)),
+        units.text(stop.sensor_k, "K", 2),
+    ]
 }
 
 #[cfg(test)]
@@ -258,11 +264,17 @@ mod tests {
             stop(124.6, None, None),
         ];
         assert_eq!(
-            rows(&stops, UnitSystem::Si),
+            rows(&stops),
             [
                 ["1, 31.3 s", "312.27 K ± 0.34 K", "312.56 K ± 1.30 K", "300.43 K"],
                 ["3, 124.6 s", "312.27 K ± 0.34 K", MISSING, "300.43 K"],
             ]
+        );
+        // The terminal used to leave out a stop without an estimate.
+        assert_eq!(
+            lines(&stops, UnitSystem::Practical),
+            "stop  1 at   31.26 s: gas 39.12 degC ± 0.34 K  estimate 39.41 degC ± 1.30 K  sensor 27.28 degC\n\
+             stop  3 at  124.60 s: gas 39.12 degC ± 0.34 K  estimate –  sensor 27.28 degC\n"
         );
     }
 }
