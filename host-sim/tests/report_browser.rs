@@ -76,7 +76,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
     assert_eq!(narrow["page_px"], 390, "{name}: {narrow}");
     assert_eq!(narrow["cut"], Value::Array(Vec::new()), "{name}");
     assert!(narrow["smallest_text_px"].as_f64() >= Some(11.0), "{name}: {narrow}");
-    for what in ["beyond_paper", "stacked"] {
+    for what in ["beyond_paper", "stacked", "unfolded"] {
         assert_eq!(seen[what], Value::Array(Vec::new()), "{name}: {what}");
     }
     seen

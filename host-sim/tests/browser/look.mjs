@@ -173,6 +173,9 @@ const beyond_paper = await sheet.$$eval(".table", (all) => all.filter((node) => 
 // Drawings of half a width that take a page each.
 const stacked = await sheet.$$eval(".figures", (all) => all.filter(({ children: [first, second] }) => second &&
   first.getBoundingClientRect().top !== second.getBoundingClientRect().top).map((node) => node.textContent.slice(0, 40)));
+// Parts that are folded, and take paper all the same.
+const unfolded = await sheet.$$eval("details:not([open]) pre", (all) => all.filter((node) => node.checkVisibility({ contentVisibilityAuto: true }))
+  .map((node) => node.textContent.slice(0, 40)));
 
 for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 844, deviceScaleFactor: 2 }]]) {
   for (const scheme of ["light", "dark"]) {
@@ -182,4 +185,4 @@ for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 84
   }
 }
 await browser.close();
-console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, beyond_paper, stacked, serious }));
+console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, beyond_paper, stacked, unfolded, serious }));
