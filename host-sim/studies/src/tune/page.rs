@@ -14,6 +14,8 @@ use thermyo_report::page::{Page, Section, Table, Tile};
 /// Time that a chart shows before and after a step of the pressure \[s\].
 const STEP_BEFORE_S: f64 = 0.05;
 const STEP_AFTER_S: f64 = 0.3;
+/// Part of the fastest speed above which sliding counts as fast.
+const FAST: f64 = 0.5;
 
 pub fn page(tuned: &Tuned, title: &str) -> String {
     let findings = &tuned.findings;
@@ -67,11 +69,32 @@ pub fn group<P: Copy>(
     speed: fn(&P) -> f64,
     place: fn(&P) -> f64,
 ) -> Vec<P> {
-    let middle = share * points.iter().map(|p| speed(p).abs()).fold(0.0, f64::max);
-    let within = |p: &&P| (speed(p) > 0.0) == up && (speed(p).abs() > middle) == fast;
-    let mut group: Vec<P> = points.iter().filter(within).copied().collect();
+    let kind = kind(points, share, speed);
+    let mut group: Vec<P> = points.iter().filter(|p| kind(p) == (up, fast)).copied().collect();
     group.sort_by(|a, b| place(a).total_cmp(&place(b)));
     group
+}
+
+/// Direction of a point, and whether it is fast.
+fn kind<P>(points: &[P], share: f64, speed: fn(&P) -> f64) -> impl Fn(&P) -> (bool, bool) {
+    let middle = share * points.iter().map(|p| speed(p).abs()).fold(0.0, f64::max);
+    move |p| (speed(p) > 0.0, speed(p).abs() > middle)
+}
+
+/// Points of one direction and speed that follow each other, each pass by rising contraction. A
+/// line through several passes would join them at every point.
+fn passes(points: &[Point], (up, fast): (bool, bool)) -> Vec<Vec<Point>> {
+    let kind = kind(points, FAST, |p| p.speed_m_s);
+    let on = |a: &Point, b: &Point| {
+        kind(a) == kind(b) && (b.contraction > a.contraction) == (b.speed_m_s > 0.0)
+    };
+    let passes = points.chunk_by(on).filter(|pass| kind(&pass[0]) == (up, fast));
+    let rising = |pass: &[Point]| {
+        let mut pass = pass.to_vec();
+        pass.sort_by(|a, b| a.contraction.total_cmp(&b.contraction));
+        pass
+    };
+    passes.map(rising).collect()
 }
 
 fn column(points: &[Point], of: impl Fn(&Point) -> f64) -> Vec<f64> {
@@ -82,22 +105,24 @@ fn forces(tuned: &Tuned) -> Section {
     let mut pull = Panel::new(Axis::new("Pull of the gas", "N")).height(300.0);
     let mut rest = Panel::new(Axis::new("Measured less fitted", "N")).height(150.0);
     for (up, fast) in [(true, false), (true, true), (false, false), (false, true)] {
-        let points =
-            group(&tuned.force.points, (up, fast, 0.5), |p| p.speed_m_s, |p| p.contraction);
-        let x = column(&points, |p| 100.0 * p.contraction);
+        let all = &tuned.force.points;
+        let points = group(all, (up, fast, FAST), |p| p.speed_m_s, |p| p.contraction);
+        let percent = |points: &[Point]| column(points, |p| 100.0 * p.contraction);
+        let x = percent(&points);
         let colour = if up { Colour::Vermillion } else { Colour::Blue };
-        let fitted = column(&points, |p| p.pull_n - p.residual_n);
         let name = match (up, fast) {
             (true, false) => "contracting",
             (false, false) => "lengthening",
             _ => "",
         };
         pull = pull.dots(name, colour, &x, &column(&points, |p| p.pull_n));
-        pull = if fast {
-            pull.dashed(if up { "fitted, fast" } else { "" }, Colour::Ink, &x, &fitted)
-        } else {
-            pull.line(if up { "fitted, slow" } else { "" }, Colour::Ink, &x, &fitted)
-        };
+        for pass in passes(all, (up, fast)) {
+            let (x, fitted) = (percent(&pass), column(&pass, |p| p.pull_n - p.residual_n));
+            pull = match fast {
+                true => pull.dashed("fitted, fast", Colour::Ink, &x, &fitted),
+                false => pull.line("fitted, slow", Colour::Ink, &x, &fitted),
+            };
+        }
         rest = rest.dots("", colour, &x, &column(&points, |p| p.residual_n));
     }
     let chart =
@@ -208,5 +233,41 @@ impl FollowedBy<'_> {
                     .line("before", Colour::Vermillion, &time_before, &error_before)
                     .line("after", Colour::Blue, &time, &error),
             )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One line through two passes over the same way went back and forth between them.
+    #[test]
+    fn each_pass_has_a_line_of_its_own() {
+        let point = |(time_s, contraction, speed_m_s)| Point {
+            time_s,
+            contraction,
+            speed_m_s,
+            pull_n: 100.0,
+            residual_n: 0.0,
+        };
+        let points = [
+            (0.0, 0.1, 0.01),
+            (0.1, 0.12, 0.01),
+            (0.2, 0.12, -0.01),
+            (0.3, 0.11, -0.01),
+            (0.4, 0.11, 0.01),
+            (0.5, 0.13, 0.01),
+            // The load fell back between two passes in one direction.
+            (0.9, 0.105, 0.01),
+            (1.0, 0.2, 0.04),
+        ]
+        .map(point);
+        let contractions = |kind| -> Vec<Vec<f64>> {
+            passes(&points, kind).iter().map(|pass| column(pass, |p| p.contraction)).collect()
+        };
+        let slow = [vec![0.1, 0.12], vec![0.11, 0.13], vec![0.105]];
+        assert_eq!(contractions((true, false)), slow);
+        assert_eq!(contractions((false, false)), [vec![0.11, 0.12]]);
+        assert_eq!(contractions((true, true)), [vec![0.2]]);
     }
 }
