@@ -159,7 +159,7 @@ fn its_own_page_is_replaced_and_no_other() {
 #[test]
 fn it_warns_of_implausible_values_and_refuses_files() {
     let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("scenario.toml");
+    let file = folder.path().join("arm.toml");
     let script =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/playground_warnings.mjs");
     let said = |text: &str| {
@@ -171,10 +171,10 @@ fn it_warns_of_implausible_values_and_refuses_files() {
     };
     assert_eq!(said("[run]\nduration_s = 5\n"), "");
     let supply = said("[supply]\npressure_pa = 7\n");
-    assert!(supply.starts_with("scenario.toml:2: supply.pressure_pa = 7"), "{supply}");
+    assert!(supply.starts_with("arm.toml:2: supply.pressure_pa = 7"), "{supply}");
     let vessel =
         said("[plant]\nkind = \"vessel\"\n[muscle]\nzones = 4\n[drive]\nkind = \"closed\"\n");
-    assert!(vessel.starts_with("scenario.toml:4: [muscle] is not used"), "{vessel}");
+    assert!(vessel.starts_with("arm.toml:4: [muscle] is not used"), "{vessel}");
     fs::write(&file, "[drive]\nprofile_csv = \"p.csv\"\n").unwrap();
     let refused = module(&file).unwrap_err();
     assert!(
@@ -253,7 +253,7 @@ fn the_page_runs_and_is_turned() {
     assert_the_tour_shows_what_it_says(&seen);
     assert_the_joint_moves(&seen);
     let refused = seen["refused"].as_str().unwrap();
-    assert!(refused.starts_with("scenario.toml:2: supply.pressure_pa = -1"), "{refused}");
+    assert!(refused.starts_with("wrong.toml:2: supply.pressure_pa = -1"), "{refused}");
     let refused = &seen["elsewhere"]["refused"];
     assert!(refused[0].as_str().unwrap().contains("supply.pressure_pa = -1"), "{seen:#}");
     assert_eq!(refused[1], 0, "{seen:#}");

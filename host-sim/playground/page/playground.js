@@ -12,7 +12,9 @@ const HIDEABLE = ["plot-length", "muscle", "r-length-row"];
 
 // Knobs
 
-let simulation = null, text = "", settings = null;
+/** The scenario as it was read, and its file's name for messages. */
+let text = "", file = "";
+let simulation = null, settings = null;
 /** The view of the running scenario, and what its drawing has to know of it. */
 let view = VIEWS.muscle, facts = null;
 /** Changed keys and values; and whether one changed only the plant, not the core. */
@@ -128,7 +130,7 @@ function start(index, keys, configured) {
 /** Starts a scenario of the list. */
 function run(index) {
   const { name, text: scenario, own } = scenarios[index];
-  if (!begin(scenario)) return false;
+  if (!begin(scenario, own ? name : undefined)) return false;
   shipped = own ? null : name;
   showAddress();
   return true;
@@ -158,10 +160,10 @@ function tour(to) {
 
 // From time zero
 
-function begin(scenario) {
+function begin(scenario, name = "scenario.toml") {
   const done = attempt(() => {
-    simulation.start(scenario);
-    text = scenario;
+    simulation.start(scenario, name);
+    [text, file] = [scenario, name];
     turned = new Map();
   });
   if (done) fresh();
@@ -170,7 +172,7 @@ function begin(scenario) {
 
 function again() {
   const done = attempt(() => {
-    simulation.start(text);
+    simulation.start(text, file);
     turnAll([...turned], true);
   });
   if (done) fresh();
@@ -311,17 +313,17 @@ function save(name, content, type) {
 $("export").addEventListener("click", () => attempt(() => save("scenario.toml", simulation.scenario(), "application/toml")));
 $("trace").addEventListener("click", () => attempt(() => save(view.trace, simulation.trace(simulation.scenario()), "text/csv")));
 $("again").addEventListener("click", again);
-$("shipped").addEventListener("click", () => { if (begin(text)) showAddress(); });
+$("shipped").addEventListener("click", () => { if (begin(text, file)) showAddress(); });
 $("choice").addEventListener("change", () => run($("choice").selectedIndex));
 $("tour-next").addEventListener("click", () => tour((step + 1) % TOUR.length));
 $("tour-back").addEventListener("click", () => tour(step - 1));
 addEventListener("hashchange", fromAddress);
 $("file").addEventListener("change", async ({ target }) => {
-  const [file] = target.files;
+  const [chosen] = target.files;
   target.value = "";
-  if (!file || !begin(await file.text())) return;
-  scenarios.push({ name: file.name, text, own: true });
-  $("choice").append(new Option(file.name));
+  if (!chosen || !begin(await chosen.text(), chosen.name)) return;
+  scenarios.push({ name: file, text, own: true });
+  $("choice").append(new Option(file));
   $("choice").selectedIndex = scenarios.length - 1;
   shipped = null;
   showAddress();

@@ -35,7 +35,10 @@ export class Simulation {
     if (!is) throw new Error(this.text());
   }
 
-  start(scenario) {
+  /** Starts a scenario; messages name it by its file. */
+  start(scenario, file) {
+    this.give(file);
+    this.good(this.module.name());
     this.give(scenario);
     this.good(this.module.start());
     this.good(this.module.columns());

@@ -1,6 +1,6 @@
 //! The scenario of a joint.
 
-use crate::kind::{ENDLESS_S, Kind, no_file, origin};
+use crate::kind::{ENDLESS_S, Kind, no_file};
 use model_core::Faults;
 use model_core::joint::{JointFaults, JointMode};
 use serde_json::{Value, json};
@@ -42,10 +42,11 @@ impl Kind for Joint {
     const COLUMNS: &'static [&'static str] = &COLUMNS;
     type Run = JointRun;
 
-    fn parse(text: &str) -> Result<(Self, String), String> {
-        let document = JointDocument::parse(text, origin()).map_err(|error| error.to_string())?;
+    fn parse(text: &str, origin: &str) -> Result<(Self, String), String> {
+        let document =
+            JointDocument::parse(text, origin.as_ref()).map_err(|error| error.to_string())?;
         if let Some((key, line)) = document.file() {
-            return Err(no_file(&key, line));
+            return Err(no_file(origin, &key, line));
         }
         // A joint has no warnings.
         Ok((Self::of(document)?, String::new()))

@@ -1,10 +1,9 @@
 //! A kind of scenario that the page runs.
 
 use serde_json::Value;
-use std::path::Path;
 
-/// File name in messages.
-const ORIGIN: &str = "scenario.toml";
+/// File name in messages about a text that the page wrote.
+pub const WRITTEN: &str = "scenario.toml";
 /// Duration longer than any use of the page \[s\].
 pub const ENDLESS_S: f64 = 1.0e9;
 
@@ -13,8 +12,8 @@ pub trait Kind: Sized {
     const COLUMNS: &'static [&'static str];
     type Run;
 
-    /// Reads a text; returns it with the warnings of `thermyo run`, one per line.
-    fn parse(text: &str) -> Result<(Self, String), String>;
+    /// Reads a text, named `origin` in messages; returns it with the warnings of `thermyo run`, one per line.
+    fn parse(text: &str, origin: &str) -> Result<(Self, String), String>;
     /// The text for `thermyo run`.
     fn render(&self) -> String;
     /// Parameters of the plant by table and key.
@@ -36,14 +35,10 @@ pub trait Kind: Sized {
 }
 
 /// The refusal of a key with a file's name.
-pub fn no_file(key: &str, line: Option<u64>) -> String {
+pub fn no_file(origin: &str, key: &str, line: Option<u64>) -> String {
     let line = line.map_or(String::new(), |line| format!(":{line}"));
     format!(
-        "{ORIGIN}{line}: {key}: this page takes no CSV file: leave the key out, or run the scenario with \
+        "{origin}{line}: {key}: this page takes no CSV file: leave the key out, or run the scenario with \
          `thermyo run`"
     )
-}
-
-pub fn origin() -> &'static Path {
-    ORIGIN.as_ref()
 }

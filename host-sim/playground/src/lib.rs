@@ -15,6 +15,8 @@ use std::cell::RefCell;
 #[derive(Default)]
 struct Playground {
     text: Vec<u8>,
+    /// Name of the next started scenario's file, for messages.
+    name: String,
     rows: Vec<f64>,
     live: Option<Box<dyn Running>>,
 }
@@ -66,11 +68,20 @@ pub extern "C" fn text_length() -> usize {
     with(|playground| playground.text.len())
 }
 
+/// Takes the text as the name of the scenario's file, for messages.
+#[unsafe(no_mangle)]
+pub extern "C" fn name() -> bool {
+    with(|playground| {
+        let outcome = playground.taken().map(|name| playground.name = name);
+        playground.say(outcome.map(|()| Vec::new()))
+    })
+}
+
 /// Starts the scenario of the text, without an end.
 #[unsafe(no_mangle)]
 pub extern "C" fn start() -> bool {
     with(|playground| {
-        let started = playground.taken().and_then(|scenario| live::start(&scenario));
+        let started = playground.taken().and_then(|text| live::start(&text, &playground.name));
         let outcome = started.map(|live| {
             playground.live = Some(live);
             Vec::new()

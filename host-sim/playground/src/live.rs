@@ -1,7 +1,7 @@
 //! A scenario that runs without an end, with parameters that may change meanwhile.
 
 use crate::joint::Joint;
-use crate::kind::Kind;
+use crate::kind::{Kind, WRITTEN};
 use crate::muscle::Muscle;
 use thermyo_record::trace::cells_text;
 use thermyo_scenario::joint::is_joint;
@@ -33,8 +33,9 @@ struct Live<K: Kind> {
 }
 
 /// Starts the scenario of a text at rest at time zero.
-pub fn start(text: &str) -> Result<Box<dyn Running>, String> {
-    if is_joint(text) { Live::<Joint>::start(text) } else { Live::<Muscle>::start(text) }
+pub fn start(text: &str, origin: &str) -> Result<Box<dyn Running>, String> {
+    let start = if is_joint(text) { Live::<Joint>::start } else { Live::<Muscle>::start };
+    start(text, origin)
 }
 
 /// Runs the scenario of a text to its end and returns its trace.
@@ -43,7 +44,7 @@ pub fn trace(text: &str) -> Result<Vec<u8>, String> {
 }
 
 fn trace_of<K: Kind>(text: &str) -> Result<Vec<u8>, String> {
-    let (scenario, _) = K::parse(text)?;
+    let (scenario, _) = K::parse(text, WRITTEN)?;
     let mut trace = header::<K>().into_bytes();
     trace.push(b'\n');
     let mut run = scenario.start()?;
@@ -62,8 +63,8 @@ fn header<K: Kind>() -> String {
 }
 
 impl<K: Kind + 'static> Live<K> {
-    fn start(text: &str) -> Result<Box<dyn Running>, String> {
-        let (scenario, warnings) = K::parse(text)?;
+    fn start(text: &str, origin: &str) -> Result<Box<dyn Running>, String> {
+        let (scenario, warnings) = K::parse(text, origin)?;
         Ok(Box::new(Self::of(scenario, warnings)?))
     }
 

@@ -1,6 +1,6 @@
 //! The scenario of one muscle.
 
-use crate::kind::{ENDLESS_S, Kind, no_file, origin};
+use crate::kind::{ENDLESS_S, Kind, WRITTEN, no_file};
 use model_core::Faults;
 use model_core::control::Mode;
 use serde_json::{Value, json};
@@ -22,13 +22,13 @@ impl Kind for Muscle {
     const COLUMNS: &'static [&'static str] = &COLUMNS;
     type Run = MuscleRun;
 
-    fn parse(text: &str) -> Result<(Self, String), String> {
-        let document = Document::parse(text, origin()).map_err(|error| error.to_string())?;
+    fn parse(text: &str, origin: &str) -> Result<(Self, String), String> {
+        let document = Document::parse(text, origin.as_ref()).map_err(|error| error.to_string())?;
         let named = document.plant.iter().chain(document.believed.iter());
         if let Some(entry) = named.into_iter().find(|entry| entry.path().ends_with("_csv")) {
-            return Err(no_file(&entry.path(), entry.line));
+            return Err(no_file(origin, &entry.path(), entry.line));
         }
-        let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, origin())
+        let (loaded, warnings) = thermyo_setup::parse_with_warnings(text, origin.as_ref())
             .map_err(|error| error.to_string())?;
         let lines: Vec<String> = warnings.iter().map(ToString::to_string).collect();
         Ok((Self(loaded), lines.join("\n")))
@@ -57,7 +57,7 @@ impl Kind for Muscle {
         // The core's drive is always the plant's.
         turned.believed.drive = turned.plant.drive.clone();
         // Checked like a file, with the same messages.
-        Ok(Self::parse(&Self(turned).render())?.0)
+        Ok(Self::parse(&Self(turned).render(), WRITTEN)?.0)
     }
 
     fn endless(&self) -> Self {
