@@ -66,7 +66,7 @@ def identify(
     """Identifies the parameters that `[identify]` names from recorded data, or a muscle from a static map.
 
     Returns the content of summary.json of `thermyo identify`, and under "scenario" the identified scenario as
-    TOML. `against` is a static map that is not used for the fit.
+    TOML. `against` is a table of the same kind that is not used for the fit.
     """
 
 class Sweep:

@@ -192,9 +192,12 @@ pub enum Problem {
         points: usize,
         parameters: usize,
     },
-    /// A record over time in place of a static map.
-    #[error("is no static map: there is no other one to compare it with")]
-    NoMap,
+    /// A record with stops, whose values come from each stop by itself, and another one to compare it with.
+    #[error(
+        "has stops, which are not fitted to a course that another record could be compared with: identify the other record \
+         too, and compare the values"
+    )]
+    StopsAlone,
     /// A static map with too few loaded readings.
     #[error(
         "{found} {} with a force above 1 % of the largest: must be at least {fewest}; {why}",

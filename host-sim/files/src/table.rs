@@ -326,6 +326,10 @@ impl Table {
         self.filled(name)?.into_iter().enumerate().map(whole).collect()
     }
 
+    pub fn file(&self) -> &Path {
+        &self.file
+    }
+
     pub fn header_error(&self, problem: Problem) -> InputError {
         InputError::file(&self.file, problem)
     }

@@ -21,10 +21,13 @@ const STARTS: usize = 3;
 const LATE_S: f64 = 0.06;
 
 /// Reason why a set of values has no prediction.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum Failed {
+    #[error("{0}")]
     Build(BuildError),
+    #[error("{0}")]
     Diverged(Diverged),
+    #[error("stopped")]
     Stopped,
 }
 

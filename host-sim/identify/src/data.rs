@@ -9,7 +9,7 @@ use thermyo_plant::Truth;
 use thermyo_record::measured::{Column, Measured, TIME};
 use thermyo_scenario::profile::{Profile, ProfileError};
 use thermyo_scenario::{DriveKind, PlantKind, Scenario, Sensors};
-use thermyo_setup::OBSERVABLE;
+use thermyo_setup::{Loaded, OBSERVABLE};
 use thermyo_simulation::adc::OVERSAMPLING;
 
 /// Relative change of volume above which the column describes a piston's stroke.
@@ -150,6 +150,21 @@ impl Data {
         let volume = volume.map(|column| columns.profile(&column.name)).transpose()?;
         let holes = recorded_holes(measured, path, &input, volume.as_ref())?;
         Ok(Self { spacing_s: spacing(&observed), observed, input, volume, holes })
+    }
+
+    /// The same, with the scenario's course of a piston's volume where the data has none.
+    pub fn with_volume(mut self, loaded: &Loaded) -> Self {
+        self.volume = self.volume.or_else(|| loaded.volume_profile.clone());
+        self
+    }
+
+    /// Predictions less the measured values, column by column.
+    pub fn less_measured(&self, mut predicted: Vec<f64>) -> Vec<f64> {
+        let measured = self.observed.iter().flat_map(|observed| &observed.points);
+        for (left, (_, value)) in predicted.iter_mut().zip(measured) {
+            *left -= value;
+        }
+        predicted
     }
 
     /// Time of the last compared value \[s\].

@@ -38,6 +38,37 @@ pub struct Rmse {
     pub length_m: Option<f64>,
 }
 
+impl Rmse {
+    /// Of columns, and the residual of each.
+    pub(super) fn new(observed: &[Observed], misfits: &[Misfit]) -> Self {
+        let mut rmse = Self::default();
+        for (observed, misfit) in observed.iter().zip(misfits) {
+            let place = match observed.quantity {
+                Quantity::Pressure => &mut rmse.pressure_pa,
+                Quantity::Length => &mut rmse.length_m,
+                Quantity::SensorGas => &mut rmse.temperature_k,
+                Quantity::SensorWall => &mut rmse.wall_temperature_k,
+            };
+            *place = Some(misfit.rms);
+        }
+        rmse
+    }
+
+    /// Each quantity, its value, its SI unit and its column.
+    pub(super) fn each(
+        self,
+    ) -> impl Iterator<Item = (&'static str, f64, &'static str, &'static str)> {
+        let Self { pressure_pa, temperature_k, wall_temperature_k, length_m } = self;
+        let all = [
+            ("pressure", pressure_pa, "Pa", "pressure_pa"),
+            ("temperature", temperature_k, "K", "sensor_gas_k"),
+            ("wall temperature", wall_temperature_k, "K", "sensor_wall_k"),
+            ("length", length_m, "m", "length_m"),
+        ];
+        all.into_iter().filter_map(|(name, value, unit, column)| Some((name, value?, unit, column)))
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub struct Searches {
     pub starts: usize,
@@ -54,6 +85,9 @@ pub struct Findings {
     /// Fitted values by key, and `gas_mass_kg` if they determine it.
     pub parameters: BTreeMap<String, Fitted>,
     pub rmse: Rmse,
+    /// Residuals of a record that the fit has not used.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub against: Option<Rmse>,
     /// Effective number of independent rows, by measured column.
     pub effective_rows: BTreeMap<&'static str, f64>,
     /// Correlation of each pair of parameters, `[a][b]`.
@@ -104,16 +138,8 @@ impl Findings {
             fitted.insert("gas_mass_kg".to_owned(), Fitted { value, standard_error, unit: "kg" });
         }
 
-        let mut rmse = Rmse::default();
         let mut effective_rows = BTreeMap::new();
         for (observed, misfit) in data.observed.iter().zip(misfits) {
-            let place = match observed.quantity {
-                Quantity::Pressure => &mut rmse.pressure_pa,
-                Quantity::Length => &mut rmse.length_m,
-                Quantity::SensorGas => &mut rmse.temperature_k,
-                Quantity::SensorWall => &mut rmse.wall_temperature_k,
-            };
-            *place = Some(misfit.rms);
             let rows = observed.points.len() as f64 / misfit.correlation_rows;
             effective_rows.insert(observed.quantity.column(), rows);
         }
@@ -126,7 +152,8 @@ impl Findings {
         let mut findings = Self {
             converged: false,
             parameters: fitted,
-            rmse,
+            rmse: Rmse::new(&data.observed, misfits),
+            against: None,
             effective_rows,
             correlations,
             searches,
@@ -232,16 +259,11 @@ impl Findings {
         for (path, fitted) in &self.parameters {
             text += &fitted.line(path);
         }
-        let Rmse { pressure_pa, temperature_k, wall_temperature_k, length_m } = self.rmse;
-        for (name, value, column) in [
-            ("pressure", pressure_pa, "pressure_pa"),
-            ("temperature", temperature_k, "sensor_gas_k"),
-            ("wall temperature", wall_temperature_k, "sensor_wall_k"),
-            ("length", length_m, "length_m"),
-        ] {
-            if let Some(value) = value {
-                text += &format!("{name}: RMS residual {}\n", of_column(value, column));
-            }
+        for (name, value, _, column) in self.rmse.each() {
+            text += &format!("{name}: RMS residual {}\n", of_column(value, column));
+        }
+        for (name, value, _, column) in self.against.into_iter().flat_map(Rmse::each) {
+            text += &format!("against: {name}: RMS residual {}\n", of_column(value, column));
         }
         let Searches { starts, converged, agreeing } = self.searches;
         text += &format!(
@@ -326,27 +348,53 @@ fn on_misfit((observed, misfit): (&Observed, &Misfit)) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
-    use crate::identify_table;
+    use crate::{Found, identify_table};
     use std::path::Path;
     use thermyo_files::table::Table;
+
+    const CONFIG: &str = "hold.toml";
+    const HOLD: &str = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 400000\n[load]\nkind = \"isometric\"\n\
+                        length_m = 0.28\n[drive]\nkind = \"closed\"\n[leak]\nconductance_m3_s_pa = 1e-12\n\
+                        [identify]\nparameters = [\"leak.conductance_m3_s_pa\"]\n";
+
+    /// A hold of 30 s whose pressure falls from this one \[Pa\].
+    fn hold(first_pa: f64) -> Table {
+        let row = |i| format!("{i},{}\n", first_pa - 60.0 * f64::from(i));
+        let text: String = (0..30).map(row).collect();
+        Table::parse(&format!("time_s,pressure_pa\n{text}"), "hold.csv".as_ref()).unwrap()
+    }
+
+    fn identified(table: &Table, against: Option<&Table>) -> Result<Found, String> {
+        let loaded = thermyo_setup::parse(HOLD, CONFIG.as_ref()).unwrap();
+        let data = Path::new("hold.csv");
+        identify_table(&loaded, CONFIG.as_ref(), table, data, against, &())
+            .map_err(|error| error.to_string())
+    }
 
     /// A leak used to be found from gauge pressures with exit code 0: 19 times the true one.
     #[test]
     fn a_record_that_is_missed_by_more_than_it_varies_gives_no_values() {
-        let [config, data] = ["hold.toml", "hold.csv"].map(Path::new);
-        let text = "[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 400000\n[load]\nkind = \"isometric\"\n\
-                    length_m = 0.28\n[drive]\nkind = \"closed\"\n[leak]\nconductance_m3_s_pa = 1e-12\n\
-                    [identify]\nparameters = [\"leak.conductance_m3_s_pa\"]\n";
-        let loaded = thermyo_setup::parse(text, config).unwrap();
-        let failed = |first_pa: f64| {
-            let row = |i| format!("{i},{}\n", first_pa - 60.0 * f64::from(i));
-            let text: String = (0..30).map(row).collect();
-            let table = Table::parse(&format!("time_s,pressure_pa\n{text}"), data);
-            let table = table.unwrap();
-            identify_table(&loaded, config, &table, data, None, &()).unwrap().failed()
-        };
-        assert_eq!(failed(400_000.0), None);
-        let gauge = failed(298_675.0).unwrap();
+        assert_eq!(identified(&hold(400_000.0), None).unwrap().failed(), None);
+        let gauge = identified(&hold(298_675.0), None).unwrap().failed().unwrap();
         assert!(gauge.contains("the fit misses pressure_pa by more than it varies"), "{gauge}");
+    }
+
+    /// `--against` used to be refused for every record over time that [identify] fits.
+    #[test]
+    fn a_record_is_compared_with_one_that_was_not_fitted() {
+        let fitted = hold(400_000.0);
+        let compared = |other: &Table| match identified(&fitted, Some(other)).unwrap() {
+            Found::Record(found) => found.findings,
+            other => panic!("{other:?}"),
+        };
+        let same = compared(&fitted);
+        assert_eq!(same.against, Some(same.rmse));
+        let off_pa = compared(&hold(401_000.0)).against.unwrap().pressure_pa.unwrap();
+        assert!((900.0..1100.0).contains(&off_pa), "{off_pa}");
+        assert!(same.text().contains("\nagainst: pressure: RMS residual "), "{}", same.text());
+
+        let stranger = Table::parse("time_s,duty_in\n0,0\n1,0\n", "other.csv".as_ref()).unwrap();
+        let refused = identified(&fitted, Some(&stranger)).unwrap_err();
+        assert!(refused.starts_with("other.csv: "), "{refused}");
     }
 }

@@ -50,12 +50,8 @@ impl Problem<'_> {
 
     /// Prediction minus measurement, column by column, in the columns' own units.
     pub fn residuals(&self, place: &DVector<f64>) -> Result<Vec<f64>, Failed> {
-        let mut residuals = self.experiment.predict(&self.scenario_at(place), self.watch)?;
-        let measured = self.data.observed.iter().flat_map(|observed| &observed.points);
-        for (residual, (_, value)) in residuals.iter_mut().zip(measured) {
-            *residual -= value;
-        }
-        Ok(residuals)
+        let predicted = self.experiment.predict(&self.scenario_at(place), self.watch)?;
+        Ok(self.data.less_measured(predicted))
     }
 
     /// d(weighted residual)/d(ln x) by central differences.

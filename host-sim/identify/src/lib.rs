@@ -36,6 +36,7 @@ pub use record::{Found, identify_table, known_columns};
 
 use balance::Failed;
 use data::Input;
+use findings::Rmse;
 use fit::{End, Problem};
 use nalgebra::{DMatrix, DVector};
 use parameter::Parameter;
@@ -95,10 +96,10 @@ pub fn identify(
     watch: &dyn Watch,
 ) -> Result<Identified, IdentifyError> {
     let parameters = named(loaded, config)?;
-    let mut data = Data::new(measured, data_file, &loaded.plant)?;
+    let data = Data::new(measured, data_file, &loaded.plant)?;
     constant_where_given(loaded, config, &data)?;
     let from_data = data.volume.is_some();
-    data.volume = data.volume.or_else(|| loaded.volume_profile.clone());
+    let data = data.with_volume(loaded);
     let scenario = comparable(&loaded.plant, &data);
     let problem = Problem {
         scenario: &scenario,
@@ -144,7 +145,8 @@ pub fn identify(
     let values: Vec<(&str, f64)> =
         found.map(|(parameter, u)| (parameter.path.as_str(), parameter.value(*u))).collect();
     let scenario = adopted(loaded, &data, &values, from_data.then_some(data_file));
-    Ok(Identified { findings, scenario, data, residuals })
+    let fitted = Box::new(problem.scenario_at(&best.place));
+    Ok(Identified { findings, scenario, fitted, data, residuals })
 }
 
 /// With pressure and length as inputs, the core's model replaces the flow, with one constant coefficient.
@@ -189,9 +191,28 @@ fn by_column(data: &Data, residuals: &[f64]) -> Vec<Vec<f64>> {
 pub struct Identified {
     pub findings: Findings,
     pub scenario: Loaded,
+    /// Scenario of the plant that was compared, with the values found.
+    fitted: Box<Scenario>,
     data: Data,
     /// Prediction minus measurement, by measured column.
     residuals: Vec<Vec<f64>>,
+}
+
+impl Identified {
+    /// Computes the residuals of a record that the fit has not used. A plant that cannot follow it
+    /// is a remark: the values found are kept.
+    fn compare(&mut self, other: &Data, watch: &dyn Watch) {
+        let residuals = match Experiment::new(other, &self.fitted).predict(&self.fitted, watch) {
+            Ok(predicted) => other.less_measured(predicted),
+            Err(failed) => {
+                let remark = format!("The record to compare with is not followed: {failed}.");
+                self.findings.remarks.push(remark);
+                return;
+            }
+        };
+        let misfits = misfits(other, &by_column(other, &residuals), 0);
+        self.findings.against = Some(Rmse::new(&other.observed, &misfits));
+    }
 }
 
 /// Whether the compared plant is built from a scenario with zones.

@@ -2,6 +2,7 @@
 
 use super::Identified;
 use super::data::{Observed, Quantity};
+use super::findings::Rmse;
 use std::collections::BTreeMap;
 use thermyo_files::number::{MISSING, fixed, significant};
 use thermyo_files::units::Unit;
@@ -20,16 +21,14 @@ pub fn page(identified: &Identified, title: &str) -> String {
         ),
     };
     let page = Page::new(title, &lead, &thermyo_setup::render(&identified.scenario));
-    let residuals = &findings.rmse;
-    let tiles = [
-        ("Pressure, RMS residual", residuals.pressure_pa, "Pa"),
-        ("Temperature, RMS residual", residuals.temperature_k, "K"),
-        ("Wall temperature, RMS residual", residuals.wall_temperature_k, "K"),
-        ("Length, RMS residual", residuals.length_m, "m"),
-    ];
-    let tiles =
-        tiles.iter().filter_map(|(label, value, unit)| Some(Tile::new(label, (*value)?, unit)));
-    tiles
+    let tiles = |of: &'static str, rmse: Rmse| {
+        let tile =
+            move |(name, value, unit, _)| Tile::new(&format!("RMS {name}, {of}"), value, unit);
+        rmse.each().map(tile)
+    };
+    let against = findings.against.into_iter().flat_map(|rmse| tiles("not fitted", rmse));
+    tiles("fitted", findings.rmse)
+        .chain(against)
         .fold(page, Page::tile)
         .section(values(identified))
         .section(charts(identified))

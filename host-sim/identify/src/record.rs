@@ -1,6 +1,6 @@
 //! Identification from any kind of table: a record over time, with stops or of motion, or a static map.
 
-use super::data::begins_anywhere;
+use super::data::{Data, begins_anywhere};
 use super::motion;
 use super::static_map::{self, Readings};
 use super::valves;
@@ -40,11 +40,11 @@ pub fn known_columns() -> Vec<&'static str> {
     every_column().into_iter().chain(REFERENCE).chain(map.copied()).collect()
 }
 
-/// Identifies from a table; `against` is a static map that the fit does not use. `config` and
-/// `data` name the files in messages.
+/// Identifies from a table; `against` is a table of the same kind that the fit does not use. `config`
+/// and `data` name the files in messages.
 ///
 /// # Errors
-/// As [`identify`] and [`static_map::identify`], and if a record is to be compared with a map.
+/// As [`identify`] and [`static_map::identify`], and if a record with stops is to be compared.
 pub fn identify_table(
     loaded: &Loaded,
     config: &Path,
@@ -63,9 +63,25 @@ pub fn identify_table(
         let found = motion::identify(loaded, config, table, against, watch)?;
         return whole(Found::Motion(found), watch);
     }
-    if against.is_some() {
-        return Err(InputError::file(data, Problem::NoMap).into());
+    check(loaded, table)?;
+    if thermyo_fit::stops::are_asked_for(loaded, table) {
+        if against.is_some() {
+            return Err(InputError::file(data, Problem::StopsAlone).into());
+        }
+        check_possible(table, true)?;
+        return whole(Found::Stops(thermyo_fit::stops::identify(loaded, table, data)?), watch);
     }
+    // A record that cannot be compared is refused before the search, which takes minutes.
+    let against = against.map(|other| to_compare(loaded, table, other)).transpose()?;
+    let mut found = identify(loaded, config, &measured(loaded, table)?, data, watch)?;
+    if let Some(other) = &against {
+        found.compare(other, watch);
+    }
+    Ok(Found::Record(found))
+}
+
+/// Refuses a record over time that cannot be of the scenario's plant.
+fn check(loaded: &Loaded, table: &Table) -> Result<(), InputError> {
     ordered(table)?;
     let config_of_core = core_config(&loaded.believed);
     valves::check(table, &config_of_core)?;
@@ -77,22 +93,32 @@ pub fn identify_table(
         let rest_m = loaded.plant.muscle.rest_length_m;
         LENGTHS.iter().try_for_each(|column| motion::check_lengths(table, column, rest_m))?;
     }
-    let begins_anywhere = begins_anywhere(&loaded.plant, table);
-    if begins_anywhere || thermyo_fit::stops::would_do(loaded) {
+    if begins_anywhere(&loaded.plant, table) || thermyo_fit::stops::would_do(loaded) {
         motion::check_pace(table, &loaded.plant)?;
         valves::check_pace(table, &config_of_core)?;
     }
-    if thermyo_fit::stops::are_asked_for(loaded, table) {
-        check_possible(table, true)?;
-        return whole(Found::Stops(thermyo_fit::stops::identify(loaded, table, data)?), watch);
-    }
+    Ok(())
+}
+
+fn measured(loaded: &Loaded, table: &Table) -> Result<Measured, InputError> {
     let known = [every_column(), REFERENCE.to_vec()].concat();
-    let measured = if begins_anywhere {
-        Measured::since_first(table, &known)?
+    if begins_anywhere(&loaded.plant, table) {
+        Measured::since_first(table, &known)
     } else {
-        Measured::new(table, &known)?
-    };
-    identify(loaded, config, &measured, data, watch).map(Found::Record)
+        Measured::new(table, &known)
+    }
+}
+
+/// The data of a record to compare with what is fitted to `table`.
+fn to_compare(loaded: &Loaded, table: &Table, other: &Table) -> Result<Data, InputError> {
+    if begins_anywhere(&loaded.plant, table) != begins_anywhere(&loaded.plant, other) {
+        let why = "only one of the two records has pressure_pa and length_m, which then drive the plant: \
+                   must be both or none";
+        return Err(other.header_error(Problem::Unusable(why.to_owned())));
+    }
+    check(loaded, other)?;
+    let data = Data::new(&measured(loaded, other)?, other.file(), &loaded.plant)?;
+    Ok(data.with_volume(loaded))
 }
 
 /// The result of a search in one part, unless it was stopped.

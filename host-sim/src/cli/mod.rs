@@ -239,7 +239,8 @@ struct IdentifyArgs {
     /// Scenario file (TOML) whose [identify] names the parameters; of a joint all are sought
     #[arg(long, value_name = "FILE.toml")]
     config: PathBuf,
-    /// Validation data: a second static map, or a second motion, that is not used for the fit
+    /// Validation data: a second table of the same kind, that is not used for the fit; not for a record with stops, or of
+    /// a joint
     #[arg(long, value_name = "OTHER.csv")]
     against: Option<PathBuf>,
     /// Print what to measure of the scenario's muscle, as CSV: the readings of a static map, or the pressures of a motion
@@ -509,14 +510,8 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     let Some(data) = &args.data else {
         return plan_command(&loaded, args, to);
     };
-    let table = table::read_either(data, Readings::are_in)
-        .map_err(|error| of_unknown_column(error, &known_columns()))?;
-    // A table without times is refused for that, damaged or not.
-    if table.column(measured::TIME).is_ok() || Readings::are_in(&table) {
-        say_damage(&table, to);
-        to.warn(measured::doubt(&table).as_slice());
-    }
-    let against = args.against.as_deref().map(table::read_table).transpose()?;
+    let table = identified_table(data, to)?;
+    let against = args.against.as_deref().map(|other| identified_table(other, to)).transpose()?;
     interrupt::watch();
     // Created before the search, which takes minutes: an unwritable folder fails at once.
     let mut out = args.output.create("identify")?;
@@ -538,6 +533,18 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     out.text(name, &plot)?;
     to.results(out, (&json, &found.text()))?;
     found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
+}
+
+/// Reads a record or a static map, and prints what may be wrong with it.
+fn identified_table(file: &Path, to: &mut Console<'_>) -> Result<Table, Failure> {
+    let table = table::read_either(file, Readings::are_in)
+        .map_err(|error| of_unknown_column(error, &known_columns()))?;
+    // A table without times is refused for that, damaged or not.
+    if table.column(measured::TIME).is_ok() || Readings::are_in(&table) {
+        say_damage(&table, to);
+        to.warn(measured::doubt(&table).as_slice());
+    }
+    Ok(table)
 }
 
 /// Prints the table on stdout, and the reasons on stderr.
