@@ -63,10 +63,10 @@ def identify(
     scenario: Scenario,
     against: Union[str, "PathLike[str]", Columns, None] = None,
 ) -> dict[str, Any]:
-    """Identifies the parameters that `[identify]` names from recorded data, or a muscle from a static map.
+    """Identifies the parameters that `[identify]` names from recorded data, a muscle from a static map, or a joint.
 
     Returns the content of summary.json of `thermyo identify`, and under "scenario" the identified scenario as
-    TOML. `against` is a table of the same kind that is not used for the fit.
+    TOML. `against` is a table of the same kind that is not used for the fit; a joint has none.
     """
 
 class Sweep:

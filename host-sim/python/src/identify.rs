@@ -1,6 +1,6 @@
 //! `identify`, from a file or from columns.
 
-use crate::error;
+use crate::error::{self, RunError, ScenarioError};
 use crate::run::{plain, to_csv};
 use crate::scenario;
 use pyo3::exceptions::PyUserWarning;
@@ -10,9 +10,11 @@ use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use thermyo_files::table::{Table, read_record};
 use thermyo_identify::identify_table;
+use thermyo_joint::JointLoaded;
+use thermyo_studies::joint_tune::{self, RecordError};
 
-/// Identifies the plant's parameters from recorded data, or a muscle from a static map. Returns the
-/// content of `summary.json`, and under "scenario" the identified scenario as TOML.
+/// Identifies the plant's parameters from recorded data, a muscle from a static map, or a joint. Returns
+/// the content of `summary.json`, and under "scenario" the identified scenario as TOML.
 #[pyfunction]
 #[pyo3(signature = (data, scenario, against = None))]
 pub fn identify<'py>(
@@ -21,6 +23,9 @@ pub fn identify<'py>(
     scenario: &Bound<'py, PyAny>,
     against: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyAny>> {
+    if let Some(joint) = scenario::joint(scenario, None)? {
+        return identify_joint(&joint, data, against);
+    }
     let loaded = scenario::load(scenario, None)?;
     let config = scenario::name(scenario);
     let (table, file) = table(data, "data")?;
@@ -34,6 +39,33 @@ pub fn identify<'py>(
     Ok(findings)
 }
 
+fn identify_joint<'py>(
+    joint: &JointLoaded,
+    data: &Bound<'py, PyAny>,
+    against: Option<&Bound<'py, PyAny>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let py = data.py();
+    if against.is_some() {
+        return Err(ScenarioError::new_err("against: is for one muscle: leave it out for a joint"));
+    }
+    let (table, _) = table(data, "data")?;
+    let found = py.detach(|| joint_tune::identify(joint, &table)).map_err(|error| match error {
+        RecordError::Input(error) => error::input(error),
+        RecordError::Refused(refusal) => RunError::new_err(format!("nothing was found: {refusal}")),
+    })?;
+    for warning in &found.warnings {
+        warn(py, warning)?;
+    }
+    let findings = plain(py, &found.findings())?;
+    findings.set_item("scenario", thermyo_joint::render(&found.scenario))?;
+    Ok(findings)
+}
+
+fn warn(py: Python<'_>, text: &impl ToString) -> PyResult<()> {
+    let text = CString::new(text.to_string())?;
+    PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)
+}
+
 /// Reads a table, and its name for messages.
 fn table(given: &Bound<'_, PyAny>, name: &str) -> PyResult<(Table, PathBuf)> {
     if let Ok(columns) = given.cast::<PyMapping>() {
@@ -44,8 +76,7 @@ fn table(given: &Bound<'_, PyAny>, name: &str) -> PyResult<(Table, PathBuf)> {
     let path: PathBuf = given.extract()?;
     let table = read_record(&path).map_err(error::input)?;
     if let Some(damage) = table.damage() {
-        let text = CString::new(damage.to_string())?;
-        PyErr::warn(given.py(), &given.py().get_type::<PyUserWarning>(), &text, 1)?;
+        warn(given.py(), damage)?;
     }
     Ok((table, path))
 }

@@ -37,3 +37,20 @@ def test_data_with_a_mistake_are_refused(measured):
         thermyo.identify(measured, TRUE)
     found = thermyo.identify(measured, GUESS, against=measured)
     assert found["against"] == found["rmse"]
+
+
+def test_a_joint_is_identified_as_by_the_command(command, tmp_path):
+    joint = {"run": {"duration_s": 12.0}, "plant": {"model": "lumped"}, "joint": {"gravity_n_m": 2.0}}
+    joint["drive"] = {"shape": "sine", "amplitude_rad": "30 deg", "period_s": 3.0}
+    run = thermyo.run(joint)
+    data = {name: run[name] for name in ("time_s", "angle_rad", "a_pressure_pa", "b_pressure_pa")}
+    (tmp_path / "data.csv").write_text(thermyo.to_csv(data))
+    (tmp_path / "joint.toml").write_text(thermyo.check(joint))
+    out = tmp_path / "out"
+    options = ("--config", tmp_path / "joint.toml", "--out", out, "--json", "--quiet")
+    result = json.loads(command("identify", tmp_path / "data.csv", *options).stdout)
+    found = thermyo.identify(data, joint)
+    assert found.pop("scenario") == (out / "identified.toml").read_text()
+    assert found == result
+    with pytest.raises(thermyo.ScenarioError, match="^against: is for one muscle"):
+        thermyo.identify(data, joint, against=data)
