@@ -131,6 +131,9 @@ fn a_joint_is_swept() {
     assert!(cell(0, "estimate_rmse_k") > 0.01 && cell(0, "estimate_rmse_k") < 5.0, "{table}");
     let page = read(&out, "report.html");
     assert!(page.contains("The set point is followed to ") && page.contains(" deg RMS at best"));
+    // The page had a map of the temperatures only, and columns of methods that a joint does not have.
+    assert!(page.contains(">Set point</h2>") && page.contains(">Tracking<"), "no map of the angle");
+    assert!(!page.contains("not run") && !page.contains("forward model"), "not a joint's methods");
 
     let shard = |part: &str| {
         let out = folder.path(&part.replace('/', "-"));

@@ -5,7 +5,9 @@ use super::ways::{BARE, ESTIMATE, WAYS, Way};
 use super::{Figures, Point, Range, Study};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::f64::consts::PI;
 use thermyo_files::number::significant;
+use thermyo_files::units::Unit;
 use thermyo_record::tracking::Controlled;
 
 #[derive(Debug)]
@@ -112,6 +114,28 @@ impl<'a> Outcome<'a> {
             (kind, ends(own.map(|(_, error)| *error)))
         };
         kinds.into_iter().map(of_kind).collect()
+    }
+
+    /// RMS errors of the set point over the whole grid, and their unit; none if no point has one, or
+    /// if they are of several quantities.
+    pub(super) fn tracking_errors(&self) -> Option<(Vec<f64>, &'static str)> {
+        let control = self.control();
+        let [(kind, _)] = control[..] else { return None };
+        let unit = match kind {
+            Some(controlled) => controlled.unit(),
+            None if self.study.is_joint() => Unit { symbol: "deg", factor: 180.0 / PI },
+            None => return None,
+        };
+        let error = |figures: Option<&Figures>| figures?.control_rms_error;
+        let errors: Vec<f64> =
+            self.grid().into_iter().map(|figures| error(figures).unwrap_or(f64::NAN)).collect();
+        Some((unit.convert(&errors), unit.symbol))
+    }
+
+    /// The methods that the runs have; a joint has no sensor in the wall.
+    pub(super) fn ways(&self) -> Vec<(usize, &'static Way)> {
+        let is_had = |(way, _): &(usize, &Way)| self.errors_k(*way).iter().any(|k| k.is_finite());
+        WAYS.iter().enumerate().filter(is_had).collect()
     }
 
     /// Tracking of the set point, in a sentence for each quantity; empty if no point has one.

@@ -26,7 +26,12 @@ pub fn page(outcome: &Outcome, within_k: f64) -> String {
     let page = Page::new(&format!("Sweep of {}", study.name), &conclusion, &study.scenario);
     let page = tiles(outcome, within_k).into_iter().fold(page, Page::tile);
     let page = if study.plan.is_map() {
-        page.section(maps(outcome, within_k)).section(limits(outcome, within_k))
+        let page = page.section(maps(outcome, within_k)).section(limits(outcome, within_k));
+        outcome
+            .tracking_errors()
+            .map(|errors| set_point(outcome, errors))
+            .into_iter()
+            .fold(page, Page::section)
     } else {
         page.section(clouds(outcome, within_k))
     };
@@ -61,10 +66,7 @@ fn along(study: &Study, key: usize) -> Axis {
 fn maps(outcome: &Outcome, within_k: f64) -> Section {
     let study = outcome.study;
     let section = Section::new("Which sensor is fast enough");
-    let several: Vec<usize> = (0..study.plan.ranges.len())
-        .filter(|key| study.plan.ranges[*key].values.len() > 1)
-        .collect();
-    match several[..] {
+    match several(study)[..] {
         [x, y] => section.figures(pair(outcome, (x, y), &[], within_k)),
         [x, y, z] => {
             let values = study.plan.ranges[z].values.iter().enumerate();
@@ -73,6 +75,40 @@ fn maps(outcome: &Outcome, within_k: f64) -> Section {
             })
         }
         _ => section.figure(lines(outcome, within_k)),
+    }
+}
+
+/// Keys that have several values.
+fn several(study: &Study) -> Vec<usize> {
+    let ranges = &study.plan.ranges;
+    (0..ranges.len()).filter(|key| ranges[*key].values.len() > 1).collect()
+}
+
+/// Errors of the set point, which have this unit, over the keys.
+fn set_point(outcome: &Outcome, (errors, unit): (Vec<f64>, &str)) -> Section {
+    let study = outcome.study;
+    let section = Section::new("Set point");
+    let caption = "RMS error of the set point.";
+    let map = |keys, held: &[(usize, usize)]| {
+        let style = Style { half: true, ..Style::default() };
+        let map =
+            Heatmap { value_label: unit.to_owned(), style, ..grid(outcome, keys, held, &errors) };
+        map.figure(&format!("Tracking{}", held_text(study, held)), caption)
+    };
+    match several(study)[..] {
+        [x, y] => section.figure(map((x, y), &[])),
+        [x, y, z] => {
+            let places = 0..study.plan.ranges[z].values.len();
+            section.figures(places.map(|place| map((x, y), &[(z, place)])).collect())
+        }
+        _ => {
+            let key = outcome.main_key();
+            let values = &study.plan.ranges[key].values;
+            let panel = Panel::new(Axis::new("RMS error of the set point", unit))
+                .line("", Colour::Blue, values, &errors)
+                .dots("", Colour::Blue, values, &errors);
+            section.figure(Chart::new(along(study, key)).panel(panel).figure("Tracking", caption))
+        }
     }
 }
 
@@ -109,7 +145,7 @@ fn lines(outcome: &Outcome, within_k: f64) -> Figure {
     let mut panel =
         Panel::new(Axis::new("RMS error against the plant's gas temperature", "K").log());
     panel = panel.height(300.0);
-    for (way, (name, ..)) in WAYS.iter().enumerate() {
+    for (way, (name, ..)) in outcome.ways() {
         let errors = outcome.errors_k(way);
         panel = panel.line(name, COLOURS[way], &range.values, &errors).dots(
             "",
@@ -128,62 +164,73 @@ fn lines(outcome: &Outcome, within_k: f64) -> Figure {
 /// Maps of bare sensor and estimate on one colour scale, with the other keys fixed.
 fn pair(
     outcome: &Outcome,
-    (x, y): (usize, usize),
+    keys: (usize, usize),
     held: &[(usize, usize)],
     within_k: f64,
 ) -> Vec<Figure> {
-    let study = outcome.study;
     let of_both = || [BARE, ESTIMATE].into_iter().flat_map(|way| outcome.errors_k(way));
     let (low, high) = data_range(of_both(), Spacing::Linear);
     let spacing = if low > 0.0 && high > WIDE * low { Spacing::Log } else { Spacing::Linear };
-    let held_text: String = held
-        .iter()
-        .map(|(key, place)| {
-            let range = &study.plan.ranges[*key];
-            let value = match range.words.get(*place) {
-                Some(word) => word.clone(),
-                None => with_unit(range.values[*place], study.unit(*key)),
-            };
-            format!(", {} = {value}", range.key)
-        })
-        .collect();
-    let places = |key: usize| {
-        let range = &study.plan.ranges[key];
-        range.values.iter().map(|value| range.shown(*value)).collect()
-    };
     let map = |way: usize, who: &str, caption: &str| {
-        let errors = outcome.errors_k(way);
-        let mut cells = vec![
-            vec![f64::NAN; study.plan.ranges[x].values.len()];
-            study.plan.ranges[y].values.len()
-        ];
-        for (point, error) in errors.into_iter().enumerate() {
-            let places = study.plan.places(point);
-            if held.iter().all(|(key, place)| places[*key] == *place) {
-                cells[places[y]][places[x]] = error;
-            }
-        }
-        Heatmap {
-            x_label: axis(study, x),
-            y_label: axis(study, y),
-            value_label: "K".to_owned(),
-            x: places(x),
-            y: places(y),
-            cells,
-            style: Style {
-                range: Some((low, high)),
-                spacing,
-                limit: Some((within_k, format!("within {within_k} K"))),
-                half: true,
-                signed: false,
-            },
-        }
-        .figure(&format!("{who}{held_text}"), caption)
+        let style = Style {
+            range: Some((low, high)),
+            spacing,
+            limit: Some((within_k, format!("within {within_k} K"))),
+            half: true,
+            signed: false,
+        };
+        let grid = grid(outcome, keys, held, &outcome.errors_k(way));
+        let map = Heatmap { value_label: "K".to_owned(), style, ..grid };
+        map.figure(&format!("{who}{}", held_text(outcome.study, held)), caption)
     };
     vec![
         map(BARE, "Bare sensor", "RMS error of the sensor's reading."),
         map(ESTIMATE, "Estimate", "RMS error of the core's estimate, on the same scale."),
     ]
+}
+
+/// The values of the other keys, as the end of a title.
+fn held_text(study: &Study, held: &[(usize, usize)]) -> String {
+    let text = |(key, place): &(usize, usize)| {
+        let range = &study.plan.ranges[*key];
+        let value = match range.words.get(*place) {
+            Some(word) => word.clone(),
+            None => with_unit(range.values[*place], study.unit(*key)),
+        };
+        format!(", {} = {value}", range.key)
+    };
+    held.iter().map(text).collect()
+}
+
+/// Map of a figure of each point over two keys, with the other keys fixed.
+fn grid(
+    outcome: &Outcome,
+    (x, y): (usize, usize),
+    held: &[(usize, usize)],
+    figures: &[f64],
+) -> Heatmap {
+    let study = outcome.study;
+    let places = |key: usize| {
+        let range = &study.plan.ranges[key];
+        range.values.iter().map(|value| range.shown(*value)).collect()
+    };
+    let [columns, rows] = [x, y].map(|key| study.plan.ranges[key].values.len());
+    let mut cells = vec![vec![f64::NAN; columns]; rows];
+    for (point, figure) in figures.iter().enumerate() {
+        let places = study.plan.places(point);
+        if held.iter().all(|(key, place)| places[*key] == *place) {
+            cells[places[y]][places[x]] = *figure;
+        }
+    }
+    Heatmap {
+        x_label: axis(study, x),
+        y_label: axis(study, y),
+        value_label: String::new(),
+        x: places(x),
+        y: places(y),
+        cells,
+        style: Style::default(),
+    }
 }
 
 /// Table with a row per line of the grid along the main key, and the range in which each method is within the limit.
@@ -192,18 +239,18 @@ fn limits(outcome: &Outcome, within_k: f64) -> Section {
     let main = outcome.main_key();
     let others: Vec<usize> = (0..study.plan.ranges.len()).filter(|key| *key != main).collect();
     let mut columns: Vec<String> = others.iter().map(|key| axis(study, *key)).collect();
-    columns.extend(WAYS.iter().map(|(name, ..)| (*name).to_owned()));
-    let reaches: Vec<_> = (0..WAYS.len()).map(|way| outcome.reaches(way, within_k)).collect();
+    let ways = outcome.ways();
+    columns.extend(ways.iter().map(|(_, (name, ..))| (*name).to_owned()));
+    let reaches: Vec<_> = ways.iter().map(|(way, _)| outcome.reaches(*way, within_k)).collect();
     let caption =
         format!("{}: where the RMS error is within {within_k} K", study.plan.ranges[main].key);
     let section = Section::new("Limits");
     let interpolated = "Limits are interpolated between the points of the grid.";
     if others.is_empty() {
         // With a single line, the rows are the methods.
-        let rows = WAYS
-            .iter()
-            .zip(&reaches)
-            .map(|((name, ..), lines)| vec![(*name).to_owned(), lines[0].text(study.unit(main))]);
+        let rows = ways.iter().zip(&reaches).map(|((_, (name, ..)), lines)| {
+            vec![(*name).to_owned(), lines[0].text(study.unit(main))]
+        });
         let table = Table::new(&caption, &["Gas temperature from", "Within the limit"], rows);
         return section.table(table).paragraph(interpolated);
     }
@@ -246,10 +293,10 @@ fn how(outcome: &Outcome) -> Section {
     );
     let shares = ends(outcome.figures().map(|figures| figures.within_2sd));
     if let [Some(low), Some(high)] = shares {
+        let [low, high] = [low, high].map(|share| fixed(100.0 * share, 0));
+        let shares = if low == high { low } else { format!("{low} to {high}") };
         text += &format!(
-            " The truth lay within two stated standard deviations of the estimate in {} to {} % of the time.",
-            fixed(100.0 * low, 0),
-            fixed(100.0 * high, 0)
+            " The truth lay within two stated standard deviations of the estimate in {shares} % of the time."
         );
     }
     section = section.paragraph(&text);

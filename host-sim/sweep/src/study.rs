@@ -106,7 +106,7 @@ impl Study {
         if self.is_joint() { &JOINT_COLUMNS } else { &[] }
     }
 
-    fn is_joint(&self) -> bool {
+    pub(super) fn is_joint(&self) -> bool {
         joint::is_joint(&self.scenario)
     }
 
