@@ -379,6 +379,14 @@ mod tests {
         assert!(gauge.contains("the fit misses pressure_pa by more than it varies"), "{gauge}");
     }
 
+    /// It was refused by a list of a muscle's fifty columns.
+    #[test]
+    fn a_record_of_a_joint_is_named_as_such() {
+        let joint = Table::parse("time_s,angle_rad\n0,0\n1,0\n", "arm.csv".as_ref()).unwrap();
+        let refused = identified(&joint, None).err().unwrap();
+        assert!(refused.starts_with("arm.csv: is the record of a joint"), "{refused}");
+    }
+
     /// `--against` used to be refused for every record over time that [identify] fits.
     #[test]
     fn a_record_is_compared_with_one_that_was_not_fitted() {

@@ -53,6 +53,7 @@ pub fn identify_table(
     against: Option<&Table>,
     watch: &dyn Watch,
 ) -> Result<Found, IdentifyError> {
+    refuse_joint(table)?;
     if Readings::are_in(table) {
         let readings = Readings::of(table)?;
         let against = against.map(|other| readings.to_compare(other)).transpose()?;
@@ -78,6 +79,15 @@ pub fn identify_table(
         found.compare(other, watch);
     }
     Ok(Found::Record(found))
+}
+
+fn refuse_joint(table: &Table) -> Result<(), InputError> {
+    let why =
+        "is the record of a joint, and the scenario is of one muscle: must be that of the joint";
+    match table.column("angle_rad") {
+        Ok(_) => Err(table.header_error(Problem::Unusable(why.to_owned()))),
+        Err(_) => Ok(()),
+    }
 }
 
 /// Refuses a record over time that cannot be of the scenario's plant.
