@@ -427,6 +427,7 @@ fn bad_arguments_are_named_and_nothing_is_written() {
             "sensor.gas.range_min_k=200:400:2",
             "--vary sensor.gas.range_min_k=200:400:2: at sensor.gas.range_min_k = 400: ",
         ),
+        ("drive.profile_csv=a.csv,b.csv", "drive.profile_csv names a file, and a sweep varies"),
         ("sensor.gas.span", "must be KEY=FROM:TO:COUNT"),
         ("sensor.gas.span=0:x:2", "TO = \"x\": must be a number"),
         ("sensor.gas.span=0:1:1", "FROM must equal TO"),

@@ -30,6 +30,7 @@ pub use study::{Point, Study};
 
 use plan::Plan;
 pub use range::MOST_POINTS;
+use range::allowed;
 use scenario::Assembled;
 pub use scenario::Swept;
 use std::any::Any;
@@ -38,6 +39,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use thermyo_compute::parallel;
 use thermyo_files::input::{InputError, Problem};
+use thermyo_scenario::schema::Allowed;
 
 /// Reason why a sweep does not start.
 #[derive(Debug, thiserror::Error)]
@@ -54,6 +56,10 @@ pub enum SweepError {
     Count(String),
     #[error("{0}: {1}")]
     Value(String, Problem),
+    #[error(
+        "{0}: {1} names a file, and a sweep varies numbers and words: run each file, and compare the runs"
+    )]
+    File(String, String),
     #[error("{0}: at {1}: {2}")]
     Point(String, String, InputError),
     #[error("must be 1 to {MOST_POINTS} points: change the COUNT of a --vary, or --lhs")]
@@ -91,6 +97,9 @@ impl Sweep {
         let base = scenario.assemble()?;
         let plan = Plan::new(ranges, latin)?;
         for range in &plan.ranges {
+            if let Some(Allowed::Csv { .. }) = allowed(&range.key) {
+                return Err(SweepError::File(range.to_string(), range.key.clone()));
+            }
             for value in &range.values {
                 let set = range.set(&mut scenario.clone(), *value);
                 set.map_err(|problem| SweepError::Value(range.to_string(), problem))?;
