@@ -9,19 +9,19 @@ use thermyo_boards::image::{Variant, firmware, prepare_emulator};
 use thermyo_protocol::HostCommand;
 use thermyo_simulation::board::BoardError;
 
-/// Size of the image in flash \[bytes\]; 159.2 KiB is reached, the aim was 140.
-const FLASH: RangeInclusive<u64> = 150 * 1024..=161 * 1024;
+/// Size of the image in flash \[bytes\]; 162.3 KiB is reached, the aim was 140.
+const FLASH: RangeInclusive<u64> = 156 * 1024..=164 * 1024;
 /// Static memory of the image, without its code and constants \[bytes\]; 28.0 KiB is reached, up to one more if a table
 /// is aligned.
 const RAM: RangeInclusive<u64> = 26 * 1024..=29 * 1024;
 /// Cycles of the RP2040 in a millisecond.
 const CYCLES_PER_MS: f64 = 200.0e3;
-/// Fraction of the time for which the processor is busy, including telemetry as at the start; 0.127 is reached.
-const BUSY: Range<f64> = 0.115..0.135;
+/// Fraction of the time for which the processor is busy, including telemetry as at the start; 0.137 is reached.
+const BUSY: Range<f64> = 0.125..0.145;
 
-/// The same for the image of a joint: 188.0 and 49.0 KiB, of which an encoder takes 1.3 and 0.2.
-const JOINT_FLASH: RangeInclusive<u64> = 180 * 1024..=191 * 1024;
-const JOINT_RAM: RangeInclusive<u64> = 46 * 1024..=50 * 1024;
+/// The same for the image of a joint: 191.0 and 50.1 KiB, of which an encoder takes 1.3 and 0.2.
+const JOINT_FLASH: RangeInclusive<u64> = 185 * 1024..=194 * 1024;
+const JOINT_RAM: RangeInclusive<u64> = 47 * 1024..=52 * 1024;
 /// RAM of the RP2040 without the stack (`memory.x`).
 const ALL_RAM: u64 = (264 - 24) * 1024;
 

@@ -198,7 +198,7 @@ impl Element {
 
     /// Moves the profile around the foil, in zones that are `excess_k` warmer than their wall \[K\].
     pub fn conduct(&mut self, c: &Coefficients, exchange: &Exchange, excess_k: &PerZone) {
-        let conduction = Conduction::seen(&exchange.conduction, &self.weights);
+        let conduction = Conduction::seen(&exchange.still.conduction, &self.weights);
         self.profile.advance(&conduction, total(&times(&self.weights, excess_k)));
         // Stirring flattens it.
         let share = exchange.still_share(&self.weights);
@@ -340,6 +340,7 @@ impl Element {
 
 #[cfg(test)]
 mod tests {
+    use super::super::zones::Still;
     use super::*;
     use crate::config::Config;
 
@@ -351,7 +352,8 @@ mod tests {
         let c = Coefficients::new(&config);
         let mut element = Element::new(300.0, &c);
         let conduction = [Conduction::new(&c.profile, 0.001, 2.3, 0.02); ZONES];
-        let exchange = Exchange { conduction, formed_j_k: [1.0; ZONES], ..Exchange::default() };
+        let still = Still { conduction, formed_j_k: [1.0; ZONES], ..Still::default() };
+        let exchange = Exchange { still, ..Exchange::default() };
         for _ in 0..100_000 {
             element.conduct(&c, &exchange, &[1.0; ZONES]);
         }

@@ -602,7 +602,7 @@ impl Estimator {
         }
         self.measured_j = measured_j;
         self.window.work_j += work_j;
-        let rise_pa = pressure_pa - self.pressure_pa;
+        let before_pa = self.pressure_pa;
         self.pressure_pa = pressure_pa;
         self.volume_m3 = volume_m3;
         self.interval.steps += 1;
@@ -627,7 +627,7 @@ impl Estimator {
             self.entering = way == Way::In;
         }
         if flowing || leaking.is_some() {
-            self.exchange_gas(enthalpy_j, rise_pa);
+            self.exchange_gas(enthalpy_j, before_pa);
         }
         let flow = &mut self.interval.flow;
         flow.steps += 1;
@@ -635,17 +635,19 @@ impl Estimator {
         self.interval.flow.gas_k += self.gas_k;
     }
 
-    /// Moves the mass by an enthalpy that crosses the port in a step in which the pressure rises by `rise_pa`.
+    /// Moves the mass by an enthalpy that crosses the port in a step that began at a pressure of `before_pa`.
     #[inline(always)] // In every step.
-    fn exchange_gas(&mut self, enthalpy_j: f32, rise_pa: f32) {
+    fn exchange_gas(&mut self, enthalpy_j: f32, before_pa: f32) {
         let flow = &mut self.interval.flow;
         flow.enthalpy_j += enthalpy_j;
         flow.flowing_steps += 1;
         let change_kg = if self.entering {
-            let warming_j = self.coefficients.tube.warming_m3 * rise_pa;
+            let warming_j = self.coefficients.tube.warming_m3 * (self.pressure_pa - before_pa);
             let inflow_kg = (enthalpy_j - warming_j) * self.coefficients.per_cp_supply;
             flow.inflow_kg += inflow_kg;
-            self.jet_kg = inflow_kg;
+            if !self.coefficients.stirring.lasts {
+                self.jet_kg = inflow_kg;
+            }
             inflow_kg
         } else {
             let port_k = self.gas_k * self.port_ratio;
@@ -723,7 +725,9 @@ impl Estimator {
     fn set_exchange(&mut self) {
         self.exchange_due = false;
         let factors = (self.scale, self.stirring);
-        self.exchange = self.zones.exchange(&self.coefficients, factors, &self.place, self.gas_k);
+        let Self { coefficients, place, exchange, .. } = self;
+        self.exchange =
+            self.zones.exchange(coefficients, factors, place, self.gas_k, &exchange.still);
         self.heat_per_k = self.exchange.per_k;
         self.heat_offset_j = self.exchange.offset_j;
         // At the port, on a straight line through the middles of the first two zones.

@@ -36,11 +36,7 @@ pub fn minus(a: &PerZone, b: &PerZone) -> PerZone {
 
 /// The smaller one, zone by zone.
 pub fn least(a: &PerZone, b: &PerZone) -> PerZone {
-    paired(a, b, |a, b| if a < b { a } else { b })
-}
-
-/// A function of two numbers, zone by zone.
-pub fn paired(a: &PerZone, b: &PerZone, of: impl Fn(f32, f32) -> f32) -> PerZone {
     let ([a0, a1, a2, a3], [b0, b1, b2, b3]) = (a, b);
-    [of(*a0, *b0), of(*a1, *b1), of(*a2, *b2), of(*a3, *b3)]
+    let least = |a: f32, b: f32| if a < b { a } else { b };
+    [least(*a0, *b0), least(*a1, *b1), least(*a2, *b2), least(*a3, *b3)]
 }

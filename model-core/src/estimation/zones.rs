@@ -16,7 +16,7 @@
 //! count as if they had been as large all the time; instead, the shape of the masses moves ([`Zones::replaced`]).
 
 use super::coefficients::Coefficients;
-use super::per_zone::{PerZone, ZONES, least, minus, paired, plus, scaled, times, total};
+use super::per_zone::{PerZone, ZONES, least, minus, plus, scaled, times, total};
 use super::profile::{Conduction, Modes, SETTLED_CONDUCTION};
 use crate::math::{absolute, limit, sqrt};
 
@@ -47,11 +47,41 @@ pub struct Exchange {
     pub jet: Jet,
     /// Energy that the profile adds in each zone \[J\].
     pub profile_j: PerZone,
-    /// Conductance of still gas in each zone once its profile has formed \[J/K\].
-    pub formed_j_k: PerZone,
-    /// The same for a persistent error, over that conductance \[-\].
+    /// Conductance for a persistent error, over that of a profile that has formed \[-\].
     pub settled: f32,
+    pub still: Still,
+}
+
+/// Still gas.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Still {
+    /// Conductance of each zone once its profile has formed \[J/K\].
+    pub formed_j_k: PerZone,
     pub conduction: [Conduction; ZONES],
+    pub turn: Turn,
+}
+
+/// Zones whose still gas follows next.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Turn {
+    #[default]
+    All,
+    Even,
+    Odd,
+}
+
+impl Turn {
+    fn skips(self, zone: usize) -> bool {
+        match self {
+            Self::All => false,
+            Self::Even => !zone.is_multiple_of(2),
+            Self::Odd => zone.is_multiple_of(2),
+        }
+    }
+
+    fn next(self) -> Self {
+        if self == Self::Even { Self::Odd } else { Self::Even }
+    }
 }
 
 /// Heat transfer by a jet that stirs only while it lasts: a step's is `per_k` of the gas's mean temperature, less
@@ -90,14 +120,14 @@ impl Exchange {
 
     /// Share of still gas in the conductance at a foil that averages over the zones with these weights \[-\].
     pub fn still_share(&self, weights: &PerZone) -> f32 {
-        let formed_j_k = total(&times(weights, &self.formed_j_k));
+        let formed_j_k = total(&times(weights, &self.still.formed_j_k));
         let all = formed_j_k + total(&times(weights, &self.stirred_j_k));
         if all > 0.0 { formed_j_k / all } else { 1.0 }
     }
 
     /// Conductance of each zone for a persistent error \[J/K\].
     pub fn settled_j_k(&self) -> PerZone {
-        plus(&self.stirred_j_k, &scaled(&self.formed_j_k, self.settled))
+        plus(&self.stirred_j_k, &scaled(&self.still.formed_j_k, self.settled))
     }
 }
 
@@ -246,31 +276,26 @@ impl Zones {
         (scale, stirring): (f32, f32),
         place: &Place,
         gas_k: f32,
+        before: &Still,
     ) -> Exchange {
         let share = scale * place.surface_m2 * c.step_s * (1.0 / ZONES as f32);
         let gas_k = scaled(&self.ratio, gas_k);
-        let excess_k = minus(&gas_k, &self.wall_k);
-        let film = c.film(&plus(&gas_k, &self.wall_k));
+        let still = self.still(c, place, share, &gas_k, before);
         let lasting = if c.stirring.lasts { c.stirring.forced(self.stirring_in) } else { 0.0 };
         let stirred = plus(
             &scaled(&c.jet, lasting),
             &scaled(&c.column, c.stirring.forced(self.stirring_out)),
         );
-        let stirred = times(&stirred, &film.map(conductivity));
-        let stirred_j_k = scaled(&stirred, share * stirring);
+        let film = plus(&gas_k, &self.wall_k).map(|sum_k| c.film(sum_k));
+        let stirred_j_k = scaled(&times(&stirred, &film.map(conductivity)), share * stirring);
         // Within one movement no zone passes the temperature of its wall.
         let most_j_kg_k = c.gas.cp_j_kg_k() * c.per_move * ZONES as f32;
         let stirred_j_k = least(&stirred_j_k, &scaled(&self.mass_kg, most_j_kg_k));
-        let per_pa2 = place.pressure_pa * place.pressure_pa;
-        let still =
-            |excess_k: f32, film: f32| share * c.still_w_m2_k(per_pa2 * absolute(excess_k), film);
-        let formed_j_k = paired(&excess_k, &film, still);
-        let conduction = self.conduction(c, place, &formed_j_k);
-        let zone_j_k = scaled(&conduction.map(|zone| zone.per_k), c.per_move * ZONES as f32);
+        let zone_j_k = scaled(&still.conduction.map(|zone| zone.per_k), c.per_move * ZONES as f32);
         let zone_j_k = plus(&zone_j_k, &stirred_j_k);
         let mut profile_j = [0.0; ZONES];
         for (profile_j, (zone, modes_k)) in
-            profile_j.iter_mut().zip(conduction.iter().zip(&self.profile_k))
+            profile_j.iter_mut().zip(still.conduction.iter().zip(&self.profile_k))
         {
             *profile_j = c.per_move * ZONES as f32 * zone.profile_j(modes_k);
         }
@@ -281,9 +306,8 @@ impl Zones {
             stirred_j_k,
             jet: self.jet(c, scale * stirring * place.surface_m2, most_j_kg_k),
             profile_j,
-            formed_j_k,
             settled: if c.profile.exists { SETTLED_CONDUCTION } else { 1.0 },
-            conduction,
+            still,
         }
     }
 
@@ -300,23 +324,36 @@ impl Zones {
         Jet { per_k, offset_j: total(&times(&zone_j_k, &self.wall_k)), zone_j_k, most_kg }
     }
 
-    /// Conduction in each zone over one movement, for these conductances in a step once the profile has formed \[J/K\].
-    fn conduction(
+    /// Still gas of this share of the surface in a step \[m2 s\] and temperatures \[K\]. With a profile, which takes most
+    /// of the work, two zones follow with each movement, and the others with the next.
+    fn still(
         &self,
         c: &Coefficients,
         place: &Place,
-        formed_j_k: &PerZone,
-    ) -> [Conduction; ZONES] {
+        share: f32,
+        gas_k: &PerZone,
+        before: &Still,
+    ) -> Still {
+        let mut still = Still { turn: before.turn.next(), ..*before };
+        let per_pa2 = place.pressure_pa * place.pressure_pa;
         let steps = f32::from(c.counts.move_steps);
-        let (surface_m2, volume_m3) = (place.surface_m2, place.volume_m3);
-        let (zone_m2, per_zone_m3) = (surface_m2 * (1.0 / ZONES as f32), ZONES as f32 / volume_m3);
-        let mut conduction = formed_j_k.map(|formed_j_k| Conduction::even(steps * formed_j_k));
-        if c.profile.exists {
-            for (zone, mass_kg) in conduction.iter_mut().zip(self.mass_kg) {
-                *zone = Conduction::new(&c.profile, zone.per_k, mass_kg * per_zone_m3, zone_m2);
+        let zone_m2 = place.surface_m2 * (1.0 / ZONES as f32);
+        let per_zone_m3 = ZONES as f32 / place.volume_m3;
+        let gas = gas_k.iter().zip(&self.wall_k).zip(&self.mass_kg);
+        let zones = still.formed_j_k.iter_mut().zip(&mut still.conduction).zip(gas);
+        for (i, ((formed_j_k, conduction), ((gas_k, wall_k), mass_kg))) in zones.enumerate() {
+            if c.profile.exists && before.turn.skips(i) {
+                continue;
+            }
+            let pa2_k = per_pa2 * absolute(gas_k - wall_k);
+            *formed_j_k = share * c.still_w_m2_k(pa2_k, c.film(gas_k + wall_k));
+            *conduction = Conduction::even(steps * *formed_j_k);
+            if c.profile.exists {
+                let density_kg_m3 = mass_kg * per_zone_m3;
+                *conduction = Conduction::new(&c.profile, conduction.per_k, density_kg_m3, zone_m2);
             }
         }
-        conduction
+        still
     }
 
     /// Moves gas and walls by a number of steps.
@@ -333,7 +370,7 @@ impl Zones {
         let gas_k = scaled(&self.ratio, mean_k);
         let excess_k = minus(&gas_k, &self.wall_k);
         if c.profile.exists {
-            let zones = exchange.conduction.iter().zip(&excess_k);
+            let zones = exchange.still.conduction.iter().zip(&excess_k);
             for (modes_k, (zone, excess_k)) in self.profile_k.iter_mut().zip(zones) {
                 *modes_k = zone.advance(modes_k, *excess_k);
             }
@@ -495,15 +532,11 @@ impl Zones {
 }
 
 impl Coefficients {
-    /// How much warmer the films are than the one for which the configured coefficients hold, share of its temperature
-    /// \[-\], for the sums of the zones' gas and wall temperatures \[K\]. Coefficients that are no laws of air, without a
-    /// profile, hold for any film.
-    fn film(&self, sums_k: &PerZone) -> PerZone {
-        if self.profile.exists {
-            sums_k.map(|sum_k| sum_k * self.per_film_k - 1.0)
-        } else {
-            [0.0; ZONES]
-        }
+    /// How much warmer a film is than the one for which the configured coefficients hold, share of its temperature
+    /// \[-\], for the sum of its gas and wall temperatures \[K\]. Coefficients that are no laws of air, without a profile,
+    /// hold for any film.
+    fn film(&self, sum_k: f32) -> f32 {
+        if self.profile.exists { sum_k * self.per_film_k - 1.0 } else { 0.0 }
     }
 
     /// Heat transfer coefficient of still gas for the square of the pressure times the difference from the wall \[Pa2
@@ -521,7 +554,7 @@ impl Coefficients {
 
 /// Conductivity of air over that of the film for which the coefficients hold \[-\]; see [`CONDUCTIVITY`].
 fn conductivity(film: f32) -> f32 {
-    limit(1.0 + CONDUCTIVITY * film, 0.1, 10.0)
+    1.0 + CONDUCTIVITY * film
 }
 
 #[cfg(test)]
@@ -550,8 +583,8 @@ mod tests {
             mass_kg: 4.0e-4,
             ..Place::NONE
         };
-        let exchange = zones.exchange(c, (1.0, 0.0), &place, gas_k);
-        scaled(&exchange.formed_j_k, ZONES as f32 / (0.02 * c.step_s * 7.5))
+        let exchange = zones.exchange(c, (1.0, 0.0), &place, gas_k, &Still::default());
+        scaled(&exchange.still.formed_j_k, ZONES as f32 / (0.02 * c.step_s * 7.5))
     }
 
     #[test]
