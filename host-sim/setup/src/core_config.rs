@@ -125,11 +125,15 @@ fn port_k(s: &Scenario) -> f64 {
     if !s.moves_in_full() || s.zones.source == ZonesSource::Keys {
         return s.supply.temperature_k;
     }
-    let gas = IdealGas::new(&s.gas);
-    let line_m = s.tube.line().map_or(0.0, |[length_m, _]| length_m);
-    let bore = Bore::of_tube(s, &gas);
+    let (gas, bore, line_m) = path(s);
     let kept = bore.kept(&gas, s.tube.volume_m3, line_m, working_flow_kg_s(s));
     s.ambient.temperature_k + kept * (s.supply.temperature_k - s.ambient.temperature_k)
+}
+
+/// The gas, the bore of tube and line, and the line's length \[m\].
+fn path(s: &Scenario) -> (IdealGas, Bore, f64) {
+    let gas = IdealGas::new(&s.gas);
+    (gas, Bore::of_tube(s, &gas), s.tube.line().map_or(0.0, |[length_m, _]| length_m))
 }
 
 /// Flow into the chamber in the middle of the nominal cycle, in proportion to the valve \[kg/s\].
@@ -287,9 +291,7 @@ fn zones(s: &Scenario, moving: Option<&dyn Chamber>, inner: &Inner) -> Zones {
     let Some(chamber) = moving.filter(|_| s.moves_in_full()) else { return laws };
     let diameter_m = chamber.diameter(chamber.rest_length());
     let foil = &s.sensor.gas;
-    let gas = IdealGas::new(&s.gas);
-    let bore = Bore::of_tube(s, &gas);
-    let line_m = s.tube.line().map_or(0.0, |[length_m, _]| length_m);
+    let (gas, bore, line_m) = path(s);
     Zones {
         // In the plant, exchange between neighbours acts over the distance of its zones.
         recirculation: (RECIRCULATION * CORE_ZONES / chamber.zones().max(1) as f64) as f32,

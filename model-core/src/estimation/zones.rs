@@ -280,13 +280,13 @@ impl Zones {
     ) -> Exchange {
         let share = scale * place.surface_m2 * c.step_s * (1.0 / ZONES as f32);
         let gas_k = scaled(&self.ratio, gas_k);
-        let still = self.still(c, place, share, &gas_k, before);
+        let film = plus(&gas_k, &self.wall_k).map(|sum_k| c.film(sum_k));
+        let still = self.still(c, place, share, (&gas_k, &film), before);
         let lasting = if c.stirring.lasts { c.stirring.forced(self.stirring_in) } else { 0.0 };
         let stirred = plus(
             &scaled(&c.jet, lasting),
             &scaled(&c.column, c.stirring.forced(self.stirring_out)),
         );
-        let film = plus(&gas_k, &self.wall_k).map(|sum_k| c.film(sum_k));
         let stirred_j_k = scaled(&times(&stirred, &film.map(conductivity)), share * stirring);
         // Within one movement no zone passes the temperature of its wall.
         let most_j_kg_k = c.gas.cp_j_kg_k() * c.per_move * ZONES as f32;
@@ -324,14 +324,14 @@ impl Zones {
         Jet { per_k, offset_j: total(&times(&zone_j_k, &self.wall_k)), zone_j_k, most_kg }
     }
 
-    /// Still gas of this share of the surface in a step \[m2 s\] and temperatures \[K\]. With a profile, which takes most
+    /// Still gas of this share of the surface in a step \[m2 s\], temperatures \[K\] and films. With a profile, which takes most
     /// of the work, two zones follow with each movement, and the others with the next.
     fn still(
         &self,
         c: &Coefficients,
         place: &Place,
         share: f32,
-        gas_k: &PerZone,
+        (gas_k, film): (&PerZone, &PerZone),
         before: &Still,
     ) -> Still {
         let mut still = Still { turn: before.turn.next(), ..*before };
@@ -339,14 +339,15 @@ impl Zones {
         let steps = f32::from(c.counts.move_steps);
         let zone_m2 = place.surface_m2 * (1.0 / ZONES as f32);
         let per_zone_m3 = ZONES as f32 / place.volume_m3;
-        let gas = gas_k.iter().zip(&self.wall_k).zip(&self.mass_kg);
+        let gas = gas_k.iter().zip(&self.wall_k).zip(film).zip(&self.mass_kg);
         let zones = still.formed_j_k.iter_mut().zip(&mut still.conduction).zip(gas);
-        for (i, ((formed_j_k, conduction), ((gas_k, wall_k), mass_kg))) in zones.enumerate() {
+        for (i, ((formed_j_k, conduction), (((gas_k, wall_k), film), mass_kg))) in zones.enumerate()
+        {
             if c.profile.exists && before.turn.skips(i) {
                 continue;
             }
             let pa2_k = per_pa2 * absolute(gas_k - wall_k);
-            *formed_j_k = share * c.still_w_m2_k(pa2_k, c.film(gas_k + wall_k));
+            *formed_j_k = share * c.still_w_m2_k(pa2_k, *film);
             *conduction = Conduction::even(steps * *formed_j_k);
             if c.profile.exists {
                 let density_kg_m3 = mass_kg * per_zone_m3;
