@@ -1,11 +1,12 @@
-//! Every file that a document names exists, and the tuning values are the core's.
+//! Every file that a document names exists, and tuning values, frames and configurations are the code's.
 
 use model_core::SetPoint;
-use model_core::config::{ControllerConfig, EstimatorConfig};
+use model_core::config::{Config, ControllerConfig, EstimatorConfig};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
-use thermyo_protocol::{HostCommand, Request, encode};
+use thermyo_protocol::{HostCommand, PROTOCOL, Request, checksum, encode};
+use thermyo_setup::core_config::core_config;
 
 const FOLDERS: [&str; 6] = ["docs", "firmware", "host-sim", "model-core", "scenarios", "tests"];
 
@@ -172,4 +173,20 @@ fn the_frame_of_the_document_is_the_links() {
     let bytes: Vec<String> = frame.iter().map(|byte| format!("{byte:02x}")).collect();
     let text = fs::read_to_string(repository().join("docs/reference/protocol.md")).unwrap();
     assert!(text.contains(&bytes.join(" ")), "{bytes:?}");
+}
+
+#[test]
+fn the_board_of_the_tutorial_is_the_present_one() {
+    let text = fs::read_to_string(repository().join("docs/tutorial/first-muscle.md")).unwrap();
+    let loaded = thermyo_setup::load(&repository().join("scenarios/contraction.toml")).unwrap();
+    let written = checksum(&core_config(&loaded.believed));
+    for quoted in [
+        format!("protocol {PROTOCOL}\n"),
+        format!("no name, {:08x}, the core's defaults\n", checksum(&Config::default())),
+        format!("contraction, {written:08x}, sent by the host"),
+        format!("contraction, {written:08x}, from flash"),
+        format!("contraction ({written:08x}); it vents"),
+    ] {
+        assert!(text.contains(&quoted), "{quoted}");
+    }
 }
