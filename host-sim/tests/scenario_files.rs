@@ -254,6 +254,17 @@ fn broken_toml_gives_one_line() {
     let comma = parse("[muscle]\nrest_length_m = 0,3  # metres").unwrap_err();
     let expected = "scenario.toml:2: not valid TOML: 0,3: numbers need a decimal point";
     assert_eq!(comma, expected);
+    for (text, bare) in [
+        ("[plant]\nmodel = full", "full"),
+        ("[load]\nkind = isotonic  # a weight", "isotonic"),
+        ("[drive]\npressure_pa = 250 kPa", "250 kPa"),
+    ] {
+        let expected =
+            format!("scenario.toml:2: not valid TOML: {bare}: a text needs quotes: \"{bare}\"");
+        assert_eq!(parse(text), Err(expected));
+    }
+    let twice = parse("[valve]\npwm_hz = 1e2\npwm_hz = 1e2").unwrap_err();
+    assert_eq!(twice, "scenario.toml:3: not valid TOML: duplicate key");
     let columns = parse("time_s,pressure_pa\n0,1e5\n").unwrap_err();
     let expected = "scenario.toml:1: not valid TOML: it begins as a CSV file does; a scenario has tables such as \
                     [run], and keys with values";

@@ -15,6 +15,17 @@ fn decimal_comma(line: &str) -> Option<&str> {
     (digits(whole.trim_start_matches(['-', '+'])) && digits(decimals)).then_some(value)
 }
 
+/// A text without quotes, as the value of a line.
+fn unquoted(line: &str) -> Option<&str> {
+    let (_, value) = line.split_once('=')?;
+    let value = value.split('#').next()?.trim();
+    let is_text = value.starts_with(|first: char| first.is_ascii_alphanumeric())
+        && value.contains(|c: char| c.is_ascii_alphabetic())
+        && !value.contains(['"', '\'', '[', '{', '=', ',']);
+    // Another part of a line with a valid value is wrong.
+    (is_text && DeTable::parse(&format!("value = {value}")).is_err()).then_some(value)
+}
+
 /// Whether a text begins as a CSV file does, with the names of its columns.
 fn begins_with_columns(text: &str) -> bool {
     let first = text.lines().next().unwrap_or_default();
@@ -32,12 +43,15 @@ pub(super) fn toml_of<'a>(
             let from = text.get(..span.start)?.rfind('\n').map_or(0, |end| end + 1);
             text.get(from..)?.lines().next()
         });
-        let problem = Problem::Syntax(match line.and_then(decimal_comma) {
-            Some(number) => format!("{number}: numbers need a decimal point"),
-            None if begins_with_columns(text) => {
+        let number = line.and_then(decimal_comma);
+        let bare = line.and_then(unquoted);
+        let problem = Problem::Syntax(match (number, bare) {
+            (Some(number), _) => format!("{number}: numbers need a decimal point"),
+            (_, Some(bare)) => format!("{bare}: a text needs quotes: \"{bare}\""),
+            _ if begins_with_columns(text) => {
                 "it begins as a CSV file does; a scenario has tables such as [run], and keys with values".to_owned()
             }
-            None => error.message().replace('\n', ", "),
+            _ => error.message().replace('\n', ", "),
         });
         match error.span() {
             Some(span) => InputError::line(origin, lines.line_at(span.start), problem),
