@@ -1,12 +1,13 @@
-//! Dimensions of a scenario's chamber, its load and the ranges of its sensors, for comparison with another scenario's.
+//! Dimensions of a scenario's chamber, its load, valves and ranges of its sensors, for comparison with another scenario's.
 
 use super::loaded::Loaded;
 use super::tree::value;
 use thermyo_scenario::{PlantKind, Scenario, number};
 use toml::{Table, Value};
 
-const COMMON: [&str; 6] = [
+const COMMON: [&str; 7] = [
     "plant.kind",
+    "valve.kind",
     "load.kind",
     "load.force_n",
     "load.mass_kg",
@@ -82,6 +83,14 @@ mod tests {
 
     fn loaded(text: &str) -> Loaded {
         crate::parse(text, Path::new("s.toml")).unwrap()
+    }
+
+    #[test]
+    fn valves_of_another_kind_are_named() {
+        let there = hardware(&loaded(""));
+        let proportional = "[plant]\nmodel = \"full\"\n[valve]\nkind = \"proportional\"\n";
+        let expected = ["valve.kind = \"proportional\", \"switching\" there"];
+        assert_eq!(differences(&loaded(proportional), &there), expected);
     }
 
     #[test]
