@@ -56,6 +56,10 @@ fn bad_input_is_one_line_and_exit_code_2() {
             "must be a number in Pa, or one with its unit: Pa, kPa, MPa, bar, mbar, psi",
         ),
         (
+            vec!["board", "emulated", "set", "pressure", "1.3", "bar", "--arm"],
+            "a unit follows its number without a space: 1.3bar",
+        ),
+        (
             vec!["board", "emulated", "set", "pressure", "130000", "--hold", "-1"],
             "must be a time from 0 to 1000000 s",
         ),

@@ -82,7 +82,7 @@ pub enum BoardError {
     /// The serial port cannot be opened.
     #[error(
         "{port}: {reason}: connect the board and name its port (Linux /dev/ttyACM0 or \
-         /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3)"
+         /dev/ttyUSB0, macOS /dev/cu.*, Windows COM3; without hardware, `emulated`)"
     )]
     NoPort { port: String, reason: String },
     #[error(

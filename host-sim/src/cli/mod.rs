@@ -314,6 +314,7 @@ pub fn run<A: Into<OsString> + Clone>(
         Err(mut usage) => {
             suggest(&mut usage, &arguments);
             suggest_sibling(&mut usage, &arguments);
+            suggest_joined(&mut usage, &arguments);
             let text = usage.render();
             // `--help` and `--version` arrive here too. A failed write has no reader left to report
             // to.
@@ -389,6 +390,21 @@ fn suggest_sibling(usage: &mut clap::Error, arguments: &[OsString]) {
         having.map(|one| format!("`{} {}`", task.get_name(), one.get_name())).collect();
     if usage.kind() == clap::error::ErrorKind::UnknownArgument && !names.is_empty() {
         let tip = format!("--{long} goes with {}", names.join(", "));
+        usage.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+    }
+}
+
+/// Joins the unit that was written apart from its number, as in `set pressure 1.3 bar`.
+fn suggest_joined(usage: &mut clap::Error, arguments: &[OsString]) {
+    use clap::error::{ContextKind, ContextValue};
+    let Some(ContextValue::String(unit)) = usage.get(ContextKind::InvalidArg) else { return };
+    let apart = arguments.windows(2).find_map(|pair| {
+        let number = pair[0].to_str().filter(|number| number.parse::<f64>().is_ok())?;
+        (pair[1] == **unit).then_some(number)
+    });
+    let is_unit = unit.starts_with(|first: char| first.is_alphabetic() || first == '%');
+    if let Some(number) = apart.filter(|_| is_unit) {
+        let tip = format!("a unit follows its number without a space: {number}{unit}");
         usage.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
     }
 }
