@@ -140,7 +140,7 @@ function run(index) {
 
 /** Text, and the changes of a step: the scenario it starts, the keys it turns, and whether the core gets them. */
 const TOUR = [
-  { text: "Five seconds of filling, five of emptying. The gas (wide line) swings with every stroke; the sensor, with a lag of 3 s, shows little of it. The estimate follows from pressure, length and that slow sensor.", run: 0, turn: {} },
+  { text: "The muscle is filled for 2.5 s, then emptied for 2.5 s. The gas (wide line) swings with every stroke; the sensor, with a lag of 3 s, shows little of it. The estimate follows from pressure, length and that slow sensor.", run: 0, turn: {} },
   { text: "Heat transfer is tripled, in the muscle only: the core still believes the old value. Watch the estimate: wrong by kelvins at first, as its band says, until it has found the new value after some strokes.", run: 0, turn: { "heat.scale": 3 } },
   { text: "Now the core is configured with the same value, and starts again. It knows what it had to find before: the error is small from the first stroke on.", run: 0, turn: { "heat.scale": 3 }, configured: true },
   { text: "A slow sensor, with a lag of 12 s, and the core knows it. The sensor's error is as large as the swing itself; the estimate hardly needs the sensor from stroke to stroke.", run: 0, turn: { "sensor.gas.time_constant_s": 12 }, configured: true },

@@ -46,7 +46,7 @@ const MUSCLE = {
     ["drive.pressure_pa", "Set point", "kPa", 1e-3, 110, 600, 0, driven("pressure")],
     ["drive.contraction", "Set point", "%", 100, 0, 22, 1, driven("contraction")],
     ["drive.flow_kg_s", "Set point: flow in and out", "g/s", 1e3, .02, .5, 2, driven("mass-flow")],
-    ["drive.period_s", "Period of a stroke", "s", 1, .5, 10, 1, driven("mass-flow")],
+    ["drive.period_s", "Period of a cycle", "s", 1, .5, 10, 1, driven("mass-flow")],
     SUPPLY,
     ["load.force_n", "Load", "N", 1, 0, 400, 0, isotonic],
     ["load.mass_kg", "Load", "kg", 1, 0, 40, 1, lifted],
