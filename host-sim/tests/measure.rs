@@ -1,6 +1,8 @@
 //! `thermyo measure stop`, simulated: the record contains the true temperature.
 
 use crate::command_support::{Folder, Said, command, thermyo};
+use thermyo_setup::core_config::core_config;
+use thermyo_setup::from_config;
 
 fn measured(folder: &Folder, scenario: &str, more: &[&str]) -> Said {
     let (file, out) = (folder.scenario(scenario), folder.name("out"));
@@ -71,8 +73,40 @@ fn a_housing_that_would_not_be_taken_is_not_left_open() {
     measured(&folder, scenario, &[]).ok();
     let [file, trace, out] =
         ["scenario.toml", "out/trace.csv", "fit"].map(|name| folder.name(name));
-    let found = thermyo(&["identify", &trace, "--config", &file, "--out", &out]).ok().out;
-    assert!(found.contains("sensor.gas.housing_time_constant_s stays as configured"), "{found}");
+    let named = "[identify]\nparameters = [\"sensor.gas.time_constant_s\", \
+        \"sensor.gas.housing_time_constant_s\"]\n";
+    let named = folder.file("named.toml", &format!("{scenario}{named}"));
+    for config in [file, named] {
+        let found = thermyo(&["identify", &trace, "--config", &config, "--out", &out]).ok().out;
+        let expected = "sensor.gas.housing_time_constant_s stays as configured";
+        assert!(found.contains(expected), "{config}: {found}");
+    }
+}
+
+/// The scenario of a board's configuration has the laws of air in `[zones]`: its conduction used to become the whole
+/// coefficient, and its housing the slow gas.
+#[test]
+fn a_boards_configuration_gets_the_heat_transfer_of_its_scenario() {
+    let folder = Folder::new();
+    measured(&folder, "[plant]\nmodel = \"full\"\n", &[]).ok();
+    let [file, trace, out] =
+        ["scenario.toml", "out/trace.csv", "fit"].map(|name| folder.name(name));
+    let believed = thermyo_setup::load(&folder.path("scenario.toml")).unwrap().believed;
+    let of_board = from_config::to_scenario(&core_config(&believed)).unwrap().scenario;
+    let board = folder.file("board.toml", &thermyo_setup::render(&of_board));
+    let found = |config: &str| {
+        let arguments = ["identify", &trace, "--config", config, "--out", &out, "--json"];
+        thermyo(&arguments).ok().json()["parameters"].clone()
+    };
+    let scale = found(&file)["heat.scale"]["value"].as_f64().unwrap();
+    let still_w_m2_k = found(&board)["heat.inner_w_m2_k"]["value"].as_f64().unwrap();
+    let found_scale = still_w_m2_k / of_board.believed.heat.inner_w_m2_k;
+    assert!((found_scale / scale - 1.0).abs() < 0.05, "{found_scale}, {scale}");
+    let identified = thermyo_setup::load(&folder.path("fit/identified.toml")).unwrap().believed;
+    let [found, own] = [&identified, &of_board.believed];
+    let (sensor, buoyancy) = (&found.sensor.gas, found.zones.buoyancy_w_m2_k);
+    assert_eq!(sensor.housing_time_constant_s, own.sensor.gas.housing_time_constant_s);
+    assert!((buoyancy / own.zones.buoyancy_w_m2_k / found_scale - 1.0).abs() < 1e-6);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_plant::chamber;
 use thermyo_plant::heat::{InnerHeat, Stirred};
-use thermyo_scenario::{HeatModel, Scenario, number, with_numbers};
+use thermyo_scenario::{HeatModel, Scenario, ZonesSource, number, with_numbers};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::{Effective, core_config};
 
@@ -27,6 +27,7 @@ const STILL: &str = "heat.inner_w_m2_k";
 const SCALE: &str = "heat.scale";
 const PER_FLOW: &str = "heat.inner_per_flow";
 const DECAY: &str = "heat.stirring_decay_s";
+const BUOYANCY: &str = "zones.buoyancy_w_m2_k";
 const LAG: &str = "sensor.gas.time_constant_s";
 const HOUSING: &str = "sensor.gas.housing_time_constant_s";
 /// Name of the location factor, which is no key: swing of the gas at the sensor over that of the mean.
@@ -83,7 +84,11 @@ pub fn analyse_with(loaded: &Loaded, rows: &Rows) -> Analysis {
     let config = core_config(plant);
     let law = |pressure_pa: f64, gas_k: f64, wall_k: f64| {
         let forced = heat.forced(&Stirred::default(), gas_k);
-        heat.film(pressure_pa, gas_k, wall_k, &forced, heat.whole()).still_w_m2_k
+        let film = heat.film(pressure_pa, gas_k, wall_k, &forced, heat.whole());
+        match by_keys(plant) {
+            true => with_buoyancy(plant, film.still_w_m2_k, pressure_pa, (gas_k - wall_k).abs()),
+            false => film.still_w_m2_k,
+        }
     };
     let hose_m3 = plant
         .tube
@@ -118,6 +123,11 @@ pub fn identify(loaded: &Loaded, table: &Table, data: &Path) -> Result<Identifie
              apart from the housing."
         ));
     }
+    if by_keys(&loaded.believed) && parameters.contains_key(STILL) {
+        remarks.push(format!(
+            "{STILL} is conduction alone; {BUOYANCY} of the core has the same factor."
+        ));
+    }
     remarks.extend(refusals(&analysis));
     let findings = Findings { converged: failed.is_none(), parameters, remarks, analysis, failed };
     Ok(Identified { findings, scenario, rows })
@@ -149,7 +159,7 @@ fn asked(analysis: &Analysis, scenario: &Scenario) -> (BTreeMap<String, Fitted>,
             // Always shown, and requested if the scenario requests everything.
             PLACE => named.is_empty(),
             // More stops would not make it usable.
-            HOUSING => !named.is_empty() || !has_profile(scenario),
+            HOUSING => !has_profile(scenario),
             _ => true,
         };
         if !determined && asked_for {
@@ -195,6 +205,11 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
     let heat = analysis.heat.as_ref().filter(|heat| heat.parted);
     let sensor = analysis.sensor.as_ref();
     match name {
+        STILL if by_keys(scenario) => heat.and_then(|heat| {
+            let still_w_m2_k = scenario.heat.inner_w_m2_k;
+            let With { value, standard_error, .. } = heat.scale;
+            with(value * still_w_m2_k, standard_error * still_w_m2_k, "W/(m2 K)")
+        }),
         STILL => heat.and_then(|heat| {
             with(heat.still_w_m2_k.value, heat.still_w_m2_k.standard_error, "W/(m2 K)")
         }),
@@ -221,7 +236,25 @@ fn value_of(name: &str, analysis: &Analysis, scenario: &Scenario) -> Option<Fitt
 /// Whether the core models the profile of still gas, which looks like a longer housing on the axis: an identified
 /// housing would count twice.
 fn has_profile(believed: &Scenario) -> bool {
-    believed.heat.model == HeatModel::Correlation
+    believed.heat.model == HeatModel::Correlation || by_keys(believed)
+}
+
+/// Whether the core has the laws of still air from `[zones]`, as in the scenario of a board's configuration: there
+/// `heat.inner_w_m2_k` is conduction alone.
+fn by_keys(believed: &Scenario) -> bool {
+    believed.heat.model == HeatModel::Constant
+        && believed.zones.source == ZonesSource::Keys
+        && believed.zones.buoyancy_w_m2_k > 0.0
+}
+
+/// Coefficient of conduction and of the core's buoyancy \[W/(m2 K)\].
+fn with_buoyancy(believed: &Scenario, conduction: f64, pressure_pa: f64, apart_k: f64) -> f64 {
+    /// Pressure and difference at which the buoyancy of `[zones]` holds.
+    const HOLDS_AT: (f64, f64) = (2e5, 20.0);
+    let buoyancy4 = believed.zones.buoyancy_w_m2_k.powi(4)
+        * (pressure_pa / HOLDS_AT.0).powi(2)
+        * (apart_k / HOLDS_AT.1);
+    (conduction.powi(4) + buoyancy4).powf(0.25)
 }
 
 /// The scenario with the values for the core, and the core's initial uncertainty.
@@ -237,8 +270,13 @@ fn adopted(loaded: &Loaded, parameters: &BTreeMap<String, Fitted>, analysis: &An
         .iter()
         .filter(|(path, fitted)| !kept(path) && determined(fitted))
         .map(|(path, fitted)| (path.as_str(), fitted.value));
+    let values: Vec<(&str, f64)> = values.collect();
+    let still = values.iter().any(|(path, _)| [STILL, SCALE].contains(path));
     adopted.believed = with_numbers(&adopted.believed, values);
     let heat = analysis.heat.as_ref().filter(|heat| heat.parted);
+    if let Some(heat) = heat.filter(|_| still && by_keys(&loaded.believed)) {
+        adopted.believed.zones.buoyancy_w_m2_k *= heat.scale.value;
+    }
     let sensor = analysis.sensor.as_ref();
     let relative = |found: &With| found.relative();
     let uncertainties = [
