@@ -27,6 +27,9 @@ const UNBIASED_UPDATES: f32 = 100.0;
 /// length.
 const LAGS: f32 = 12.0;
 const PLACES: f32 = 0.4;
+/// Least distance of a foil's middle from the ends, share of the length: half a foil of 30 mm in a muscle of 250 mm
+/// (assumption).
+const FOIL_END: f32 = 0.06;
 
 /// Bias of the innovations over some seconds. If the filter's model holds, the innovations are white: divided by their
 /// deviations, their sum has the variance of their number.
@@ -123,9 +126,15 @@ impl Response {
     };
 }
 
-/// Weights of linear interpolation between the middles of the zones at this place.
+/// Weights of the zones at this place: of a straight line through the middles of the nearest two.
 fn interpolated(place: f32) -> PerZone {
-    let at = ZONES as f32 * limit(place, 0.125, 0.875) - 0.5;
+    let at = ZONES as f32 * limit(place, FOIL_END, 1.0 - FOIL_END) - 0.5;
+    if at < 0.0 {
+        return [1.0 - at, at, 0.0, 0.0];
+    }
+    if at > 3.0 {
+        return [0.0, 0.0, 3.0 - at, at - 2.0];
+    }
     [0.0, 1.0, 2.0, 3.0].map(|zone| limit(1.0 - absolute(at - zone), 0.0, 1.0))
 }
 
