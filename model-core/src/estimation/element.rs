@@ -127,6 +127,7 @@ impl Response {
 }
 
 /// Weights of the zones at this place: of a straight line through the middles of the nearest two.
+#[inline(never)] // Five times with each interval, and long.
 fn interpolated(place: f32) -> PerZone {
     let at = ZONES as f32 * limit(place, FOIL_END, 1.0 - FOIL_END) - 0.5;
     if at < 0.0 {

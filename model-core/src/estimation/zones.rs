@@ -99,16 +99,16 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// Mass that comes in with a step \[kg\] whose enthalpy exceeds the heat to the wall, without the jet's, by `net_j`:
-    /// m = net/(cp T_s - q) for a heat of q per mass. `per_j`: 1/(cp T_s) \[kg/J\].
-    pub fn inflow_kg(&self, net_j: f32, per_j: f32, gas_k: f32) -> f32 {
+    /// Heat to the wall in a step \[J\] whose enthalpy exceeds the heat to the wall without it by `net_j`: net
+    /// q/(cp T_s - q) for a heat of q per mass. `per_j`: 1/(cp T_s) \[kg/J\].
+    #[inline(never)] // Few muscles have such jets.
+    pub fn heat_j(&self, net_j: f32, per_j: f32, gas_k: f32) -> f32 {
         // Gas that fills gives off up to 0.3 of cp T_s for each mass; hotter gas, within a few steps, more.
         const MOST: f32 = 0.75;
-        let given = (self.per_k * gas_k - self.offset_j) * per_j;
-        let part = limit(given, -1.0, MOST);
-        let without_kg = net_j * per_j;
-        let most_kg = absolute(given) * self.most_kg;
-        without_kg + limit(without_kg * part / (1.0 - part), -most_kg, most_kg)
+        let per_mass_j = self.per_k * gas_k - self.offset_j;
+        let part = limit(per_mass_j * per_j, -1.0, MOST);
+        let most_j = absolute(per_mass_j) * self.most_kg;
+        limit(net_j * part / (1.0 - part), -most_j, most_j)
     }
 
     /// Conductance of each zone in a step \[J/K\], in the mean over a movement in which this mass comes in \[kg\].
@@ -324,15 +324,12 @@ impl Zones {
         if c.stirring.lasts {
             return Jet::default();
         }
-        let inflow_kg = self.stirring_in * c.step_s * f32::from(c.counts.move_steps);
-        let mut zone_j_k = scaled(&c.jet, surface_m2 * (1.0 / ZONES as f32));
-        let per_mean = total(&zone_j_k) / total(&self.mass_kg);
-        for (zone_j_k, mass_kg) in zone_j_k.iter_mut().zip(&self.mass_kg) {
-            // The mean of the gas follows every step, a zone's difference from it every movement: by no more than all.
-            let beyond = *zone_j_k / mass_kg - per_mean;
-            let x = limit(beyond * inflow_kg * c.per_cp, 0.0, f32::MAX);
-            *zone_j_k /= if x < 2.0 { 1.0 + 0.5 * x } else { x };
-        }
+        // No zone gives off more than it has within a movement: it would swing about its wall.
+        const LEAST_KG: f32 = 1.0e-12;
+        let step_kg = limit(self.stirring_in * c.step_s, LEAST_KG, f32::MAX);
+        let most_zone_j_k = scaled(&self.mass_kg, most_j_kg_k / step_kg);
+        let zone_j_k = scaled(&c.jet, surface_m2 * (1.0 / ZONES as f32));
+        let zone_j_k = least(&zone_j_k, &most_zone_j_k);
         let per_k = total(&times(&zone_j_k, &self.ratio));
         let most_j_k = most_j_kg_k * total(&self.mass_kg);
         let most_kg = if per_k > 0.0 { most_j_k / per_k } else { 0.0 };
