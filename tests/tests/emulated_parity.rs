@@ -12,9 +12,9 @@ use thermyo_simulation::board::BoardError;
 /// PWM period of the configuration in use.
 const PERIOD_STEPS: f64 = 10.0;
 
-/// Mean time of the core's step, 79 us, and the worst, including the link's interrupts, 147 us.
-const STEP_MEAN_NS: RangeInclusive<u32> = 73_000..=84_000;
-const STEP_WORST_US: RangeInclusive<u32> = 138..=156;
+/// Mean time of the core's step, 80 us, and the worst, including the link's interrupts, 157 us.
+const STEP_MEAN_NS: RangeInclusive<u32> = 74_000..=85_000;
+const STEP_WORST_US: RangeInclusive<u32> = 147..=167;
 
 /// Largest deviation of a step's start from its mean delay \[us\].
 const JITTER_US: u32 = 5;

@@ -52,7 +52,7 @@ fn configured_right_configured_wrong_and_started_wrong() {
     let warm = "initial_temperature_k = 308.0\n";
     for (what, lumped, full) in [
         ("", (0.04, 0.16), (0.2, 0.45)),
-        (cold, (0.05, 0.2), (0.35, 0.8)),
+        (cold, (0.05, 0.2), (0.2, 0.6)),
         (quick, (0.05, 0.2), (0.2, 0.5)),
         (warm, (0.04, 0.17), (0.2, 0.45)),
     ] {
@@ -68,7 +68,7 @@ fn configured_right_configured_wrong_and_started_wrong() {
 
 #[test]
 fn a_sensor_off_the_middle_costs_little() {
-    for (position, bounds_k) in [(0.0, (0.1, 0.45)), (0.25, (0.15, 0.5)), (0.75, (0.35, 1.0))] {
+    for (position, bounds_k) in [(0.0, (0.2, 0.8)), (0.25, (0.2, 0.7)), (0.75, (0.35, 1.0))] {
         let run = cycle("full", &format!("[sensor.gas]\nposition = {position}\n"));
         let worth = worth(&run, 15.0, 40.0);
         assert_within(&format!("at {position}"), worth.error_k, bounds_k);
