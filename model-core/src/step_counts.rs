@@ -27,10 +27,7 @@ pub struct StepCounts {
     /// Steps after a start for which the muscle vents, whatever is requested, 50 ms: a channel that is shorted, beyond
     /// the limit or noisy shows by then.
     pub startup_steps: u16,
-    /// Steps after the valves have shut during which the length is followed as while gas flows: 25 ms.
-    pub moving_steps: u16,
-    /// Steps after the valves have shut during which corrections of the energy still count as flow: 50 ms. With 25 ms the
-    /// pulses of a hold leave its mass 0.13 % too large.
+    /// Steps after the valves have shut during which corrections of the energy still count as flow: 25 ms.
     pub late_steps: u16,
     /// Steps over which the energy is averaged while both valves are shut: 0.1 s. With more, the errors of the heat
     /// would show.
@@ -69,8 +66,7 @@ impl StepCounts {
             parts_per_step: if update_steps > PARTS + BUSY_STEPS { 1 } else { 2 },
             patience_steps: steps(10, 3),
             startup_steps: steps(50, 50),
-            moving_steps: steps(25, 2),
-            late_steps: steps(50, 2),
+            late_steps: steps(25, 2),
             shut_steps: steps(100, 2),
             tenth_intervals: intervals(100),
             second_intervals: intervals(1000),
@@ -103,8 +99,7 @@ mod tests {
             [counts.interval_steps, counts.patience_steps, counts.startup_steps],
             [20, 10, 50]
         );
-        assert_eq!([counts.moving_steps, counts.late_steps], [25, 50]);
-        assert_eq!([counts.shut_steps, counts.move_steps], [100, 10]);
+        assert_eq!([counts.late_steps, counts.shut_steps, counts.move_steps], [25, 100, 10]);
         let intervals =
             [counts.tenth_intervals, counts.second_intervals, counts.ten_seconds_intervals];
         assert_eq!(intervals, [5, 50, 500]);
@@ -122,8 +117,7 @@ mod tests {
                 (counts.interval_steps, 0.02, 10),
                 (counts.patience_steps, 0.01, 3),
                 (counts.startup_steps, 0.05, 50),
-                (counts.moving_steps, 0.025, 2),
-                (counts.late_steps, 0.05, 2),
+                (counts.late_steps, 0.025, 2),
                 (counts.shut_steps, 0.1, 2),
                 (counts.move_steps, 0.01, 1),
             ] {

@@ -1,7 +1,7 @@
 //! The gas's internal energy, between the prediction of the balance and the measurement by pressure and length.
 //!
 //! While a valve is open, measured energy beyond the prediction came in by flow, and is followed as a trend. Once both
-//! are shut, the energy is the running mean of the measured energies about the prediction, and for the first 50 ms its
+//! are shut, the energy is the running mean of the measured energies about the prediction, and for the first 25 ms its
 //! corrections still count as flow: they show better than the last open step how much came in. Without that, the noise
 //! of the pressure would leave a step in the mass with every pulse.
 
@@ -13,8 +13,6 @@ use crate::step_counts::StepCounts;
 /// Numbers of steps over which it averages.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Averaging {
-    /// Steps after the valves have shut during which the length is followed as while gas flows.
-    moving_steps: u16,
     /// Steps after the valves have shut during which corrections of the energy still count as flow.
     late_steps: u16,
     /// Share of each measured energy in the averaged one after that.
@@ -27,7 +25,6 @@ impl Averaging {
     /// Averaging with these step counts.
     pub fn new(counts: &StepCounts, pwm_period_steps: u16) -> Self {
         Self {
-            moving_steps: counts.moving_steps,
             late_steps: counts.late_steps,
             shut_share: 1.0 / f32::from(counts.shut_steps),
             flow_share: 1.0 / f32::from(pwm_period_steps.max(1)),
@@ -77,11 +74,6 @@ impl Energy {
     /// Whether the last value returned by [`Self::step`] was flow.
     pub fn flowing(&self) -> bool {
         self.closed_steps < self.averaging.late_steps
-    }
-
-    /// Whether the muscle may still move with the flow.
-    pub fn moving(&self) -> bool {
-        self.closed_steps < self.averaging.moving_steps
     }
 
     /// Fraction of one measured energy's variance that remains after averaging \[-\].
@@ -207,9 +199,7 @@ mod tests {
         assert_eq!(energy.step(10.0, 12.0, EXACT, FILLING), 2.0);
         assert_eq!(energy.step(12.0, 13.0, EXACT, SHUT), 0.5, "the mean of 12 and 13");
         assert!(energy.flowing());
-        for step in 1..50 {
-            assert!(energy.flowing());
-            assert_eq!(energy.moving(), step < 25, "{step}");
+        for _ in 0..25 {
             energy.step(energy.energy_j(), 13.0, EXACT, SHUT);
         }
         assert!(!energy.flowing());

@@ -374,7 +374,7 @@ impl Estimator {
         openings: Openings,
     ) -> f32 {
         let uncertainty = uncertainty(length.wide, self.coefficients.length_noise_m);
-        let flowing = self.energy.moving();
+        let flowing = self.energy.flowing();
         let change_m = length.value - self.followed_m;
         self.followed_m += self.motion.step(change_m, uncertainty, openings.flow_state(flowing));
         let volume_m3 = self.gas_m3(chamber, self.followed_m);
