@@ -21,7 +21,7 @@ fn unquoted(line: &str) -> Option<&str> {
     let value = value.split('#').next()?.trim();
     let is_text = value.starts_with(|first: char| first.is_ascii_alphanumeric())
         && value.contains(|c: char| c.is_ascii_alphabetic())
-        && !value.contains(['"', '\'', '[', '{', '=', ',']);
+        && !value.contains(|c: char| c.is_control() || "\"'[{=,".contains(c));
     // Another part of a line with a valid value is wrong.
     (is_text && DeTable::parse(&format!("value = {value}")).is_err()).then_some(value)
 }
