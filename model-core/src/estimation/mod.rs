@@ -636,15 +636,15 @@ impl Estimator {
         flow.flowing_steps += 1;
         let change_kg = if self.entering {
             let warming_j = self.coefficients.tube.warming_m3 * (self.pressure_pa - before_pa);
-            let net_j = enthalpy_j - warming_j;
-            let jet_j = if self.coefficients.stirring.lasts {
-                0.0
-            } else {
-                self.exchange.jet.heat_j(net_j, self.coefficients.per_cp_supply, self.gas_k)
-            };
-            flow.enthalpy_j += jet_j;
-            self.window.heat_j += jet_j;
-            let inflow_kg = (net_j + jet_j) * self.coefficients.per_cp_supply;
+            let mut inflow_j = enthalpy_j - warming_j;
+            let per_j = self.coefficients.per_cp_supply;
+            if !self.coefficients.stirring.lasts {
+                let jet_j = self.exchange.jet.heat_j(inflow_j, per_j, self.gas_k);
+                flow.enthalpy_j += jet_j;
+                self.window.heat_j += jet_j;
+                inflow_j += jet_j;
+            }
+            let inflow_kg = inflow_j * per_j;
             flow.inflow_kg += inflow_kg;
             inflow_kg
         } else {

@@ -336,8 +336,8 @@ impl Zones {
         Jet { per_k, offset_j: total(&times(&zone_j_k, &self.wall_k)), zone_j_k, most_kg }
     }
 
-    /// Still gas of this share of the surface in a step \[m2 s\], temperatures \[K\] and films. With a profile, which takes most
-    /// of the work, two zones follow with each movement, and the others with the next.
+    /// Still gas of this share of the surface in a step \[m2 s\], temperatures \[K\] and films. With a profile, which
+    /// takes most of the work, two zones follow with each movement, and the others with the next.
     fn still(
         &self,
         c: &Coefficients,
