@@ -29,8 +29,8 @@ const LUMPED_PRESLIDING_N_M: f32 = 1.0e5;
 const LEAST_WALL_J_K: f64 = 0.01;
 /// Working point at which a heat transfer correlation is evaluated for the core: pressure \[Pa\], gas above wall \[K\],
 /// inflow \[kg/s\]. The values are from the middle of the nominal cycle.
-const WORKING_PRESSURE_PA: f64 = 2.0e5;
-const WORKING_SWING_K: f64 = 20.0;
+pub const WORKING_PRESSURE_PA: f64 = 2.0e5;
+pub const WORKING_SWING_K: f64 = 20.0;
 const WORKING_FLOW_KG_S: f64 = 3.6e-4;
 
 /// Pressure change, in its standard deviations, beyond which gas behind a hose counts as flowing against the open

@@ -1,4 +1,5 @@
-//! Dimensions of a scenario's chamber, its load, valves and ranges of its sensors, for comparison with another scenario's.
+//! Dimensions of a scenario's chamber, its load, its valves and the ranges of its sensors, for comparison with another
+//! scenario's.
 
 use super::loaded::Loaded;
 use super::tree::value;

@@ -13,7 +13,7 @@ use thermyo_plant::chamber;
 use thermyo_plant::heat::{InnerHeat, Stirred};
 use thermyo_scenario::{HeatModel, Scenario, ZonesSource, number, with_numbers};
 use thermyo_setup::Loaded;
-use thermyo_setup::core_config::{Effective, core_config};
+use thermyo_setup::core_config::{Effective, WORKING_PRESSURE_PA, WORKING_SWING_K, core_config};
 
 /// Relative standard error above which the stops do not determine a value.
 const UNDETERMINED: f64 = 0.5;
@@ -249,11 +249,9 @@ fn by_keys(believed: &Scenario) -> bool {
 
 /// Coefficient of conduction and of the core's buoyancy \[W/(m2 K)\].
 fn with_buoyancy(believed: &Scenario, conduction: f64, pressure_pa: f64, apart_k: f64) -> f64 {
-    /// Pressure and difference at which the buoyancy of `[zones]` holds.
-    const HOLDS_AT: (f64, f64) = (2e5, 20.0);
     let buoyancy4 = believed.zones.buoyancy_w_m2_k.powi(4)
-        * (pressure_pa / HOLDS_AT.0).powi(2)
-        * (apart_k / HOLDS_AT.1);
+        * (pressure_pa / WORKING_PRESSURE_PA).powi(2)
+        * (apart_k / WORKING_SWING_K);
     (conduction.powi(4) + buoyancy4).powf(0.25)
 }
 
