@@ -2,7 +2,8 @@
 import puppeteer from "puppeteer-core";
 
 // A limit against hanging, not a target.
-const timeout = 180000;
+// On a busy machine an emulated board is up to a hundred times slower than a real one.
+const timeout = 300000;
 export const wide = { width: 1280, height: 900 };
 
 /** The browser; opens pages of an address, and lists their problems: errors, warnings, and what they fetch elsewhere. */
@@ -30,7 +31,16 @@ export async function launched(executablePath, address) {
 }
 
 export const text = (page, id) => page.$eval(`#${id}`, (node) => node.textContent);
-export const until = (page, what, ...values) => page.waitForFunction(what, { polling: 50 }, ...values);
+
+/** Waits until `what` is true in the page. Reports the page's events if that does not happen. */
+export async function until(page, what, ...values) {
+  try {
+    return await page.waitForFunction(what, { polling: 50 }, ...values);
+  } catch (error) {
+    const shown = await page.evaluate(() => ["armed", "mode", "events"].map((id) => document.getElementById(id)?.innerText));
+    throw new Error(`${what}\nis not true: ${shown.join("; ")}`, { cause: error });
+  }
+}
 
 export async function type(page, id, value) {
   await page.click(`#${id}`, { count: 3 });

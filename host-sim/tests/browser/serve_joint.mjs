@@ -66,6 +66,8 @@ const large = await page.evaluate(() => {
   root.style.fontSize = "";
   return cut;
 });
+// The search for findings may hold the page up for so long that it connects again: then it steers nothing meanwhile.
+await until(page, () => !document.querySelector("#steer .main").disabled);
 // A torque, then space with the focus in a field.
 await page.evaluate(() => document.querySelector("[name=mode][value=torque]").click());
 await type(page, "first", "0.5");
