@@ -107,15 +107,15 @@ impl Model {
         let way_m = self.length_m - length_m;
         let speed_m_s = -way_m / step_s;
         let surface_m2 = self.chamber.surface_m2(length_m);
-        // A change that would be over within a step takes a whole step, and no more gas leaves than there is: a wrong
-        // configuration makes the model wrong, but keeps it finite.
+        // A change that would be over within a step takes a whole step, no more gas leaves than there is, and none
+        // below half of ambient pressure: a wrong configuration makes the model wrong, but keeps it finite.
         let gas_j_k = self.gas.mass_kg() * self.config.gas.cv_j_kg_k();
         let wall_j_k = self.config.wall.heat_capacity_j_k;
         let at_most_w_k = limit(gas_j_k, 0.0, wall_j_k) / step_s;
         let exchange = Exchange {
             inflow_kg_s,
             inflow_temperature_k: self.config.supply.temperature_k,
-            outflow_kg_s: limit(outflow_kg_s, 0.0, 0.5 * self.gas.mass_kg() / step_s),
+            outflow_kg_s: limit(outflow_kg_s, 0.0, self.free_outflow_kg_s()),
             wall_w_k: limit(heat.inner_w_k(surface_m2, inflow_kg_s), 0.0, at_most_w_k),
             wall_temperature_k: self.wall_k,
             volume_start_m3: self.chamber.volume_m3(self.length_m),
@@ -129,6 +129,16 @@ impl Model {
         self.wall_k += (to_wall_j + friction_j - to_ambient_w * step_s) / wall_j_k;
         self.sensor_k =
             lag_step(self.sensor_k, self.gas_k(), self.config.sensors.gas.time_constant_s, step_s);
+    }
+
+    /// Highest flow that can leave within a step \[kg/s\]: half of the gas, and none below half of ambient pressure.
+    /// Measured flows with errors may empty the model to a little less than ambient pressure.
+    fn free_outflow_kg_s(&self) -> f32 {
+        if self.pressure_pa() > 0.5 * self.config.ambient.pressure_pa {
+            0.5 * self.gas.mass_kg() / self.config.step_s
+        } else {
+            0.0
+        }
     }
 
     /// Moves slip and creep by a step's contraction; returns the heat that they and friction give to the wall \[J\].
@@ -203,6 +213,19 @@ mod tests {
         assert!((298.1..303.0).contains(&model.wall_k()), "{}", model.wall_k());
         // Except for friction and creep.
         assert!((0.28..0.295).contains(&model.length_m()), "near rest: {}", model.length_m());
+    }
+
+    /// More flows out than the configured gas weighs, as with a gas constant that is 15 times too high.
+    #[test]
+    fn a_flow_that_empties_the_model_leaves_it_finite() {
+        let mut config = Config::default();
+        config.gas.gas_constant_j_kg_k *= 15.0;
+        let mut model = Model::new(&config, 1.2e5, 298.0, 0.3).unwrap();
+        for _ in 0..1000 {
+            model.step(0.0, 3.0e-4, None);
+            assert!((200.0..400.0).contains(&model.gas_k()), "{}", model.gas_k());
+            assert!((0.4e5..1.3e5).contains(&model.pressure_pa()), "{}", model.pressure_pa());
+        }
     }
 
     /// A closed cylinder goes from 2 bar and 150 mm of gas to a third of it: P V^k is constant without heat, P V if the
