@@ -360,11 +360,10 @@ impl Estimator {
 
     /// Moves zones, walls, housing and element by the flow since they last moved.
     fn move_zones(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
-        let mut flow = core::mem::take(&mut self.interval.flow);
+        let flow = core::mem::take(&mut self.interval.flow);
         if self.interval.void || flow.steps == 0 {
             return;
         }
-        self.exchange_outside(&mut flow);
         let length_m = measurement.length.value;
         let place = Place {
             energy_j: self.energy.energy_j(),
