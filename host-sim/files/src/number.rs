@@ -62,6 +62,11 @@ pub fn significant(value: f64, digits: usize) -> String {
     fixed(value, decimals)
 }
 
+/// How many times as fast as real time a run was: a whole number, or two significant digits of a slow one.
+pub fn speed(factor: f64) -> String {
+    if factor < 9.95 { significant(factor, 2) } else { format!("{factor:.0}") }
+}
+
 /// Up to three significant digits without trailing zeros, for the values of an axis.
 pub fn short(value: f64) -> String {
     let text = significant(value, 3);
@@ -153,6 +158,16 @@ mod tests {
             (f64::INFINITY, MISSING),
         ] {
             assert_eq!(significant(value, 3), shown);
+        }
+    }
+
+    /// A run slower than half of real time used to be "0 times real time".
+    #[test]
+    fn a_slow_run_has_two_digits() {
+        for (factor, shown) in
+            [(0.0123, "0.012"), (0.314, "0.31"), (1.04, "1.0"), (9.96, "10"), (12_386.4, "12386")]
+        {
+            assert_eq!(speed(factor), shown);
         }
     }
 

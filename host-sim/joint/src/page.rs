@@ -4,6 +4,7 @@ use crate::load::JointLoaded;
 use crate::rig::Row;
 use crate::summary::{Figures, Summary};
 use crate::trace::COLUMNS;
+use thermyo_files::number::speed;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Tile};
@@ -28,8 +29,9 @@ impl PageRecorder {
 
     pub fn page(&self, title: &str, loaded: &JointLoaded, summary: &Summary) -> String {
         let lead = summary.figures.lead(&format!(
-            "{} s simulated at {:.0} times real time.",
-            summary.duration_s, summary.real_time_factor
+            "{} s simulated at {} times real time.",
+            summary.duration_s,
+            speed(summary.real_time_factor)
         ));
         let [a, b] = summary.estimate_rmse_k;
         let own = [

@@ -4,7 +4,7 @@ use super::Faulted;
 use super::run_report::{
     self, Measured as MeasuredColumn, RunReport, SummaryRow, capitalised, label,
 };
-use thermyo_files::number::{COUNT, of_column};
+use thermyo_files::number::{COUNT, of_column, speed};
 use thermyo_files::units::Unit;
 use thermyo_plant::chamber;
 use thermyo_record::measured::Measured;
@@ -163,10 +163,10 @@ fn lead(summary: &Summary) -> String {
         text += &format!("The run misses the measurement: {}. ", differences.join(", "));
     }
     text + &format!(
-        "{} s simulated at {:.0} times real time, with the core on board \"{}\". Read bare, the sensor in \
+        "{} s simulated at {} times real time, with the core on board \"{}\". Read bare, the sensor in \
          the gas is wrong by {:.2} K (RMS); the core's estimate by {:.2} K.",
         summary.duration_s,
-        summary.real_time_factor,
+        speed(summary.real_time_factor),
         summary.board,
         summary.rmse_k.sensor_gas,
         summary.rmse_k.estimate

@@ -4,6 +4,7 @@ use super::progress::Bar;
 use super::{Console, Failure, RunArgs, interrupt, pretty, stopped, title_of, trace_size, unbuilt};
 use std::io;
 use std::path::Path;
+use thermyo_files::number::speed;
 use thermyo_files::output::OutputDir;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::page::PageRecorder;
@@ -96,13 +97,13 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
     let [estimate_a, estimate_b] = summary.estimate_rmse_k;
     let [least, most] = figures.angle_rad.map(|value_rad| angle_text(value_rad, units));
     let text = format!(
-        "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
+        "{} s simulated, {} times real time, core on board \"{}\"\n\
          angle {least} to {most}, RMS error {}, at the end {}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s\n\
          gas temperature, RMS error of the estimate: a {estimate_a:.3} K, b {estimate_b:.3} K\n\
          balance error of the arm's energy {:.1e}\n",
         summary.duration_s,
-        summary.real_time_factor,
+        speed(summary.real_time_factor),
         summary.board,
         angle_text(figures.rms_error_rad, units),
         angle_text(figures.end_error_rad, units),

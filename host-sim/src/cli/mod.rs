@@ -57,7 +57,7 @@ use thermyo_boards::checkout;
 use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::input::{InputError, Problem, nearest};
-use thermyo_files::number::difference_text;
+use thermyo_files::number::{difference_text, speed};
 use thermyo_files::output::OutputDir;
 use thermyo_files::shipped;
 use thermyo_files::table;
@@ -807,12 +807,12 @@ fn read_to_compare(
 
 fn brief(summary: &Summary, units: UnitSystem) -> String {
     let mut text = format!(
-        "{} s simulated, {:.0} times real time, core on board \"{}\"\n\
+        "{} s simulated, {} times real time, core on board \"{}\"\n\
          pressure {}, gas {}\n\
          gas temperature, RMS error: bare sensor {:.3} K, model {:.3} K, estimate {:.3} K\n\
          balance errors: mass {:.1e}, energy {:.1e}\n",
         summary.duration_s,
-        summary.real_time_factor,
+        speed(summary.real_time_factor),
         summary.board,
         units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),
         units.range([summary.gas_temperature_k.min, summary.gas_temperature_k.max], "K", 1),
