@@ -523,9 +523,11 @@ type Profiles = (Option<[Profile; 2]>, Option<Profile>);
 
 fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
     let read = |key, path| table_of(document, key, path);
+    let (is, believed) = (&document.joint, &document.believed);
+    let crossed = [is, believed].iter().any(|joint| joint.minimum_rad >= joint.maximum_rad);
     let profile = match &document.drive.profile_csv {
-        Some(path) => {
-            let (is, believed) = (&document.joint, &document.believed);
+        // The stops are refused later, not the angles between them.
+        Some(path) if !crossed => {
             // Between the stops of both mechanisms.
             let joint = Joint {
                 minimum_rad: is.minimum_rad.max(believed.minimum_rad),
@@ -534,7 +536,7 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
             };
             Some(angle_and_stiffness(&read("drive.profile_csv", path)?, &joint)?)
         }
-        None => None,
+        _ => None,
     };
     let load = match &document.drive.load_csv {
         Some(path) => {
@@ -589,6 +591,8 @@ mod tests {
         assert!(reach.starts_with("joint.toml:2: joint.mid_length_a_m (less"), "{reach}");
         let profile = refusal("[joint]\n[drive]\nprofile_csv = \"no.csv\"\n");
         assert!(profile.starts_with("joint.toml:3: drive.profile_csv: no.csv"), "{profile}");
+        let stops = refusal("[joint]\nminimum_rad = 0.9\n[drive]\nprofile_csv = \"no.csv\"\n");
+        assert!(stops.starts_with("joint.toml:2: joint.m"), "{stops}");
     }
 
     #[test]
