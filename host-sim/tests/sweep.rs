@@ -227,6 +227,8 @@ fn shards_add_up_to_the_whole_to_the_byte() {
     for name in ["sweep.csv", "summary.json", "report.html", "scenario.toml", "study.json"] {
         assert!(read(&merged, name) == read(&shards.path("whole"), name), "{name}");
     }
+    let reports = [a, merged.to_str().unwrap()].map(|place| read(Path::new(place), "report.html"));
+    assert_eq!(reports.map(|page| page.contains("Shard 1/")), [true, false]);
 
     let other = shards.path("other");
     sweep(&shards.scenario, &["--vary", "run.seed=1:3:3"], &other);

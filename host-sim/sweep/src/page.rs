@@ -4,7 +4,7 @@
 use super::outcome::ends;
 use super::reach::with_unit;
 use super::ways::{BARE, ESTIMATE, WAYS};
-use super::{Outcome, Study};
+use super::{Outcome, Shard, Study};
 use thermyo_files::number::fixed;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -284,10 +284,13 @@ fn how(outcome: &Outcome) -> Section {
     });
     let columns = ["Key", "Values", "From", "To", "Scale"];
     let mut section = Section::new("Runs").table(Table::new("", &columns, rows));
+    let shard = match study.shard {
+        Shard::WHOLE => String::new(),
+        shard => format!("Shard {shard}: "),
+    };
     let mut text = format!(
-        "Shard {}: {} of {} points, each a run of its own; errors count from 10 s on, or over the second \
+        "{shard}{} of {} points, each a run of its own; errors count from 10 s on, or over the second \
          half of a run shorter than 20 s.",
-        study.shard,
         outcome.rows.len(),
         study.plan.points()
     );
