@@ -109,6 +109,11 @@ pub enum FlashError {
         path.display()
     )]
     NoDrive { path: PathBuf },
+    #[error(
+        "{}: there is no such drive: plug the board in with BOOTSEL held, and name the drive that appears",
+        path.display()
+    )]
+    NoSuchDrive { path: PathBuf },
     /// There is no firmware for this chip.
     #[error(
         "{}: its INFO_UF2.TXT has Board-ID {id:?}: must be RPI-RP2 (Pico) or RP2350 (Pico 2)",
@@ -280,6 +285,9 @@ fn named(name: &str) -> Result<Target, FlashError> {
     if name == EMULATED {
         return Err(FlashError::Emulated);
     }
+    if is_drive_name(name) {
+        return Err(FlashError::NoSuchDrive { path: name.into() });
+    }
     let (line, version) = Line::meet(name).map_err(|error| match error {
         BoardError::Silent { .. } => FlashError::NotThermyo { port: name.to_owned() },
         other => other.into(),
@@ -287,6 +295,15 @@ fn named(name: &str) -> Result<Target, FlashError> {
     let model = Model::of_chip(version.chip);
     let model = model.ok_or_else(|| FlashError::Probe { port: name.to_owned() })?;
     Ok(Target::Port { name: name.to_owned(), line, model })
+}
+
+/// Whether a name without a folder is meant as a drive: it has a separator and is not that of a
+/// device, or it is what a boot loader calls its drive.
+fn is_drive_name(name: &str) -> bool {
+    let is_device = ["/dev/", r"\\.\"].iter().any(|start| name.starts_with(start));
+    let is_path = name.contains(std::path::is_separator) && !is_device;
+    let is_board_id = Model::ALL.iter().any(|model| model.board_id() == name);
+    (is_path || is_board_id) && !Path::new(name).exists()
 }
 
 /// The only board that is found: a board that waits for an image takes precedence over one that
@@ -353,5 +370,21 @@ mod tests {
             Request { target: Some(EMULATED.to_owned()), model: None, joint: false, dry_run: true };
         let error = run(&request, &Vec::new, &mut |_| {}).unwrap_err().to_string();
         assert!(error.starts_with("emulated: has no drive to write to: "), "{error}");
+    }
+
+    /// It used to be taken for a serial port.
+    #[test]
+    fn a_drive_that_does_not_exist_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("RPI-RP2").display().to_string();
+        for (name, is_drive) in
+            [(&*missing, true), ("RP2350", true), ("/dev/ttyACM7", false), ("COM7", false)]
+        {
+            assert_eq!(is_drive_name(name), is_drive, "{name}");
+        }
+        let target = Some(missing.clone());
+        let request = Request { target, ..Request::default() };
+        let error = run(&request, &Vec::new, &mut |_| {}).unwrap_err().to_string();
+        assert!(error.starts_with(&format!("{missing}: there is no such drive: plug")), "{error}");
     }
 }
