@@ -738,7 +738,7 @@ fn the_page_in_a_browser() {
     assert_eq!(seen["narrow_px"], 390, "{seen}");
     assert_eq!(seen["temperature_above"], true, "{seen}");
     assert_eq!(seen["serious"], json!([]), "{seen}");
-    let killed = json!({ "armed": "was armed", "mode": "was vent", "set": false });
+    let killed = json!({ "other": false, "armed": "was armed", "mode": "was vent", "set": false });
     assert_eq!(seen["killed"], killed, "{seen}");
 }
 

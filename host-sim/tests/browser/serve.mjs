@@ -324,10 +324,14 @@ await page.click("#own");
 await until(page, () => document.getElementById("configure").hidden && !document.querySelector("#arm .main").disabled);
 await page.click("#arm .main");
 await until(page, () => document.getElementById("armed").textContent.startsWith("armed"));
+const other = await open(wide);
+await until(other, () => !document.getElementById("watching").hidden);
+await page.bringToFront();
 // The browser reports that the page finds no server later.
 const found = [...problems];
 process.kill(Number(server), "SIGKILL");
 await link("no server");
-const killed = { armed: await text(page, "armed"), mode: await text(page, "mode"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
+await until(other, () => document.getElementById("link").textContent === "no server");
+const killed = { other: await other.$eval("#watching", (banner) => !banner.hidden), armed: await text(page, "armed"), mode: await text(page, "mode"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
 await browser.close();
 console.log(JSON.stringify({ problems: found, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, let_go, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, saved, covered, table_px, ticked, not_identified, compared, records_px, serious }));

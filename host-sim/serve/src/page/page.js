@@ -51,6 +51,8 @@ function connect() {
   socket.onopen = () => { open = true; showLink(); };
   socket.onclose = () => {
     open = false;
+    // Nothing can be vented or taken over now.
+    $("watching").hidden = true;
     showLink();
     if (state) showState();
     setTimeout(connect, 500);
