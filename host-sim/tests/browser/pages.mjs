@@ -2,7 +2,7 @@
 import puppeteer from "puppeteer-core";
 
 // A limit against hanging, not a target.
-// On a busy machine an emulated board is up to a hundred times slower than a real one.
+// On a busy machine an emulated board is many times slower than a real one.
 const timeout = 300000;
 export const wide = { width: 1280, height: 900 };
 
