@@ -18,22 +18,41 @@ await until(page, () => document.getElementById("configure").hidden && !document
 const hidden = await page.evaluate(() => ["guide", "records", "muscle", "plot-length", "lock"].filter((id) => document.getElementById(id).checkVisibility()));
 const most = await page.$eval("#most", (field) => field.value);
 await type(page, "most", "5bar");
-await page.click("#arm .main");
-await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
+const armed = async () => (await text(page, "armed")).startsWith("armed");
+async function arms() {
+  // Where the page has just connected again, it steers nothing yet.
+  await until(page, () => !document.querySelector("#arm .main").disabled);
+  if (!await armed()) await page.click("#arm .main");
+  await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
+}
+/** Arms, gives an order, and waits until `reached` returns something in the page. */
+async function drives(order, reached, ...values) {
+  // If the machine pauses for longer than the link's timeout, the board vents by itself, and has to be armed again.
+  for (let attempt = 0; attempt < 5; attempt++) {
+    await arms();
+    await order();
+    for (const began = Date.now(); await armed() && Date.now() < began + 200000; await pause(50)) {
+      const found = await page.evaluate(reached, ...values);
+      if (found) return found;
+    }
+  }
+  throw new Error(`${reached}\nis not reached: ${await text(page, "events")}`);
+}
+await arms();
 // Invalid values are reported at their field.
 await type(page, "first", "90");
 await page.click("#steer .main");
 const refused = await page.$eval("#first", (field) => field.validationMessage);
 await page.click("#record-button");
-async function reaches(degrees) {
-  await type(page, "first", String(degrees));
-  await type(page, "second", "14");
-  await page.keyboard.press("Enter");
-  const held = await until(page, (degrees) => {
+function reaches(degrees) {
+  return drives(async () => {
+    await type(page, "first", String(degrees));
+    await type(page, "second", "14");
+    await page.keyboard.press("Enter");
+  }, (degrees) => {
     const angle = parseFloat(document.getElementById("r-angle").textContent);
     return document.getElementById("mode").textContent.startsWith("angle") && Math.abs(angle - degrees) < 1.5 && angle;
   }, degrees);
-  return held.jsonValue();
 }
 const reached = [];
 for (const degrees of [20, -10, 25]) {
@@ -66,14 +85,13 @@ const large = await page.evaluate(() => {
   root.style.fontSize = "";
   return cut;
 });
-// The search for findings may hold the page up for so long that it connects again: then it steers nothing meanwhile.
-await until(page, () => !document.querySelector("#steer .main").disabled);
 // A torque, then space with the focus in a field.
-await page.evaluate(() => document.querySelector("[name=mode][value=torque]").click());
-await type(page, "first", "0.5");
-await type(page, "second", "10");
-await page.keyboard.press("Enter");
-await until(page, () => document.getElementById("mode").textContent.startsWith("torque"));
+await drives(async () => {
+  await page.evaluate(() => document.querySelector("[name=mode][value=torque]").click());
+  await type(page, "first", "0.5");
+  await type(page, "second", "10");
+  await page.keyboard.press("Enter");
+}, () => document.getElementById("mode").textContent.startsWith("torque"));
 // Both pressures, in a unit other than the typed one.
 await page.evaluate(() => document.querySelector("[name=mode][value=pressures]").click());
 await type(page, "first", "200");
@@ -83,8 +101,7 @@ const pressure = await page.$eval("#second", (field) => field.validationMessage)
 await type(page, "second", "250");
 await page.select("#unit-Pa", "bar");
 const in_bar = await page.$$eval("#first, #second", (fields) => fields.map(({ value }) => value));
-await page.click("#steer .main");
-await until(page, () => document.getElementById("mode").textContent.startsWith("pressures") &&
+await drives(() => page.click("#steer .main"), () => document.getElementById("mode").textContent.startsWith("pressures") &&
   ["a", "b"].every((side, i) => Math.abs(parseFloat(document.getElementById(`r-pressure-${side}`).textContent) - [2, 2.5][i]) < .05));
 await page.focus("#first");
 await page.keyboard.press(" ");
