@@ -27,11 +27,11 @@ async function arms() {
 }
 /** Arms, gives an order, and waits until `reached` returns something in the page. */
 async function drives(order, reached, ...values) {
-  // If the machine pauses for longer than the link's timeout, the board vents by itself, and has to be armed again.
-  for (let attempt = 0; attempt < 5; attempt++) {
+  // If the machine pauses for longer than the link's timeout, or than a page may be silent, the board vents by itself.
+  for (const end = Date.now() + 600000; Date.now() < end;) {
     await arms();
     await order();
-    for (const began = Date.now(); await armed() && Date.now() < began + 200000; await pause(50)) {
+    for (const again = Date.now() + 60000; await armed() && Date.now() < again; await pause(50)) {
       const found = await page.evaluate(reached, ...values);
       if (found) return found;
     }
