@@ -46,3 +46,28 @@ export async function type(page, id, value) {
   await page.click(`#${id}`, { count: 3 });
   await page.type(`#${id}`, value);
 }
+
+const armed = async (page) => (await text(page, "armed")).startsWith("armed");
+
+/** Arms the board of a live page, unless it is armed. */
+export async function arms(page) {
+  // Where the page has just connected again, it steers nothing yet.
+  await until(page, () => !document.querySelector("#arm .main").disabled);
+  if (!await armed(page)) await page.click("#arm .main");
+  await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
+}
+
+/** Arms, gives an order, and waits until `reached` returns something in the live page. */
+export async function drives(page, order, reached, ...values) {
+  // If the machine pauses for longer than the link's timeout, or than a page may be silent, the board vents by itself.
+  for (const end = Date.now() + 600000; Date.now() < end;) {
+    await arms(page);
+    await order();
+    for (const again = Date.now() + 60000; await armed(page) && Date.now() < again;) {
+      const found = await page.evaluate(reached, ...values);
+      if (found) return found;
+      await new Promise((done) => setTimeout(done, 50));
+    }
+  }
+  throw new Error(`${reached}\nis not reached: ${await text(page, "events")}`);
+}

@@ -7,7 +7,7 @@
 import { execFileSync } from "node:child_process";
 import { writeFileSync } from "node:fs";
 import { findings } from "./accessibility.mjs";
-import { launched, text, type, until, wide } from "./pages.mjs";
+import { drives, launched, text, type, until, wide } from "./pages.mjs";
 
 const [executablePath, address, screenshots, thermyo, place, server] = process.argv.slice(2);
 const { browser, open, problems } = await launched(executablePath, address);
@@ -112,27 +112,16 @@ await page.screenshot({ path: `${screenshots}-390-light.png`, fullPage: true });
 await page.setViewport(wide);
 await pause(300);
 
-async function drives() {
-  // If the machine pauses for longer than the link's timeout, the board vents by itself: try once more.
-  for (let attempt = 1; ; attempt++) {
-    try {
-      await page.click("#arm .main");
-      await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
-      await type(page, "first", "150");
-      await page.keyboard.press("Enter");
-      await until(page, () => document.getElementById("mode").textContent.startsWith("pressure"));
-      return;
-    } catch (error) {
-      if (attempt === 5) throw error;
-    }
-  }
-}
+const pressurised = () => drives(page, async () => {
+  await type(page, "first", "150");
+  await page.keyboard.press("Enter");
+}, () => document.getElementById("mode").textContent.startsWith("pressure"));
 // By the space key, with the focus anywhere; timed on the page's own clock, from the key to the mode that the board reports.
 await page.focus("#first");
 const driven = await text(page, "mode");
 const vented_ms = [];
 for (let i = 0; i < 5; i++) {
-  if (i > 0) await drives();
+  if (i > 0) await pressurised();
   await page.evaluate(() => {
     window.vented_ms = null;
     addEventListener("keydown", () => {
@@ -158,7 +147,7 @@ for (const vent of [
     await keys.send("Input.dispatchKeyEvent", { type: "rawKeyDown", key: "Process", code: "Space", windowsVirtualKeyCode: 229 });
   },
 ]) {
-  await drives();
+  await pressurised();
   await vent();
   await vents();
   await page.click("h1");
@@ -168,7 +157,7 @@ const colleague = await open(wide);
 await page.bringToFront();
 const let_go = [];
 for (const [most, vent] of [["390", () => page.keyboard.press(" ")], ["380", () => colleague.$eval("#vent", (button) => button.click())]]) {
-  await drives();
+  await pressurised();
   const { x, y, height } = await (await page.$("#slide")).boundingBox();
   await page.mouse.move(x + 20, y + height / 2);
   await page.mouse.down();

@@ -4,7 +4,7 @@
 //
 // SCENARIO is the file with which the board is configured from the page.
 import { findings } from "./accessibility.mjs";
-import { launched, text, type, until, wide } from "./pages.mjs";
+import { arms, drives, launched, text, type, until, wide } from "./pages.mjs";
 
 const [executablePath, address, screenshots, scenario] = process.argv.slice(2);
 const { browser, open, problems } = await launched(executablePath, address);
@@ -18,34 +18,14 @@ await until(page, () => document.getElementById("configure").hidden && !document
 const hidden = await page.evaluate(() => ["guide", "records", "muscle", "plot-length", "lock"].filter((id) => document.getElementById(id).checkVisibility()));
 const most = await page.$eval("#most", (field) => field.value);
 await type(page, "most", "5bar");
-const armed = async () => (await text(page, "armed")).startsWith("armed");
-async function arms() {
-  // Where the page has just connected again, it steers nothing yet.
-  await until(page, () => !document.querySelector("#arm .main").disabled);
-  if (!await armed()) await page.click("#arm .main");
-  await until(page, () => document.getElementById("armed").textContent.startsWith("armed") && !document.querySelector("#steer .main").disabled);
-}
-/** Arms, gives an order, and waits until `reached` returns something in the page. */
-async function drives(order, reached, ...values) {
-  // If the machine pauses for longer than the link's timeout, or than a page may be silent, the board vents by itself.
-  for (const end = Date.now() + 600000; Date.now() < end;) {
-    await arms();
-    await order();
-    for (const again = Date.now() + 60000; await armed() && Date.now() < again; await pause(50)) {
-      const found = await page.evaluate(reached, ...values);
-      if (found) return found;
-    }
-  }
-  throw new Error(`${reached}\nis not reached: ${await text(page, "events")}`);
-}
-await arms();
+await arms(page);
 // Invalid values are reported at their field.
 await type(page, "first", "90");
 await page.click("#steer .main");
 const refused = await page.$eval("#first", (field) => field.validationMessage);
 await page.click("#record-button");
 function reaches(degrees) {
-  return drives(async () => {
+  return drives(page, async () => {
     await type(page, "first", String(degrees));
     await type(page, "second", "14");
     await page.keyboard.press("Enter");
@@ -86,7 +66,7 @@ const large = await page.evaluate(() => {
   return cut;
 });
 // A torque, then space with the focus in a field.
-await drives(async () => {
+await drives(page, async () => {
   await page.evaluate(() => document.querySelector("[name=mode][value=torque]").click());
   await type(page, "first", "0.5");
   await type(page, "second", "10");
@@ -101,7 +81,7 @@ const pressure = await page.$eval("#second", (field) => field.validationMessage)
 await type(page, "second", "250");
 await page.select("#unit-Pa", "bar");
 const in_bar = await page.$$eval("#first, #second", (fields) => fields.map(({ value }) => value));
-await drives(() => page.click("#steer .main"), () => document.getElementById("mode").textContent.startsWith("pressures") &&
+await drives(page, () => page.click("#steer .main"), () => document.getElementById("mode").textContent.startsWith("pressures") &&
   ["a", "b"].every((side, i) => Math.abs(parseFloat(document.getElementById(`r-pressure-${side}`).textContent) - [2, 2.5][i]) < .05));
 await page.focus("#first");
 await page.keyboard.press(" ");
