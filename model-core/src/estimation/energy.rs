@@ -102,7 +102,7 @@ impl Energy {
         openings: Openings,
     ) -> f32 {
         let error_j = measured_j - closed_j;
-        if openings.charging || openings.discharging {
+        if openings.is_open() {
             self.closed_steps = 0;
             let more_j = match uncertainty {
                 Uncertainty::WideCode(half_j) => {

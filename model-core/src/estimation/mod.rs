@@ -143,6 +143,11 @@ pub struct Openings {
 }
 
 impl Openings {
+    /// Whether gas may flow through a valve.
+    fn is_open(self) -> bool {
+        self.charging || self.discharging
+    }
+
     /// Flow to expect in a step from the state of the valves; `flowing`: gas flowed in the step before.
     fn flow_state(self, flowing: bool) -> FlowState {
         match (self.turned, flowing) {
@@ -582,8 +587,7 @@ impl Estimator {
         if self.coefficients.leaks {
             closed_j -= self.leak_j(pressure_pa);
         }
-        let shut = !(openings.charging || openings.discharging);
-        if shut && is_above(self.coefficients.tube.takes_kg_pa, 0.0) {
+        if !openings.is_open() && is_above(self.coefficients.tube.takes_kg_pa, 0.0) {
             closed_j -= self.exchange_outside(pressure_pa - self.pressure_pa);
         }
         let per_pa = volume_m3 * self.coefficients.per_k_minus_1;
@@ -602,7 +606,7 @@ impl Estimator {
         self.window.steps += 1;
         self.window.heat_j += heat_j;
 
-        if openings.charging || openings.discharging {
+        if openings.is_open() {
             // If only one valve is driven, the duties give the direction: the noise of a difference of pressures would
             // be rectified. Behind a hose gas may swing against it.
             let Openings { charging, discharging, .. } = openings;
