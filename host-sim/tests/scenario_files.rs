@@ -571,6 +571,12 @@ fn profiles_lie_beside_the_scenario() {
 }
 
 #[test]
+fn a_print_names_the_model_of_an_unused_coefficient() {
+    let loaded = valid("[believed.heat]\nmodel = \"correlation\"\ninner_per_flow = 0.0");
+    assert_eq!(parse(&thermyo_setup::render(&loaded)), Ok(loaded));
+}
+
+#[test]
 fn broken_profiles_are_named_by_file_line_and_column() {
     for (scenario, file, csv, message) in [
         (

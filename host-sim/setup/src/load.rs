@@ -200,18 +200,21 @@ fn start_fitted(plant: &mut Scenario) {
     }
 }
 
+/// Keys of `[heat]` that only a constant heat transfer has.
+pub(crate) const CONSTANT_HEAT: [&str; 2] = ["inner_w_m2_k", "inner_per_flow"];
+
 /// Refuses coefficients of a constant heat transfer in a file that does not name the model: the file was written when
 /// that was the default.
 fn check_heat(scenario: &Scenario, given: &Entries) -> Result<(), Violation> {
-    let keys = ["heat.inner_w_m2_k", "heat.inner_per_flow"];
     let unnamed =
         scenario.heat.model == HeatModel::Correlation && given.get("heat.model").is_none();
-    match keys.into_iter().find(|key| unnamed && given.get(key).is_some()) {
+    let mut keys = CONSTANT_HEAT.iter().map(|name| format!("heat.{name}"));
+    match keys.find(|key| unnamed && given.get(key).is_some()) {
         Some(key) => {
             let why = format!(
                 "\"constant\" goes with {key}; \"correlation\", the default, with heat.scale"
             );
-            Err(Violation::missing("heat.model", key, &why))
+            Err(Violation::missing("heat.model", &key, &why))
         }
         None => Ok(()),
     }

@@ -1,5 +1,6 @@
 //! A scenario as `thermyo check` prints it: every key with its value and the allowed values.
 
+use super::load::CONSTANT_HEAT;
 use super::loaded::Loaded;
 use super::tree::{same, value};
 use super::warnings::{model_is_unused, unused_tables};
@@ -7,6 +8,14 @@ use std::fmt::Write;
 use thermyo_scenario::Scenario;
 use thermyo_scenario::schema::{Allowed, DIMENSIONS, FAULTS, Key, TABLES, Table};
 use toml::Value;
+
+/// Keys of a table of which one that differs has others written with it: table, causes, and keys written with them.
+const TOGETHER: [(&str, &[&str], &[&str]); 2] = [
+    // The core is configured with all dimensions or none: a single one would change the others.
+    ("muscle", &DIMENSIONS, &DIMENSIONS),
+    // A file with coefficients of a constant heat transfer has to name the model.
+    ("heat", &CONSTANT_HEAT, &["model"]),
+];
 
 /// The scenario as TOML with all defaults filled in; reading it back gives the same scenario to
 /// the bit.
@@ -46,13 +55,20 @@ pub fn render(loaded: &Loaded) -> String {
         let differs = |key: &&Key| {
             !same(value(&plant, table.name, key.name), value(&believed, table.name, key.name))
         };
-        // The core is configured with all dimensions or none: a single one would change the others.
-        let is_dimension = |key: &Key| table.name == "muscle" && DIMENSIONS.contains(&key.name);
-        let dimensions_differ = table.keys.iter().any(|key| is_dimension(key) && differs(&key));
+        let named_with = |key: &Key| {
+            TOGETHER.iter().any(|(name, causes, keys)| {
+                *name == table.name
+                    && keys.contains(&key.name)
+                    && table
+                        .keys
+                        .iter()
+                        .any(|cause| causes.contains(&cause.name) && differs(&cause))
+            })
+        };
         let lines = table
             .keys
             .iter()
-            .filter(|key| differs(key) || (dimensions_differ && is_dimension(key)))
+            .filter(|key| differs(key) || named_with(key))
             .map(|key| key_line(key, value(&believed, table.name, key.name)))
             .collect::<String>();
         if !lines.is_empty() {
