@@ -73,7 +73,7 @@ fn a_lost_length_neither_hunts_nor_misleads_the_estimate() {
     for (name, number, most_k) in [
         ("length sensor frozen", 92, 8.0),
         ("length sensor noisy", 60, 6.0),
-        ("length sensor shorted", 99, 5.0),
+        ("length sensor shorted", 99, 6.5),
     ] {
         let error_k = outcome(name, number).error_k;
         println!("{name} {number}: {error_k} K");

@@ -66,12 +66,12 @@ fn a_heavy_arm_is_followed_at_two_hertz() {
 }
 
 /// Slow creep turns an arm that rests for minutes, by more than the zone in which it may be. When a rest could begin
-/// anywhere within the zone, 17 and 8 pulses followed after 10 s. One arm in twelve still leaves the zone.
+/// anywhere within the zone, 17 and 8 pulses followed after 10 s. Four of 36 arms still leave the zone.
 #[test]
 fn an_arm_at_rest_has_room_for_its_creep() {
     let mut corrected = 0;
-    for inertia_kg_m2 in [0.015, 0.02, 0.03, 0.05, 0.07, 0.09, 0.11, 0.13, 0.14, 0.145, 0.15, 0.16]
-    {
+    for arm in 0..36 {
+        let inertia_kg_m2 = 0.015 + 0.0041 * f64::from(arm);
         let loaded = loaded(&format!("{HOSED}inertia_kg_m2 = {inertia_kg_m2}\n"));
         let rows = run(&loaded, 21.0, |t| still(if t < 1.0 { 0.0 } else { 20.0 }, 14.0));
         corrected += u8::from(rows[11_000..].iter().any(|row| !row.shut()));
@@ -79,7 +79,7 @@ fn an_arm_at_rest_has_room_for_its_creep() {
         let worst = errors.fold(0.0, f64::max);
         assert!((0.02..0.3).contains(&worst), "{inertia_kg_m2} kg m2: {worst} deg");
     }
-    assert!(corrected <= 1, "{corrected} arms");
+    assert!((1..=6).contains(&corrected), "{corrected} arms");
 }
 
 /// Largest error of an arm that moves to an angle and rests there, from 2 s after the step on \[deg\].

@@ -39,7 +39,8 @@ pub(super) struct Interval {
     pub steps: u16,
     /// Enthalpy that leaked \[J\].
     pub leaked_j: f32,
-    /// Whether a step of it had no pressure.
+    /// Whether its reading is left out: the interval began before the estimator, or a step of it had no pressure or a
+    /// length from another source.
     pub void: bool,
     /// Flow since the zones last moved.
     pub flow: Flow,
@@ -229,6 +230,14 @@ impl Movements {
         self.outflow_kg += flow.outflow_kg;
     }
 
+    /// Scales masses and energy to those of another volume.
+    pub(super) fn scale(&mut self, by: f32) {
+        self.mass_kg = scaled(&self.mass_kg, by);
+        for sum in [&mut self.inflow_kg, &mut self.outflow_kg, &mut self.energy_j] {
+            *sum *= by;
+        }
+    }
+
     fn add(&mut self, moved: &Moved, conductance_j_k: &PerZone) {
         let steps = f32::from(moved.steps);
         self.energy_j += moved.energy_j;
@@ -361,7 +370,7 @@ impl Estimator {
     /// Moves zones, walls, housing and element by the flow since they last moved.
     fn move_zones(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
         let flow = core::mem::take(&mut self.interval.flow);
-        if self.interval.void || flow.steps == 0 {
+        if flow.steps == 0 {
             return;
         }
         let length_m = measurement.length.value;
@@ -425,18 +434,7 @@ impl Estimator {
 
     fn end_interval(&mut self, measurement: &Measurement) {
         let Interval { steps, leaked_j, void, .. } = core::mem::take(&mut self.interval);
-        if void {
-            self.drop_interval();
-        } else {
-            self.ended = Some(Ended { steps, leaked_j, gas: measurement.gas });
-        }
-    }
-
-    /// Drops an interval that counts for nothing, except for its drift.
-    pub(super) fn drop_interval(&mut self) {
-        self.interval = Interval::default();
-        self.forget_movements();
-        self.pending.work = Work::Drift;
+        self.ended = Some(Ended { steps, leaked_j, gas: measurement.gas.filter(|_| !void) });
     }
 
     /// Forgets the movements since the last interval.

@@ -345,10 +345,25 @@ impl Estimator {
 
     /// Runs one step for the gas in `chamber`.
     pub fn step(&mut self, chamber: &impl Chamber, measurement: &Measurement) {
-        let Some(pressure) = measurement.pressure else {
-            self.wait();
-            return;
-        };
+        match &measurement.pressure {
+            Some(pressure) => self.balance_gas(chamber, pressure, measurement),
+            None => self.wait(),
+        }
+        if self.started {
+            self.advance_covariance(chamber, measurement);
+            if !self.is_sound() {
+                self.heal();
+            }
+        }
+    }
+
+    /// Balances the gas over a step that ends at this pressure.
+    fn balance_gas(
+        &mut self,
+        chamber: &impl Chamber,
+        pressure: &Reading,
+        measurement: &Measurement,
+    ) {
         self.missing_steps = 0;
         let pressure_pa = limit(pressure.value, LOWEST_PA, HIGHEST_PA);
         let length = &measurement.length;
@@ -362,10 +377,6 @@ impl Estimator {
         let wide_pa = limit(pressure.wide, 0.0, 0.5 * LOWEST_PA);
         self.propagate(pressure_pa, wide_pa, volume_m3, measurement.openings);
         self.end_window();
-        self.advance_covariance(chamber, measurement);
-        if !self.is_sound() {
-            self.heal();
-        }
     }
 
     /// Follows the length by a step; returns the volume there \[m3\].
@@ -407,9 +418,15 @@ impl Estimator {
         self.measured_j *= larger;
         self.energy.set(self.energy.energy_j() * larger);
         self.mass_kg = CompensatedSum::new(self.mass_kg.value() * larger);
+        self.enlarge(larger);
+    }
+
+    /// Takes zones and sums to another volume, which holds this many times the gas.
+    #[cold]
+    fn enlarge(&mut self, larger: f32) {
         self.zones.set_mass(self.mass_kg.value());
-        // Their sums belong to the other volume.
-        self.interval.void = true;
+        self.interval.flow.scale(larger);
+        self.movements.scale(larger);
         self.window.void = true;
     }
 
@@ -455,10 +472,10 @@ impl Estimator {
         self.give_up();
     }
 
-    /// Handles a step without a pressure. A few such steps are left out; after ten milliseconds the estimate is
-    /// unknown, and the estimator starts again when the pressure is back.
+    /// Handles a step without a pressure. A few such steps count as if nothing had changed; after ten milliseconds the
+    /// estimate is unknown, and the estimator starts again when the pressure is back.
     fn wait(&mut self) {
-        // The interval goes on, in phase with the PWM period, but counts for nothing.
+        // The interval goes on, in phase with the PWM period, but no reading is compared with it.
         self.interval.void = true;
         self.interval.steps += 1;
         self.window.void = true;
@@ -466,16 +483,24 @@ impl Estimator {
         if self.window.steps == self.coefficients.counts.interval_steps {
             self.window = Window::default();
         }
-        if self.interval.steps == self.coefficients.counts.update_steps {
-            self.drop_interval();
-        }
         self.missing_steps = self.missing_steps.saturating_add(1);
         if self.missing_steps == self.coefficients.counts.patience_steps {
             self.give_up();
         }
+        if self.started {
+            let flow = &mut self.interval.flow;
+            if flow.steps == 0 {
+                flow.energy_j = self.energy.energy_j();
+            }
+            flow.steps += 1;
+            flow.gas_k += self.gas_k;
+        } else if self.interval.steps == self.coefficients.counts.update_steps {
+            self.interval = Interval::default();
+        }
     }
 
     /// Forgets everything: the next step with a pressure starts again.
+    #[inline(never)] // From several places, and rare.
     fn give_up(&mut self) {
         self.started = false;
         self.leakage = Leakage::default();
@@ -558,14 +583,14 @@ impl Estimator {
         self.motion = Trend::REST;
         self.volume_m3 = volume_m3;
         self.measured_j = self.pressure_pa * volume_m3 * self.coefficients.per_k_minus_1;
+        let larger = self.measured_j / self.energy.energy_j();
         self.energy.set(self.measured_j);
         self.mass_kg = CompensatedSum::new(self.measured_j * self.coefficients.per_cv / self.gas_k);
-        self.zones.set_mass(self.mass_kg.value());
+        self.enlarge(larger);
         // As uncertain as at the start.
         let sd = self.coefficients.tuning.initial_sd_k / self.gas_k;
         self.covariance.add_common(sd * sd);
         self.interval.void = true;
-        self.window.void = true;
         self.element.forget_bias();
     }
 
@@ -862,6 +887,39 @@ mod tests {
             worst_k = worst_k.max((estimator.estimate().gas_k - 298.0).abs());
         }
         assert!(worst_k < 0.5, "{worst_k} K");
+    }
+
+    /// An interval in which the length leaves a wide code or a pressure is missing is still time in which the element
+    /// warms: the next reading must not show heat that the model left out.
+    #[test]
+    fn the_element_follows_through_a_wide_code_and_a_missing_pressure() {
+        let sensor_k = |disturbed: &dyn Fn(&mut Measurement, u16)| {
+            let mut config = Config::default();
+            (config.heat.inner_w_m2_k, config.heat.inner_per_flow) = (0.0, 0.0);
+            config.sensors.gas.time_constant_s = 0.2;
+            let mut estimator = Estimator::new(&config);
+            for step in 0..1_150_u16 {
+                let pressure_pa = 1.0e5 + 2.0e3 * f32::from(step.clamp(1_000, 1_150) - 1_000);
+                let flow = u8::from(step > 1_000);
+                let reading_k = if step == 0 { 298.0 } else { 0.0 };
+                let mut measurement = measurement(pressure_pa, 0.28, reading_k, flow);
+                disturbed(&mut measurement, step);
+                estimator.step(&muscle(), &measurement);
+            }
+            estimator.estimate().sensor_k
+        };
+        let undisturbed_k = sensor_k(&|_, _| {});
+        let coded_k = sensor_k(&|measurement, step| {
+            let wide = if (1_082..1_085).contains(&step) { 1.0e-4 } else { 0.0 };
+            measurement.length = Reading { wide, ..measurement.length };
+        });
+        let missing_k = sensor_k(&|measurement, step| {
+            measurement.pressure = measurement.pressure.filter(|_| step != 1_085);
+        });
+        assert!(undisturbed_k > 305.0, "{undisturbed_k} K");
+        for disturbed_k in [coded_k, missing_k] {
+            assert!((disturbed_k - undisturbed_k).abs() < 0.2, "{disturbed_k}, {undisturbed_k} K");
+        }
     }
 
     /// A muscle at rest within a wide code may have any volume there: the stated deviation includes that for as long as

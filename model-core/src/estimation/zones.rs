@@ -153,6 +153,17 @@ pub struct Flow {
     pub flowing_steps: u16,
 }
 
+impl Flow {
+    /// Scales what flowed and the energy, because the volume was wrong by this factor.
+    pub fn scale(&mut self, by: f32) {
+        for sum in
+            [&mut self.inflow_kg, &mut self.outflow_kg, &mut self.enthalpy_j, &mut self.energy_j]
+        {
+            *sum *= by;
+        }
+    }
+}
+
 /// State of the chamber while the zones move.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Place {
