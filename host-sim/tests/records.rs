@@ -87,6 +87,40 @@ fn a_killed_sweep_goes_on_where_it_was() {
     }
 }
 
+/// A record that is sent to somebody comes without the profile and the load, whose set points it contains.
+#[test]
+fn a_record_is_replayed_without_the_files_of_its_drive() {
+    let folder = Folder::new();
+    folder.file("value.csv", "time_s,value\n0,150000\n0.2,250000\n0.3,200000\n");
+    folder.file("duty.csv", "time_s,duty\n0,0.1\n0.2,0.3\n0.3,-0.2\n");
+    folder.file("course.csv", "time_s,angle_rad,stiffness_n_m_rad\n0,0.2,14\n0.3,0.4,12\n");
+    folder.file("load.csv", "time_s,torque_n_m\n0,0\n0.4,1\n");
+    // Angle 0 is beyond these stops, and the angle's sensor never works.
+    let joint = "[joint]\nminimum_rad = 0.1\n[joint.a.faults]\nlength = \"open\"\n[drive]\n\
+                 profile_csv = \"course.csv\"\nload_csv = \"load.csv\"\n";
+    let drives = [
+        ("muscle", "[drive]\nkind = \"pressure\"\nprofile_csv = \"value.csv\"\n"),
+        ("duty", "[drive]\nkind = \"duty\"\nprofile_csv = \"duty.csv\"\n"),
+        ("joint", joint),
+    ];
+    let run = |drive: &str, out: &str| {
+        let file = folder.file("given.toml", &format!("{RUN}{drive}"));
+        thermyo(&["run", &file, "--quiet", "--out", &folder.name(out)])
+    };
+    for (name, drive) in drives {
+        run(drive, name).ok();
+    }
+    for file in ["value.csv", "duty.csv", "course.csv", "load.csv"] {
+        fs::remove_file(folder.path(file)).unwrap();
+    }
+    for (name, drive) in drives {
+        let replay = ["replay", &folder.name(name), "--out", &folder.name("again")];
+        let Said { out: printed, .. } = thermyo(&replay).ok();
+        assert!(printed.contains("501 of 501 recorded steps replayed, 0 differ"), "{printed}");
+        run(drive, "none").refused("drive.profile_csv: ").refused("no such file");
+    }
+}
+
 #[test]
 fn a_damaged_record_is_read_up_to_the_damage() {
     let (_folder, scenario, out) = place(RUN);

@@ -17,7 +17,9 @@ mod warnings;
 
 pub use faults::{named, venting};
 pub use from_config::to_scenario;
-pub use load::{JointLoaded, angle_and_stiffness, course, joint, load, parse, parse_alone};
+pub use load::{
+    JointLoaded, angle_and_stiffness, course, joint, load, load_recorded, parse, parse_alone,
+};
 pub use radii::Off;
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};

@@ -206,6 +206,21 @@ pub fn load(path: &Path) -> Result<Option<JointLoaded>, InputError> {
     if is_joint(&text) { parse(&text, path).map(Some) } else { Ok(None) }
 }
 
+/// As [`load`], of a record that begins at this angle and has set points and load itself: their files are not read.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_recorded(path: &Path, start_rad: f64) -> Result<Option<JointLoaded>, InputError> {
+    let text = read_text(path)?;
+    if !is_joint(&text) {
+        return Ok(None);
+    }
+    let document = JointDocument::parse(&text, path)?;
+    let profile =
+        document.drive.profile_csv.as_ref().map(|_| [start_rad, 0.0].map(Profile::constant));
+    assembled(&document, (profile, None)).map(Some)
+}
+
 /// Parses the scenario of a joint; `origin` is its name in messages.
 ///
 /// # Errors
@@ -241,7 +256,13 @@ pub fn parse_alone(text: &str, origin: &Path) -> Result<JointLoaded, InputError>
 /// # Errors
 /// As [`load`].
 pub fn joint(document: &JointDocument) -> Result<JointLoaded, InputError> {
-    let (profile, load) = profiles(document)?;
+    assembled(document, profiles(document)?)
+}
+
+fn assembled(
+    document: &JointDocument,
+    (profile, load): Profiles,
+) -> Result<JointLoaded, InputError> {
     let start_rad = match &profile {
         Some([angle, _]) => angle.value(0.0),
         None => document.drive.angle_rad,

@@ -21,8 +21,9 @@ mod warnings;
 
 pub use hardware::{calibrated_otherwise, differences, hardware};
 pub use load::{
-    SET_POINT_COLUMNS, assemble, load, load_with_warnings, no_file, numbers_in, parse, parse_alone,
-    parse_with_warnings, paths_in, profile_in, refuse_files, refuse_vessel, set_points_in,
+    SET_POINT_COLUMNS, assemble, load, load_recorded, load_with_warnings, no_file, numbers_in,
+    parse, parse_alone, parse_with_warnings, paths_in, profile_in, refuse_files, refuse_vessel,
+    set_points_in,
 };
 pub use loaded::Loaded;
 pub use render::render;

@@ -92,8 +92,29 @@ pub fn no_file(key: String, value: String) -> Problem {
     Problem::NotAllowed { key, value, allowed }
 }
 
+/// Loads the scenario of a record, which has the set points itself: the file of `drive.profile_csv` is not read.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_recorded(path: &Path) -> Result<Loaded, InputError> {
+    without_profile(&Document::parse(&read_text(path)?, path)?)
+}
+
 /// Fills in defaults, and applies the rules between keys.
 pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
+    let mut loaded = without_profile(document)?;
+    if let Some(entry) = document.plant.get("drive.profile_csv")
+        && let Some(path) = entry.value.as_str()
+    {
+        let origin = &document.origin;
+        let table = read_table(&beside(origin, path.as_ref()));
+        let profile = table.and_then(|table| set_points_in(&table, &loaded.plant));
+        loaded.drive_profile = Some(profile.map_err(|error| named(error, entry, origin))?);
+    }
+    Ok(loaded)
+}
+
+fn without_profile(document: &Document) -> Result<Loaded, InputError> {
     let Document { origin, plant: given, believed: overrides } = document;
     fault_rules::check_given(given).map_err(|found| blame(found, given, origin))?;
     let base = preset(&Scenario::default(), given, origin)?;
@@ -119,14 +140,6 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     start_fitted(&mut plant);
     check_heat(&plant, given).map_err(|found| blame(found, given, origin))?;
     rules::check_plant(&plant).map_err(|found| blame(found, given, origin))?;
-    let drive_profile = match (&plant.drive.profile_csv, given.get("drive.profile_csv")) {
-        (Some(path), Some(entry)) => {
-            let table = read_table(&beside(origin, path));
-            let profile = table.and_then(|table| set_points_in(&table, &plant));
-            Some(profile.map_err(|error| named(error, entry, origin))?)
-        }
-        _ => None,
-    };
     name_files_absolutely(&mut plant, given, origin)?;
 
     let base = preset(&plant, overrides, origin)?;
@@ -139,7 +152,7 @@ pub fn assemble(document: &Document) -> Result<Loaded, InputError> {
     believed.muscle = dimensions.applied_to(&believed.muscle);
     check_heat(&believed, overrides).map_err(|found| blame(found, overrides, origin))?;
     rules::check_believed(&believed).map_err(|found| blame(found, overrides, origin))?;
-    Ok(Loaded { plant, believed, volume_profile, drive_profile, shut_s: Vec::new() })
+    Ok(Loaded { plant, believed, volume_profile, drive_profile: None, shut_s: Vec::new() })
 }
 
 /// Refuses a vessel, which a joint or a page cannot move.

@@ -59,7 +59,9 @@ impl Record {
     /// # Errors
     /// If the scenario cannot be read, or the trace lacks a step.
     pub fn read(trace: &Path, table: &Table) -> Result<Self, InputError> {
-        match thermyo_joint::load(&trace.with_file_name("scenario.toml"))? {
+        let angles = table.column("angle_reference_rad").unwrap_or_default();
+        let start_rad = angles.first().copied().flatten().unwrap_or(0.0);
+        match thermyo_joint::load_recorded(&trace.with_file_name("scenario.toml"), start_rad)? {
             Some(loaded) => Ok(Self::Joint(Box::new(joint::read_record(&loaded, table)?))),
             None => Ok(Self::Muscle(Box::new(read_record(trace, table)?))),
         }

@@ -4,6 +4,7 @@ use super::{Mismatch, Part, Replay, are_digital, most_code, part_of};
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
 use thermyo_record::board_trace;
+use thermyo_scenario::profile::Profile;
 use thermyo_simulation::board::{Board, BoardError};
 
 use model_core::control::Mode;
@@ -74,12 +75,18 @@ pub struct Record {
 /// # Errors
 /// If the scenario cannot be read, or the trace lacks a step.
 pub fn read_record(trace: &Path, table: &Table) -> Result<Record, InputError> {
-    let loaded = thermyo_setup::load(&trace.with_file_name("scenario.toml"))?;
+    let mut loaded = thermyo_setup::load_recorded(&trace.with_file_name("scenario.toml"))?;
     let config = core_config(&loaded.believed);
     let part = part_of(table, checksum(&config))?;
-    let drive = SetPoints::new(&loaded);
     let recorded = Recorded::new(table, &config.sensors)?;
     let logged = logged_set_points(table)?;
+    if loaded.plant.drive.profile_csv.is_some() && logged.is_none() {
+        let values = table.filled("set_point")?.into_iter().skip(part.before).enumerate();
+        let step_s = loaded.plant.run.step_s;
+        let points = values.map(|(i, value)| (i as f64 * step_s, value)).collect();
+        loaded.drive_profile = Profile::new(points).ok();
+    }
+    let drive = SetPoints::new(&loaded);
     let mut held = SetPoint::Vent;
     let rows = (part.before..part.before + part.rows)
         .map(|row| {
@@ -203,7 +210,7 @@ impl Recorded {
 }
 
 /// Set points that a board has recorded, row by row; those of a simulated run follow from its
-/// scenario.
+/// scenario, and from the values of its profile in the record.
 fn logged_set_points(table: &Table) -> Result<Option<Vec<SetPoint>>, InputError> {
     if !table.columns().iter().any(|column| column.name == "set_point_kind") {
         return Ok(None);
