@@ -117,8 +117,10 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
         maximum,
     })) = error
     {
-        let degrees = (minimum..=maximum).contains(&value.to_radians());
-        let meant = if degrees { format!("; use {value}deg") } else { String::new() };
+        let typed = value.to_string();
+        // An angle given in degrees has every digit of its radians.
+        let degrees = typed.len() < 8 && (minimum..=maximum).contains(&value.to_radians());
+        let meant = if degrees { format!("; use {typed}deg") } else { String::new() };
         let [value, minimum, maximum] =
             [value, minimum, maximum].map(|rad| angle_text(rad.into(), units));
         return Failure::Usage(format!(
