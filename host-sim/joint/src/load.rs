@@ -504,11 +504,17 @@ fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> Input
     };
     let problem = Problem::NotAllowed {
         key: format!("{full}{note}"),
-        value: value.to_string(),
-        allowed: format!("from {minimum} to {maximum}{by}"),
+        value: rounded(value),
+        allowed: format!("from {} to {}{by}", rounded(minimum), rounded(maximum)),
     };
     let line = given.and_then(|(line, ..)| line);
     InputError { file: document.muscles[0].origin.clone(), line, problem: Box::new(problem) }
+}
+
+/// The number in seven digits: more are the rounding errors of the core's f32.
+fn rounded(value: f32) -> String {
+    let digits = format!("{value:.6e}");
+    digits.parse::<f64>().map_or(digits, |number| number.to_string())
 }
 
 /// The columns of a profile: angle \[rad\], between the joint's stops, and stiffness \[N m/rad\].
@@ -586,6 +592,8 @@ mod tests {
             radius.contains("joint.mid_length_a_m (less the pulley's way to the stop)"),
             "{radius}"
         );
+        let length = refusal("[joint]\nmid_length_a_m = 0.1\n");
+        assert!(length.ends_with(" = 0.116: must be from 0.1884632 to 0.3"), "{length}");
         let middle = refusal("[joint]\nradius_m = 0.02\nmid_length_b_m = 0.32\n");
         assert!(middle.starts_with("joint.toml:3: joint.mid_length_b_m"), "{middle}");
         let drive = refusal("[joint]\n[drive]\nkind = \"joint\"\nangle_rad = 0.9\n");
