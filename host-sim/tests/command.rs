@@ -330,8 +330,9 @@ fn figures_are_in_practical_units_and_in_si_on_request() {
     }
     assert!(practical.contains("set point: RMS error ") && practical.contains(" kPa, "));
     assert!(si.contains(" Pa, overshoot ") || si.contains(" Pa, at the end "), "{si}");
-    let both = ["compare", &out, &format!("{out}/earlier-1"), "--si"];
-    assert!(printed(&both).contains("pressure_pa            RMS 0 Pa, mean 0 Pa"));
+    let (earlier, compared) = (format!("{out}/earlier-1"), folder.name("compared"));
+    let both = thermyo(&["compare", &out, &earlier, "--si", "--out", &compared]).ok().out;
+    assert!(both.contains("pressure_pa            RMS 0 Pa, mean 0 Pa"));
 }
 
 /// A joint's columns have their own names; a joint and a muscle have none in common.

@@ -359,6 +359,22 @@ fn a_result_is_never_overwritten() {
 }
 
 #[test]
+fn a_result_does_not_move_its_record() {
+    let (_folder, scenario, out) = place(RUN);
+    let [record, trace] = [name(&out), name(&out.join("trace.csv"))];
+    thermyo(&["run", &scenario, "--quiet", "--out", &record]).ok();
+    for arguments in [
+        &["compare", &record, &trace][..],
+        &["replay", &record],
+        &["identify", &trace, "--config", &scenario],
+    ] {
+        let refused = thermyo(&[arguments, &["--out", &record]].concat());
+        refused.refused("is the record itself: give another folder").in_one_line();
+    }
+    assert!(out.join("trace.csv").exists() && !out.join("earlier-1").exists());
+}
+
+#[test]
 fn a_scenario_of_the_user_is_not_moved_with_an_earlier_result() {
     let folder = Folder::new();
     let scenario = folder.scenario(RUN);

@@ -36,6 +36,15 @@ const RESULTS: [&str; 17] = [
 /// Files of which every published result has at least one.
 const SIGNS: [&str; 3] = ["summary.json", "report.html", "config.json"];
 
+/// Whether a new result in this folder would move the file: it has the name of a result there.
+pub fn would_move(folder: &Path, file: &Path) -> bool {
+    let beside = file.parent().filter(|parent| !parent.as_os_str().is_empty());
+    let [beside, folder] =
+        [beside.unwrap_or(Path::new(".")), folder].map(|path| path.canonicalize().ok());
+    let named = RESULTS.into_iter().any(|name| file.ends_with(name));
+    named && beside.is_some() && beside == folder
+}
+
 /// The folder for the results of one command. Until [`OutputDir::publish`] they lie in a folder
 /// within it, which is removed if this is dropped first.
 #[derive(Debug)]

@@ -18,17 +18,18 @@ pub(super) struct CompareArgs {
 pub(super) fn run(args: &CompareArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let to = to.as_asked(args.output.format).in_units(args.units);
     let mut runs = Vec::new();
-    for path in &args.runs {
-        let trace = trace_in(path);
-        let table = read_record(&trace, to)?;
-        runs.push(Recorded::of_trace(&name(path), &trace, &table)?);
+    let traces: Vec<PathBuf> = args.runs.iter().map(|path| trace_in(path)).collect();
+    for (path, trace) in args.runs.iter().zip(&traces) {
+        let table = read_record(trace, to)?;
+        runs.push(Recorded::of_trace(&name(path), trace, &table)?);
     }
     refuse_unlike(&runs)?;
     let comparison = Comparison::of(runs);
     for warning in comparison.warnings() {
         to.say(format_args!("warning: {warning}"));
     }
-    let mut out = args.output.create("compare")?;
+    let traces: Vec<&Path> = traces.iter().map(PathBuf::as_path).collect();
+    let mut out = args.output.create_beside("compare", &traces)?;
     let json = comparison.summary();
     out.text("summary.json", &json)?;
     out.text("report.html", &comparison.page())?;

@@ -18,7 +18,7 @@ pub(super) fn run(
     };
     let table = table::read_record(data)?;
     say_damage(&table, to);
-    let mut out = args.output.create("identify")?;
+    let mut out = args.output.create_beside("identify", &[data])?;
     let bar = Bar::new(0, args.output.format.quiet);
     let found = identify(loaded, &table);
     bar.clear();

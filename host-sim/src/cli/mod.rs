@@ -58,7 +58,7 @@ use thermyo_boards::live::LiveBoard;
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_files::input::{InputError, Problem, nearest};
 use thermyo_files::number::{difference_text, speed};
-use thermyo_files::output::OutputDir;
+use thermyo_files::output::{OutputDir, would_move};
 use thermyo_files::shipped;
 use thermyo_files::table;
 use thermyo_files::table::Table;
@@ -190,8 +190,22 @@ struct OutputArgs {
 impl OutputArgs {
     /// Creates the folder for the results, `out/<command>` by default.
     fn create(&self, command: &str) -> Result<OutputDir, Failure> {
+        self.create_beside(command, &[])
+    }
+
+    /// As [`Self::create`], for results of these records.
+    ///
+    /// # Errors
+    /// For the folder of a record, which a new result would move.
+    fn create_beside(&self, command: &str, records: &[&Path]) -> Result<OutputDir, Failure> {
         let usual = || Path::new("out").join(command);
-        Ok(OutputDir::create(&self.out.clone().unwrap_or_else(usual))?)
+        let folder = self.out.clone().unwrap_or_else(usual);
+        if records.iter().any(|record| would_move(&folder, record)) {
+            let folder = folder.display();
+            let usage = format!("--out {folder}: is the record itself: give another folder");
+            return Err(Failure::Usage(usage));
+        }
+        Ok(OutputDir::create(&folder)?)
     }
 }
 
@@ -530,7 +544,7 @@ fn identify_command(args: &IdentifyArgs, to: &mut Console<'_>) -> Result<(), Fai
     let against = args.against.as_deref().map(|other| identified_table(other, to)).transpose()?;
     interrupt::watch();
     // Created before the search, which takes minutes: an unwritable folder fails at once.
-    let mut out = args.output.create("identify")?;
+    let mut out = args.output.create_beside("identify", &[data])?;
     let bar = Bar::new(0, args.output.format.quiet);
     let found = identify_table(&loaded, &args.config, &table, data, against.as_ref(), &bar);
     drop(bar);

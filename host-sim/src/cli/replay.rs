@@ -1,10 +1,9 @@
 use super::progress::Bar;
 use super::{BoardArgs, Console, Failure, OutputArgs, interrupt, read_record, trace_in};
 use clap::Args;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use thermyo_compute::parallel::Watch;
 use thermyo_files::number::COUNT;
-use thermyo_files::output::OutputDir;
 use thermyo_report::Colour;
 use thermyo_report::Recorder;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -32,14 +31,8 @@ pub(super) fn run(args: &ReplayArgs, to: &mut Console<'_>) -> Result<(), Failure
     }
     let (part, drawn) = (record.part(), record.drawn());
     let rows = part.rows as u64;
-    let folder = args.output.out.clone().unwrap_or_else(|| PathBuf::from("out/replay"));
-    if is_the_same(trace.parent().unwrap_or(Path::new("")), &folder) {
-        let usage =
-            format!("--out {}: is the record itself: give another folder", folder.display());
-        return Err(Failure::Usage(usage));
-    }
+    let mut out = args.output.create_beside("replay", &[&trace.with_file_name("scenario.toml")])?;
     let mut board = args.board.open()?;
-    let mut out = OutputDir::create(&folder)?;
     let bar = Bar::new(rows, args.output.format.quiet);
     let mut recorder = Recorder::new(drawn.columns);
     interrupt::watch();
@@ -75,13 +68,6 @@ pub(super) fn run(args: &ReplayArgs, to: &mut Console<'_>) -> Result<(), Failure
     to.results(out, (&json, &text))?;
     // Without the core's state at the first row, equal bits are not claimed.
     if part.first_step > 0 { Ok(()) } else { verdict(&outcome, rows) }
-}
-
-/// Whether both paths lead to one existing folder.
-fn is_the_same(record: &Path, folder: &Path) -> bool {
-    let record = if record.as_os_str().is_empty() { Path::new(".") } else { record };
-    let [record, folder] = [record, folder].map(|path| path.canonicalize().ok());
-    record.is_some() && record == folder
 }
 
 fn sentence(outcome: &Replay, rows: u64) -> String {
