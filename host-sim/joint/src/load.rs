@@ -17,6 +17,7 @@ use thermyo_scenario::schema::Limits;
 use thermyo_scenario::{ChannelFault, Document, Load, LoadKind};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
+use thermyo_simulation::board::in_f32_digits;
 
 /// Shortest and longest interval on either side over which the motion of a profile is taken \[s\]: differences over
 /// single rows of 10 ms would turn the last digit of an angle into an acceleration.
@@ -502,19 +503,15 @@ fn refused(document: &JointDocument, prefix: &str, error: &ConfigError) -> Input
         Some((_, given, _)) if *given != full => format!(", by {given}"),
         _ => String::new(),
     };
+    let [value, minimum, maximum] =
+        [value, minimum, maximum].map(|number| in_f32_digits(number.into()));
     let problem = Problem::NotAllowed {
         key: format!("{full}{note}"),
-        value: rounded(value),
-        allowed: format!("from {} to {}{by}", rounded(minimum), rounded(maximum)),
+        value: value.to_string(),
+        allowed: format!("from {minimum} to {maximum}{by}"),
     };
     let line = given.and_then(|(line, ..)| line);
     InputError { file: document.muscles[0].origin.clone(), line, problem: Box::new(problem) }
-}
-
-/// The number in seven digits: more are the rounding errors of the core's f32.
-fn rounded(value: f32) -> String {
-    let digits = format!("{value:.6e}");
-    digits.parse::<f64>().map_or(digits, |number| number.to_string())
 }
 
 /// The columns of a profile: angle \[rad\], between the joint's stops, and stiffness \[N m/rad\].

@@ -212,10 +212,13 @@ fn outside((name, unit, factor): Named, value: f32, range: [f32; 2]) -> String {
     let [least, most] = range.map(|end| f64::from(end) * factor * 1e3);
     // Rounded inwards, so that the printed values are allowed.
     let (lowest, highest) = (least.ceil() / 1e3, most.floor() / 1e3);
-    // Rounded to the digits that an f32 has.
-    let value = f64::from(value) * factor;
-    let value = format!("{value:.6e}").parse().unwrap_or(value);
+    let value = in_f32_digits(f64::from(value) * factor);
     format!("{name} of {value} {unit}: must be from {lowest} to {highest} {unit}")
+}
+
+/// The number in seven digits: more are the rounding errors of the core's f32.
+pub fn in_f32_digits(value: f64) -> f64 {
+    format!("{value:.6e}").parse().unwrap_or(value)
 }
 
 /// Appended to the allowed range where a highest pressure is below it.
