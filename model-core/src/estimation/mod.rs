@@ -488,12 +488,8 @@ impl Estimator {
             self.give_up();
         }
         if self.started {
-            let flow = &mut self.interval.flow;
-            if flow.steps == 0 {
-                flow.energy_j = self.energy.energy_j();
-            }
-            flow.steps += 1;
-            flow.gas_k += self.gas_k;
+            self.interval.flow.begin(self.energy.energy_j());
+            self.interval.flow.end(self.gas_k);
         } else if self.interval.steps == self.coefficients.counts.update_steps {
             self.interval = Interval::default();
         }
@@ -605,9 +601,7 @@ impl Estimator {
     fn propagate(&mut self, pressure_pa: f32, wide_pa: f32, volume_m3: f32, openings: Openings) {
         let heat_j = self.heat_per_k * self.gas_k - self.heat_offset_j;
         let work_j = 0.5 * (pressure_pa + self.pressure_pa) * (volume_m3 - self.volume_m3);
-        if self.interval.flow.steps == 0 {
-            self.interval.flow.energy_j = self.energy.energy_j();
-        }
+        self.interval.flow.begin(self.energy.energy_j());
         let mut closed_j = self.energy.energy_j() - work_j - heat_j;
         if self.coefficients.leaks {
             closed_j -= self.leak_j(pressure_pa);
@@ -651,10 +645,8 @@ impl Estimator {
         if flowing || leaking.is_some() {
             self.exchange_gas(enthalpy_j, before_pa);
         }
-        let flow = &mut self.interval.flow;
-        flow.steps += 1;
         self.update_temperature();
-        self.interval.flow.gas_k += self.gas_k;
+        self.interval.flow.end(self.gas_k);
     }
 
     /// Moves the mass by an enthalpy that crosses the port in a step that began at a pressure of `before_pa`.

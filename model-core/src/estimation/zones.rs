@@ -154,6 +154,19 @@ pub struct Flow {
 }
 
 impl Flow {
+    /// Begins a step with this energy \[J\].
+    pub fn begin(&mut self, energy_j: f32) {
+        if self.steps == 0 {
+            self.energy_j = energy_j;
+        }
+    }
+
+    /// Ends a step at this temperature of the gas \[K\].
+    pub fn end(&mut self, gas_k: f32) {
+        self.steps += 1;
+        self.gas_k += gas_k;
+    }
+
     /// Scales what flowed and the energy, because the volume was wrong by this factor.
     pub fn scale(&mut self, by: f32) {
         for sum in
