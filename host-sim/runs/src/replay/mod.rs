@@ -127,8 +127,12 @@ pub struct Part {
     ends: Option<[u32; 2]>,
 }
 
+/// Steps after which a core that starts within a record agrees with the recorded one: some seconds at 1 kHz.
+const SETTLING_STEPS: i64 = 5_000;
+
 impl Part {
-    /// The longest part that begins at a start of the core; without a start, the longest part.
+    /// The longest part, less [`SETTLING_STEPS`] unless it begins at a start of the core. A single row is a part only
+    /// where there is no other.
     ///
     /// `of_config` returns whether a row was recorded with the replayed configuration. The board states it some steps
     /// late: the last row of a part counts.
@@ -141,9 +145,10 @@ impl Part {
             begin = end;
             part
         });
-        let longest = parts
-            .filter(|part| of_config(part.end - 1))
-            .max_by_key(|part| (steps[part.start] == 0.0, part.len(), steps.len() - part.start))?;
+        let longest = parts.filter(|part| of_config(part.end - 1)).max_by_key(|part| {
+            let settling = if steps[part.start] == 0.0 { 0 } else { SETTLING_STEPS };
+            (part.len() > 1, part.len() as i64 - settling, steps.len() - part.start)
+        })?;
         Some(Self {
             before: longest.start,
             rows: longest.len(),
@@ -228,7 +233,10 @@ mod tests {
         };
         assert_eq!(part(&[0, 1, 2]), [0, 3, 0, 0]);
         assert_eq!(part(&[7, 8, 9, 0, 1]), [3, 2, 0, 0], "a start goes before length");
+        assert_eq!(part(&[0, 2, 3, 4]), [1, 3, 0, 2], "a lost row leaves one before it");
         assert_eq!(part(&[7, 8, 9, 11, 12]), [0, 3, 2, 7]);
+        let long: Vec<u32> = (0..50).chain(51..60_000).collect();
+        assert_eq!(part(&long), [50, 59_949, 0, 51], "a row lost soon after the start");
         assert_eq!(part(&[0, 1, 3, 0, 1, 2]), [3, 3, 0, 0]);
         let steps = [0.0, 1.0, 2.0, 0.0, 1.0];
         let other = Part::of(&steps, |row| row > 2).unwrap();
