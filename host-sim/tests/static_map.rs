@@ -228,7 +228,11 @@ fn folder(files: &[(&str, &str)]) -> Folder {
 
 /// Runs `identify` in a folder.
 fn identified(folder: &Folder, arguments: &[&str]) -> Said {
-    let mut identify = command(&["identify", "--quiet", "--out", "out"]);
+    ran(folder, &[&["--out", "out"], arguments].concat())
+}
+
+fn ran(folder: &Folder, arguments: &[&str]) -> Said {
+    let mut identify = command(&["identify", "--quiet"]);
     let output = identify.args(arguments).current_dir(folder.path("")).output().unwrap();
     Said::of(&arguments.join(" "), output)
 }
@@ -405,7 +409,7 @@ fn the_plan_refuses_what_the_fit_refuses() {
         ),
     ] {
         let folder = folder(&[("c.toml", text), ("t.csv", table), ("map.csv", &map)]);
-        let plan = identified(&folder, &["--plan", "--config", "c.toml"]).refused(refused);
+        let plan = ran(&folder, &["--plan", "--config", "c.toml"]).refused(refused);
         if fit_too {
             let fit = identified(&folder, &["map.csv", "--config", "c.toml"]).ends(2);
             assert_eq!(fit.err, plan.err, "{text}");

@@ -265,7 +265,7 @@ struct IdentifyArgs {
         value_name = "KIND",
         num_args = 0..=1,
         default_missing_value = "static",
-        conflicts_with = "data"
+        conflicts_with_all = ["data", "out"]
     )]
     plan: Option<Plan>,
     #[command(flatten)]
@@ -906,6 +906,13 @@ mod tests {
             let message = refused(arguments);
             assert!(message.contains(&format!("must be {allowed}")), "{arguments:?}: {message}");
         }
+    }
+
+    /// The folder used to be ignored.
+    #[test]
+    fn a_plan_is_printed_and_needs_no_folder() {
+        let message = refused(&["identify", "--config", "x", "--plan", "motion", "--out", "y"]);
+        assert!(message.contains("'--plan [<KIND>]' cannot be used with"), "{message}");
     }
 
     #[test]
