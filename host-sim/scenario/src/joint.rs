@@ -167,19 +167,22 @@ enum Part {
     Muscle(usize),
 }
 
-/// The name in a line that is a table's header, and the text behind it.
-fn header(line: &str) -> Option<(&str, &str)> {
+/// The name in a line that is a table's header, without the spaces and quotes that TOML allows in it, and the text behind
+/// it.
+fn header(line: &str) -> Option<(String, &str)> {
     let inside = line.trim_start().strip_prefix('[')?;
     if inside.starts_with('[') {
         return None;
     }
     let (name, rest) = inside.split_once(']')?;
-    Some((name.trim(), rest))
+    let parts: Vec<&str> =
+        name.split('.').map(|part| part.trim().trim_matches(['"', '\''])).collect();
+    Some((parts.join("."), rest))
 }
 
 /// Whether a scenario is one of a joint: it has a table `[joint]` or one below it.
 pub fn is_joint(text: &str) -> bool {
-    text.lines().filter_map(header).any(|(name, _)| is_of_joint(name))
+    text.lines().filter_map(header).any(|(name, _)| is_of_joint(&name))
 }
 
 fn is_of_joint(table: &str) -> bool {
@@ -207,7 +210,7 @@ fn split(text: &str) -> [String; 4] {
     for line in text.lines() {
         let mut kept = line.to_owned();
         if let Some((name, rest)) = header(line) {
-            let (found, table) = part_of(name);
+            let (found, table) = part_of(&name);
             part = found;
             kept = format!("[{table}]{rest}");
         }
@@ -464,7 +467,7 @@ fn refuse_senseless(document: &Document, owner: Owner) -> Result<(), InputError>
 fn refuse_headers(text: &str, origin: &Path) -> Result<(), InputError> {
     let mut headers = text.lines().zip(1..).filter_map(|(line, number)| {
         let (name, _) = header(line)?;
-        Some((number, unknown_header(name)?))
+        Some((number, unknown_header(&name)?))
     });
     match headers.next() {
         Some((line, problem)) => Err(InputError::line(origin, line, problem)),
@@ -719,6 +722,16 @@ mod tests {
             ("drive.shape", 1.0, "drive.shape = 1: must be one of "),
         ] {
             let said = set(path, Setting::Number(value)).unwrap_err();
+    /// Such a header used to count as one of both muscles.
+    #[test]
+    fn a_header_may_have_spaces_and_quotes() {
+        let document =
+            parse("[ joint ]\nradius_m = 0.02\n[ joint . \"b\".muscle]\nzones = 2\n").unwrap();
+        assert_eq!(document.joint.radius_m, 0.02);
+        let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").is_some();
+        assert_eq!([zones(0), zones(1)], [false, true]);
+    }
+
             assert!(said.starts_with(message), "{said}");
         }
         assert_eq!((document.joint.radius_m, document.believed.radius_m), (0.025, 0.03));
