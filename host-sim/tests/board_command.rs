@@ -362,6 +362,9 @@ fn a_joint_is_plugged_in_by_its_scenario() {
     assert!(degrees.ends_with(" to 45.837 deg, the stops; use 20deg\n"), "{degrees}");
     let beyond = bench.refused("thermyo board emulated set angle 90deg --stiffness 14 --arm");
     assert!(beyond.ends_with(" to 45.837 deg, the stops\n"), "{beyond}");
+    // Used to propose 2deg.
+    let radians = bench.refused("thermyo board emulated set angle 2rad --stiffness 14 --arm");
+    assert!(radians.ends_with(" to 45.837 deg, the stops\n"), "{radians}");
     assert!(bench.ok("thermyo board emulated info").contains("armed:         no"));
     let armed = bench.ok("thermyo board emulated arm --max-pressure 5bar");
     assert!(armed.contains("500.0 kPa, absolute, in either muscle; above 5"), "{armed}");

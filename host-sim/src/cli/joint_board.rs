@@ -44,7 +44,7 @@ pub(super) fn run(port: &str, task: BoardTask, to: &mut Console<'_>) -> Result<(
         BoardTask::Arm(ArmArgs { max_pressure }) => {
             board
                 .arm(max_pressure.map(|pa| pa as f32))
-                .map_err(|error| refused(error, to.units))?;
+                .map_err(|error| refused(error, None, to.units))?;
             let armed_pa = board.status()?.armed_pa.unwrap_or_default();
             let [config, _] = board.config()?.muscles;
             let of = "absolute, in either muscle";
@@ -108,8 +108,8 @@ fn shown(telemetry: &JointTelemetry) -> Value {
     json!({ "a": a, "b": b, "joint": telemetry.faults.to_string() })
 }
 
-/// A refusal that names only the applicable reasons, and the command that helps.
-fn refused(error: BoardError, units: UnitSystem) -> Failure {
+/// A refusal of a typed set point or of arming: it names only the applicable reasons, and the command that helps.
+fn refused(error: BoardError, typed: Option<&SetPointArgs>, units: UnitSystem) -> Failure {
     if let BoardError::Refused(Refusal::JointSetPoint(JointError::Range {
         field: JointField::Angle,
         value,
@@ -117,10 +117,10 @@ fn refused(error: BoardError, units: UnitSystem) -> Failure {
         maximum,
     })) = error
     {
-        let typed = value.to_string();
-        // An angle given in degrees has every digit of its radians.
-        let degrees = typed.len() < 8 && (minimum..=maximum).contains(&value.to_radians());
-        let meant = if degrees { format!("; use {typed}deg") } else { String::new() };
+        let has_no_unit =
+            matches!(typed, Some(SetPointArgs::Angle { angle, .. }) if !angle.has_unit);
+        let degrees = has_no_unit && (minimum..=maximum).contains(&value.to_radians());
+        let meant = if degrees { format!("; use {value}deg") } else { String::new() };
         let [value, minimum, maximum] =
             [value, minimum, maximum].map(|rad| angle_text(rad.into(), units));
         return Failure::Usage(format!(
@@ -157,8 +157,8 @@ fn info(board: &mut LiveJoint, to: &mut Console<'_>) -> Result<(), Failure> {
 
 fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
     Ok(match args.set_point {
-        SetPointArgs::Angle { angle_rad, stiffness } => {
-            JointSetPoint::Angle(Motion::still(angle_rad, stiffness))
+        SetPointArgs::Angle { angle, stiffness } => {
+            JointSetPoint::Angle(Motion::still(angle.angle_rad, stiffness))
         }
         SetPointArgs::Torque { torque_n_m, stiffness: stiffness_n_m_rad } => {
             JointSetPoint::Torque { torque_n_m, stiffness_n_m_rad }
@@ -182,12 +182,12 @@ fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
 fn set(board: &mut LiveJoint, args: &SetArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let set_point = set_point(args)?;
     interrupt::watch();
+    let refused = |error| refused(error, Some(&args.set_point), to.units);
     if args.arm {
         // A refused set point leaves a board that is not armed as it was.
-        let armed = board.check_set_point(set_point).and_then(|()| board.arm(None));
-        armed.map_err(|error| refused(error, to.units))?;
+        board.check_set_point(set_point).and_then(|()| board.arm(None)).map_err(refused)?;
     }
-    let first = board.set(set_point).map_err(|error| refused(error, to.units))?;
+    let first = board.set(set_point).map_err(refused)?;
     if set_point == JointSetPoint::Vent {
         return to.done(&json!({ "mode": "vent" }), "both muscles vent\n");
     }
@@ -262,7 +262,7 @@ fn drive(board: &mut LiveJoint, args: &DriveArgs, to: &mut Console<'_>) -> Resul
             head + &rows.collect::<String>()
         }),
         brief,
-        refused,
+        refused: |error, units| refused(error, None, units),
     };
     drive_planned(board, args, planned, to)
 }

@@ -34,6 +34,19 @@ fn seconds(text: &str) -> Result<f64, String> {
     allowed.then_some(value).ok_or_else(|| "must be a time from 0 to 1000000 s".to_owned())
 }
 
+/// An angle as it was typed.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TypedAngle {
+    pub(super) angle_rad: f32,
+    /// A number without a unit may have been meant in degrees.
+    pub(super) has_unit: bool,
+}
+
+fn typed_angle(text: &str) -> Result<TypedAngle, String> {
+    let angle_rad = core_quantity("rad")(text)?;
+    Ok(TypedAngle { angle_rad, has_unit: text.trim().parse::<f64>().is_err() })
+}
+
 #[derive(Debug, Clone, Copy, Subcommand)]
 pub(super) enum SetPointArgs {
     /// Absolute pressure
@@ -69,8 +82,8 @@ pub(super) enum SetPointArgs {
     /// Angle of a joint
     Angle {
         /// Angle, such as 20deg or 0.35 (rad)
-        #[arg(allow_hyphen_values = true, value_parser = core_quantity("rad"))]
-        angle_rad: f32,
+        #[arg(allow_hyphen_values = true, value_parser = typed_angle)]
+        angle: TypedAngle,
         /// Stiffness behind shut valves (N m/rad)
         #[arg(long, value_name = "STIFFNESS", allow_hyphen_values = true, value_parser = core_quantity("N m/rad"))]
         stiffness: f32,
