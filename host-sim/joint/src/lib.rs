@@ -23,7 +23,7 @@ pub use load::{
 pub use radii::Off;
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
-pub use run::{Run, SET_POINT_INTERVAL_S, run};
+pub use run::{Run, run};
 pub use summary::{Accumulator, Figures, Summary, angle_text, pulses};
 pub use trace::COLUMNS;
 pub use warnings::{load_with_warnings, warnings};

@@ -3,18 +3,14 @@
 use crate::radii::{self, Off, Rows};
 use model_core::ConfigError;
 use model_core::joint::{JointConfig, Motion};
-use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
-use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, quoted, read_text};
 use thermyo_files::table::{Table, read_table};
 use thermyo_plant::joint::Arm;
-use thermyo_scenario::joint::{
-    Joint, JointController, JointDocument, JointDrive, JointShape, RADII, is_joint,
-};
+use thermyo_scenario::joint::{Joint, JointController, JointDocument, JointDrive, RADII, is_joint};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::schema::Limits;
-use thermyo_scenario::{ChannelFault, Document, Load, LoadKind};
+use thermyo_scenario::{ChannelFault, Document, Load, LoadKind, ShapePoint};
 use thermyo_setup::core_config::core_config;
 use thermyo_setup::{Loaded, assemble, no_file, profile_in, refuse_files, refuse_vessel};
 use thermyo_simulation::board::in_f32_digits;
@@ -87,7 +83,7 @@ impl JointLoaded {
                 let limits = [reference_speed_rad_s, most_rad_s2];
                 course(angle, stiffness.value(time_s), limits, time_s)
             }
-            None => shaped(&self.drive, time_s),
+            None => shaped(&self.drive, time_s, self.muscles[0].plant.run.duration_s),
         }
     }
 
@@ -95,13 +91,9 @@ impl JointLoaded {
     pub fn beyond(&self, joint: &Joint) -> Option<(&'static str, Problem)> {
         let Joint { minimum_rad, maximum_rad, .. } = *joint;
         let JointDrive { angle_rad, amplitude_rad, .. } = self.drive;
-        let ends: Vec<f64> = match (&self.profile, self.drive.shape) {
-            (Some([angle, _]), _) => {
-                angle.points().iter().map(|(_, angle_rad)| *angle_rad).collect()
-            }
-            (None, JointShape::Constant) => vec![angle_rad],
-            (None, JointShape::Sine) => vec![angle_rad - amplitude_rad, angle_rad + amplitude_rad],
-            (None, JointShape::Step) => vec![angle_rad, angle_rad + amplitude_rad],
+        let ends: Vec<f64> = match &self.profile {
+            Some([angle, _]) => angle.points().iter().map(|(_, angle_rad)| *angle_rad).collect(),
+            None => self.drive.shape.ends().map(|share| angle_rad + amplitude_rad * share).into(),
         };
         let end_rad = ends.into_iter().find(|end| !(minimum_rad..=maximum_rad).contains(end))?;
         let (key, value_rad) = match &self.profile {
@@ -176,25 +168,15 @@ pub fn course(
     }
 }
 
-fn shaped(drive: &JointDrive, time_s: f64) -> Motion {
+fn shaped(drive: &JointDrive, time_s: f64, duration_s: f64) -> Motion {
     let JointDrive { angle_rad, stiffness_n_m_rad, amplitude_rad, period_s, .. } = *drive;
-    let still = |angle: f64| Motion::still(angle as f32, stiffness_n_m_rad as f32);
-    match drive.shape {
-        JointShape::Constant => still(angle_rad),
-        JointShape::Step => {
-            // Multiples of the period belong to the next one, whatever the rounding.
-            let second = (time_s / period_s + 1e-9).fract() >= 0.5;
-            still(angle_rad + if second { amplitude_rad } else { 0.0 })
-        }
-        JointShape::Sine => {
-            let w = TAU / period_s;
-            let (sin, cos) = (math::sin(w * time_s), math::cos(w * time_s));
-            Motion {
-                speed_rad_s: (amplitude_rad * w * cos) as f32,
-                acceleration_rad_s2: (-amplitude_rad * w * w * sin) as f32,
-                ..still(angle_rad + amplitude_rad * sin)
-            }
-        }
+    let ShapePoint { share, speed_1_s, acceleration_1_s2 } =
+        drive.shape.at(time_s, period_s, duration_s);
+    Motion {
+        angle_rad: (angle_rad + amplitude_rad * share) as f32,
+        speed_rad_s: (amplitude_rad * speed_1_s) as f32,
+        acceleration_rad_s2: (amplitude_rad * acceleration_1_s2) as f32,
+        stiffness_n_m_rad: stiffness_n_m_rad as f32,
     }
 }
 
@@ -392,12 +374,30 @@ fn check(document: &JointDocument, loaded: &JointLoaded) -> Result<(), InputErro
         let lengths_m = arm.lengths_m(stop_rad).map(|length_m| length_m as f32);
         of_plant.check_lengths(lengths_m).map_err(|error| refused(document, "", &error))?;
     }
+    check_period(document, &loaded.drive, a.plant.run.step_s)?;
     // The cells of a profile have been checked, each with its line.
     let joints = [&loaded.joint, &loaded.believed].into_iter();
     match joints.filter(|_| loaded.profile.is_none()).find_map(|joint| loaded.beyond(joint)) {
         Some((key, problem)) => Err(document.blame(key, problem)),
         None => Ok(()),
     }
+}
+
+fn check_period(
+    document: &JointDocument,
+    drive: &JointDrive,
+    step_s: f64,
+) -> Result<(), InputError> {
+    let (steps, why) = drive.shape.least_steps();
+    if drive.profile_csv.is_some() || drive.period_s >= steps * step_s {
+        return Ok(());
+    }
+    let problem = Problem::NotAllowed {
+        key: "drive.period_s".to_owned(),
+        value: format!("{:?}", drive.period_s),
+        allowed: format!("{:?} s or more: {why}", steps * step_s),
+    };
+    Err(document.blame("drive.period_s", problem))
 }
 
 /// Checks that no radius varies faster than its muscle is stiff.
@@ -576,6 +576,8 @@ fn profiles(document: &JointDocument) -> Result<Profiles, InputError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::TAU;
+    use thermyo_compute::math;
     use thermyo_scenario::joint::Setting;
 
     fn refusal(text: &str) -> String {
@@ -615,6 +617,15 @@ mod tests {
         let reach =
             refusal("[joint]\nmid_length_a_m = 0.1\n[joint.a.muscle]\nrest_length_m = 0.1\n");
         assert!(reach.starts_with("joint.toml:2: joint.mid_length_a_m (less"), "{reach}");
+        for (shape, least) in [("chirp", "0.064"), ("staircase", "0.08")] {
+            let step_s = if shape == "chirp" { "0.001" } else { "0.01" };
+            let text = format!(
+                "[run]\nstep_s = {step_s}\n[joint]\n[drive]\nshape = \"{shape}\"\namplitude_rad = 0.1\n\
+                 period_s = 0.05\n"
+            );
+            let start = format!("joint.toml:7: drive.period_s = 0.05: must be {least} s or more: ");
+            assert!(refusal(&text).starts_with(&start), "{}", refusal(&text));
+        }
         let profile = refusal("[joint]\n[drive]\nprofile_csv = \"no.csv\"\n");
         assert!(profile.starts_with("joint.toml:3: drive.profile_csv: no.csv"), "{profile}");
         let stops = refusal("[joint]\nminimum_rad = 0.9\n[drive]\nprofile_csv = \"no.csv\"\n");
@@ -656,7 +667,7 @@ mod tests {
             (
                 "[joint]\n[drive]\nshape = \"sine\"\nangle_rad = 0.1\namplitude_rad = 0.95\n"
                     .to_owned(),
-                "joint.toml:5: drive.amplitude_rad = 0.95: must be such that the angle, which reaches -0.8500, stays \
+                "joint.toml:5: drive.amplitude_rad = 0.95: must be such that the angle, which reaches 1.0500, stays \
                  between the stops, -0.8 to 0.8 rad",
             ),
         ] {

@@ -5,6 +5,7 @@ use crate::rig::Row;
 use crate::summary::{Figures, Summary};
 use crate::trace::COLUMNS;
 use thermyo_files::number::speed;
+use thermyo_record::following::Followed;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
 use thermyo_report::page::{Page, Section, Tile};
@@ -184,11 +185,14 @@ impl Figures {
     }
 
     fn tiles(&self) -> Vec<Tile> {
-        vec![
+        let mut tiles = vec![
             Tile::new("Angle, RMS error", self.rms_error_rad.to_degrees(), "deg"),
             Tile::new("Angle, error at the end", self.end_error_rad.to_degrees(), "deg"),
             Tile::new("Stiffness, RMS error", 100.0 * self.rms_stiffness_error, "%"),
             Tile::new("Pulses of all valves", self.pulses_per_s, "1/s"),
-        ]
+        ];
+        let of_shape = self.control.iter().flat_map(Followed::shape_figures);
+        tiles.extend(of_shape.map(|(name, value, unit)| Tile::new(name, value, unit)));
+        tiles
     }
 }

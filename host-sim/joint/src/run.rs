@@ -5,9 +5,7 @@ use crate::rig::{Inputs, Rig, Row, RunError};
 use crate::summary::{Accumulator, Summary};
 use std::io;
 use std::time::Instant;
-
-/// Interval at which a set point that moves is updated \[s\].
-pub const SET_POINT_INTERVAL_S: f64 = 0.01;
+use thermyo_simulation::run::SET_POINT_INTERVAL_S;
 
 /// Runs a scenario; `observer` gets one row per `[run] log_every` steps, the last step included.
 ///
@@ -64,7 +62,7 @@ impl Run {
         Ok(Self {
             rig: Rig::new(loaded, inputs)?,
             inputs,
-            accumulator: Accumulator::new(run.step_s),
+            accumulator: Accumulator::new(loaded),
             step: 0,
             steps: run.steps(),
             loaded: loaded.clone(),
@@ -190,5 +188,30 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A joint's angle has the figures that a muscle's contraction has.
+    #[test]
+    fn every_shape_has_its_figures() {
+        let of = |shape: &str| {
+            let text = format!(
+                "[run]\nduration_s = 8.0\n[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n[joint]\n[drive]\n\
+                 amplitude_rad = 0.1\nshape = {shape}\n"
+            );
+            let loaded = parse(&text, "joint.toml".as_ref()).unwrap();
+            run(&loaded, &mut |_| Ok(())).unwrap().figures.control.unwrap()
+        };
+        let sine = of("\"sine\"\nperiod_s = 2.0");
+        assert!((0.95..1.05).contains(&sine.gain.unwrap()), "{sine:?}");
+        assert!(sine.phase_deg.unwrap().abs() < 5.0, "{sine:?}");
+        for (shape, jumps_s) in [("step", 2.0), ("staircase", 0.5)] {
+            let found = of(&format!("\"{shape}\"\nperiod_s = 4.0"));
+            assert!((0.01..jumps_s).contains(&found.settled_s.unwrap()), "{shape}: {found:?}");
+            assert!(found.overshoot < 0.1 && found.unsettled == 0, "{shape}: {found:?}");
+            assert_eq!((found.gain, found.bandwidth_hz), (None, None));
+        }
+        // From 0.5 to 8 Hz.
+        let chirp = of("\"chirp\"\nperiod_s = 2.0");
+        assert!((3.0..8.0).contains(&chirp.bandwidth_hz.unwrap()), "{chirp:?}");
     }
 }

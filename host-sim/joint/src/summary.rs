@@ -1,5 +1,6 @@
 //! `summary.json` of a joint: the figures of a run.
 
+use crate::load::JointLoaded;
 use crate::rig::Row;
 use model_core::Command;
 use model_core::Duty;
@@ -8,6 +9,7 @@ use std::collections::VecDeque;
 use thermyo_files::units::UnitSystem;
 use thermyo_plant::Ledger;
 use thermyo_plant::joint::ArmLedger;
+use thermyo_record::following::{Followed, Following, Reference};
 
 /// Part of the run at its end that counts as rest \[s\].
 const REST_S: f64 = 0.5;
@@ -34,6 +36,8 @@ pub struct Figures {
     pub faults: [Vec<&'static str>; 3],
     /// Time of the first step in which both muscles vented because of a fault \[s\].
     pub vented_s: Option<f64>,
+    /// How the angle follows its set point, if it has one; errors in rad.
+    pub control: Option<Followed>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -77,11 +81,21 @@ pub struct Accumulator {
     /// Errors of the angle during the last period of rest \[rad\].
     last: VecDeque<f64>,
     at_rest: usize,
+    following: Following,
 }
 
 impl Accumulator {
-    /// Accumulator for steps of this length \[s\].
-    pub fn new(step_s: f64) -> Self {
+    /// Accumulator for a run of this scenario.
+    pub fn new(loaded: &JointLoaded) -> Self {
+        let (drive, run) = (&loaded.drive, &loaded.muscles[0].plant.run);
+        let step_s = run.step_s;
+        let shape = loaded.profile.is_none().then_some(drive.shape);
+        let reference = Reference::new(
+            shape,
+            (drive.angle_rad, drive.period_s),
+            loaded.controller.dead_zone_rad,
+            [step_s, run.duration_s],
+        );
         Self {
             step_s,
             rows: 0.0,
@@ -100,6 +114,7 @@ impl Accumulator {
             before: [Command::VENT; 2],
             last: VecDeque::new(),
             at_rest: ((REST_S / step_s) as usize).max(1),
+            following: Following::new(reference),
         }
     }
 
@@ -110,6 +125,8 @@ impl Accumulator {
         *least = least.min(truth.angle_rad);
         *most = most.max(truth.angle_rad);
         if let Some([angle_rad, stiffness]) = row.wanted() {
+            let vents = telemetry.commands() == [Command::VENT; 2];
+            self.following.add(row.time_s, [angle_rad, truth.angle_rad], vents);
             let error = truth.angle_rad - angle_rad;
             self.squared_rad2 += error * error;
             if stiffness > LEAST_STIFFNESS_N_M_RAD {
@@ -164,6 +181,7 @@ impl Accumulator {
             limited: self.limited / self.rows.max(1.0),
             faults: [names(self.found[0]), names(self.found[1]), joint],
             vented_s: self.vented_s,
+            control: self.following.figures(),
         }
     }
 

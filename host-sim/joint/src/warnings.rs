@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use thermyo_compute::math;
 use thermyo_files::input::{InputError, Problem, read_text};
-use thermyo_scenario::DriveKind;
-use thermyo_scenario::joint::{JointDocument, JointDrive, JointShape, is_joint};
+use thermyo_scenario::joint::{JointDocument, JointDrive, is_joint};
+use thermyo_scenario::{Chirp, DriveKind, Shape};
 use thermyo_setup::{Loaded, unused_in_joint, valves_and_line};
 
 /// Largest factor by which a believed inertia may be wrong: on `scenarios/joint.toml` twice and half of it step well,
@@ -90,7 +90,7 @@ fn driven(muscle: &Loaded) -> Loaded {
 /// Changed keys of the drive without effect, and a shape that does not move.
 fn unused_in_drive(document: &JointDocument, drive: &JointDrive) -> Vec<InputError> {
     let usual = JointDrive::default();
-    let constant = drive.shape == JointShape::Constant;
+    let constant = drive.shape == Shape::Constant;
     let still = !constant && drive.amplitude_rad == 0.0;
     let by_table = drive.profile_csv.as_ref().map(|_| "not used: drive.profile_csv sets it");
     let by_shape = by_table.or(constant.then_some("not used: drive.shape is \"constant\""));
@@ -142,16 +142,22 @@ fn rough_radii(loaded: &JointLoaded) -> Option<Warning> {
 /// A step takes at least 2 sqrt(q I/torque), half of it to accelerate and half of it to brake.
 fn slow_step(loaded: &JointLoaded) -> Option<Warning> {
     let drive = &loaded.drive;
-    if loaded.profile.is_some() || drive.shape != JointShape::Step {
+    let (size, part, jump, hold) = match drive.shape {
+        Shape::Step => (1.0, 0.5, "drive.amplitude_rad", "half"),
+        Shape::Staircase => (0.5, 0.125, "half of drive.amplitude_rad", "an eighth"),
+        Shape::Constant | Shape::Sine | Shape::Chirp => return None,
+    };
+    if loaded.profile.is_some() {
         return None;
     }
     let inertia = loaded.believed.inertia_kg_m2;
     let most_n_m = loaded.controller.reference_torque_n_m;
-    let least_s = 2.0 * (drive.amplitude_rad.abs() * inertia / most_n_m).sqrt();
-    (least_s > 0.5 * drive.period_s).then(|| {
+    let jump_rad = size * drive.amplitude_rad.abs();
+    let least_s = 2.0 * (jump_rad * inertia / most_n_m).sqrt();
+    (least_s > part * drive.period_s).then(|| {
         let why = format!(
-            "a step of drive.amplitude_rad takes {least_s:.1} s with joint.controller.reference_torque_n_m = \
-             {most_n_m:?}, and the set point jumps back before, after half of drive.period_s"
+            "a step of {jump} takes {least_s:.1} s with joint.controller.reference_torque_n_m = {most_n_m:?}, and the \
+             set point jumps again before, after {hold} of drive.period_s"
         );
         ("joint.inertia_kg_m2".to_owned(), format!("{inertia:?}"), why)
     })
@@ -212,17 +218,20 @@ fn asked(loaded: &JointLoaded) -> Vec<Asked> {
         let points = angle.points().iter();
         return points.map(|(time_s, angle)| still(*angle, stiffness.value(*time_s))).collect();
     }
-    let (middle, amplitude) = (drive.angle_rad, drive.amplitude_rad);
-    let at = |angle_rad| still(angle_rad, drive.stiffness_n_m_rad);
-    match drive.shape {
-        JointShape::Constant => vec![at(middle)],
-        JointShape::Step => vec![at(middle), at(middle + amplitude)],
-        JointShape::Sine => {
-            let w = TAU / drive.period_s;
-            let end = |way: f64| Asked { acceleration_rad_s2: -way * w * w, ..at(middle + way) };
-            vec![end(amplitude), end(-amplitude)]
+    let ends = drive.shape.ends().map(|share| drive.amplitude_rad * share);
+    let rad_s = match drive.shape {
+        Shape::Sine => TAU / drive.period_s,
+        Shape::Chirp => {
+            let duration_s = loaded.muscles[0].plant.run.duration_s;
+            Chirp::new(drive.period_s, duration_s).rad_s(duration_s)
         }
-    }
+        Shape::Constant | Shape::Step | Shape::Staircase => 0.0,
+    };
+    ends.map(|way_rad| Asked {
+        acceleration_rad_s2: -way_rad * rad_s * rad_s,
+        ..still(drive.angle_rad + way_rad, drive.stiffness_n_m_rad)
+    })
+    .into()
 }
 
 /// Torque and stiffness that the muscles do not reach, each at the first set point that requires it.
@@ -378,6 +387,16 @@ mod tests {
                 "[joint]\ninertia_kg_m2 = 50\n[drive]\nshape = \"step\"\namplitude_rad = 0.3\nperiod_s = 2\n",
                 "joint.toml:2: joint.inertia_kg_m2 = 50.0: a step of drive.amplitude_rad takes 4.9 s",
                 "after half of drive.period_s",
+            ),
+            (
+                "[joint]\ninertia_kg_m2 = 50\n[drive]\nshape = \"staircase\"\namplitude_rad = 0.3\nperiod_s = 20\n",
+                "joint.toml:2: joint.inertia_kg_m2 = 50.0: a step of half of drive.amplitude_rad takes 3.5 s",
+                "after an eighth of drive.period_s",
+            ),
+            (
+                "[joint]\n[drive]\nshape = \"chirp\"\namplitude_rad = 0.3\nperiod_s = 0.5\n",
+                "joint.toml: joint.inertia_kg_m2 = 0.02: at 0.30 rad the drive asks for a torque of -242.6 N m",
+                ": the arm does not follow",
             ),
             (
                 "[joint]\n[joint.a.faults]\ngas = \"open\"\nfrom_s = 500\n",

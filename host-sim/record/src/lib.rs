@@ -2,6 +2,7 @@
 
 mod bandwidth;
 pub mod board_trace;
+pub mod following;
 pub mod limit_cycle;
 pub mod measured;
 pub mod sinks;

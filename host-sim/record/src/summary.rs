@@ -3,7 +3,7 @@
 use crate::limit_cycle::LimitCycle;
 use crate::measured::Measured;
 use crate::trace::{COLUMNS, Row};
-use crate::tracking::{Control, Controlled, Reference, Tracking};
+use crate::tracking::{Control, Controlled, Tracked, Tracking};
 use model_core::Faults;
 use model_core::safety::supervisor::VENTING;
 use model_core::sensing::adc::at_rail;
@@ -333,7 +333,7 @@ impl Summary {
 
 impl Accumulator {
     /// An empty accumulator of a run with this set point. `measured` columns must be among [`COLUMNS`].
-    pub fn new(duration_s: f64, reference: Reference, measured: Option<&Measured>) -> Self {
+    pub fn new(duration_s: f64, tracked: Tracked, measured: Option<&Measured>) -> Self {
         let comparisons = measured.map_or_else(Vec::new, |measured| {
             measured
                 .columns
@@ -369,7 +369,7 @@ impl Accumulator {
             faults: Faults::NONE,
             vented_s: None,
             shown_s: None,
-            tracking: Tracking::new(reference),
+            tracking: Tracking::new(tracked),
             comparisons,
         }
     }

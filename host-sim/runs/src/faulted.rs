@@ -18,7 +18,7 @@ impl Faulted<'_> {
     /// Sentence on the tracking of the set point.
     pub fn control(self, control: &Control) -> String {
         let what = control.quantity.name().to_lowercase();
-        let error = control.quantity.text(control.rms_error, UnitSystem::Practical);
+        let error = control.quantity.text(control.followed.rms_error, UnitSystem::Practical);
         if self.0.vented_s.is_some() {
             format!("The {what} misses its set point by {error} (RMS), the vented time included. ")
         } else {
@@ -36,7 +36,8 @@ impl Faulted<'_> {
     /// Tile of the tracking error, which is not reliable if the muscle vented.
     pub fn tracking(self, control: &Control) -> Tile {
         let unit = control.quantity.unit();
-        let tile = Tile::new("Tracking error, RMS", control.rms_error * unit.factor, unit.symbol);
+        let tile =
+            Tile::new("Tracking error, RMS", control.followed.rms_error * unit.factor, unit.symbol);
         if self.0.vented_s.is_some() { tile.target("not vented", false) } else { tile }
     }
 

@@ -229,14 +229,12 @@ fn rows(summary: &Summary) -> Vec<SummaryRow> {
     ]);
     if let Some(control) = &summary.control {
         let Unit { symbol, factor } = control.quantity.unit();
-        rows.push(row("Set point, RMS error", control.rms_error * factor, symbol));
-        let steady = control.steady_error.map(|error| error * factor);
+        let followed = &control.followed;
+        rows.push(row("Set point, RMS error", followed.rms_error * factor, symbol));
+        let steady = followed.steady_error.map(|error| error * factor);
         rows.extend(steady.map(|error| row("Set point, error at the end", error, symbol)));
-        rows.push(row("Set point, overshoot", 100.0 * control.overshoot, "%"));
-        rows.extend(control.gain.map(|gain| row("Sine, gain", gain, "")));
-        rows.extend(control.phase_deg.map(|phase_deg| row("Sine, phase", phase_deg, "deg")));
-        rows.extend(control.bandwidth_hz.map(|hz| row("Chirp, gain above -3 dB up to", hz, "Hz")));
-        rows.extend(control.settled_s.map(|settled_s| row("Steps, settled in", settled_s, "s")));
+        let of_shape = followed.shape_figures().into_iter();
+        rows.extend(of_shape.map(|(name, value, unit)| row(name, value, unit)));
         rows.extend(control.pulses_per_s.map(|rate| row("Pulses of both valves", rate, "1/s")));
         rows.push(row("Inlet fully open", 100.0 * control.inlet_open, "%"));
         rows.push(row("Outlet fully open", 100.0 * control.outlet_open, "%"));

@@ -14,7 +14,7 @@ use super::document::{
     Document, Entry, Given, allowed_instead, checked, toml_of, unknown_table, value_of,
 };
 use super::key::{Allowed, Key, Table};
-use super::schema;
+use super::{Shape, schema};
 use model_core::joint::{self, AnglePart};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -99,23 +99,13 @@ choice! {
     }
 }
 
-choice! {
-    /// Angle over time, around `angle_rad`.
-    JointShape {
-        Constant = "constant",
-        Sine = "sine",
-        /// `angle_rad` for half of the period, then `angle_rad + amplitude_rad`.
-        Step = "step",
-    }
-}
-
 table! {
     "drive", "set point over the run";
     JointDrive {
         kind: choice JointDriveKind::Joint, "angle and stiffness of a joint";
         angle_rad: real 0.0, "rad", -6.3 to 6.3, "angle, or middle of the shape";
         stiffness_n_m_rad: real 14.0, "N m/rad", 0.0 to 1.0e6, "stiffness behind shut valves";
-        shape: choice JointShape::Constant, "angle over time";
+        shape: choice Shape::Constant, "angle over time";
         amplitude_rad: real 0.0, "rad", -6.3 to 6.3, "amplitude of the shape";
         period_s: real 1.0, "s", 0.01 to 86_400.0, "period of the shape";
         profile_csv: csv ["time_s", "angle_rad", "stiffness_n_m_rad"], "angle and stiffness over time";
@@ -722,6 +712,16 @@ mod tests {
             ("drive.shape", 1.0, "drive.shape = 1: must be one of "),
         ] {
             let said = set(path, Setting::Number(value)).unwrap_err();
+            assert!(said.starts_with(message), "{said}");
+        }
+        assert_eq!((document.joint.radius_m, document.believed.radius_m), (0.025, 0.03));
+        assert_eq!(document.believed.inertia_kg_m2, 0.04, "it follows the plant");
+        assert_eq!(document.drive.shape, Shape::Sine);
+        let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").unwrap();
+        assert_eq!([zones(0), zones(1)].map(|entry| entry.written.as_str()), ["4", "2"]);
+        assert!(document.muscles[1].plant.get("muscle.slip_force_n").is_none());
+    }
+
     /// Such a header used to count as one of both muscles.
     #[test]
     fn a_header_may_have_spaces_and_quotes() {
@@ -730,16 +730,6 @@ mod tests {
         assert_eq!(document.joint.radius_m, 0.02);
         let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").is_some();
         assert_eq!([zones(0), zones(1)], [false, true]);
-    }
-
-            assert!(said.starts_with(message), "{said}");
-        }
-        assert_eq!((document.joint.radius_m, document.believed.radius_m), (0.025, 0.03));
-        assert_eq!(document.believed.inertia_kg_m2, 0.04, "it follows the plant");
-        assert_eq!(document.drive.shape, JointShape::Sine);
-        let zones = |i: usize| document.muscles[i].plant.get("muscle.zones").unwrap();
-        assert_eq!([zones(0), zones(1)].map(|entry| entry.written.as_str()), ["4", "2"]);
-        assert!(document.muscles[1].plant.get("muscle.slip_force_n").is_none());
     }
 
     #[test]

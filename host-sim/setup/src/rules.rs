@@ -245,13 +245,9 @@ fn check_drive(scenario: &Scenario) -> Result<(), Violation> {
 
 fn check_shape(scenario: &Scenario) -> Result<(), Violation> {
     let drive = &scenario.drive;
-    // Number of steps in which the fastest cycle of a shape makes all its turns.
-    let (steps, why) = match drive.shape {
-        Shape::Constant => return Ok(()),
-        Shape::Sine | Shape::Step => (4.0, "at least four times run.step_s"),
-        Shape::Staircase => (8.0, "at least eight times run.step_s, one a hold"),
-        Shape::Chirp => (64.0, "at least 64 times run.step_s, of which the end takes four"),
-    };
+    if drive.shape == Shape::Constant {
+        return Ok(());
+    }
     let shape = format!("{:?}", drive.shape.word());
     if !matches!(drive.kind, DriveKind::Pressure | DriveKind::Contraction) {
         let allowed =
@@ -266,6 +262,7 @@ fn check_shape(scenario: &Scenario) -> Result<(), Violation> {
         let why = "a shape needs its amplitude, in the set point's unit";
         return Err(Violation::missing("drive.amplitude", "drive.shape", why));
     }
+    let (steps, why) = drive.shape.least_steps();
     let allowed = (steps * scenario.run.step_s, limits("drive.period_s").max);
     within("drive.period_s", drive.period_s, allowed, why)
 }

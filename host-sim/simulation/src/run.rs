@@ -20,14 +20,14 @@ use thermyo_record::limit_cycle::Detector;
 use thermyo_record::measured::Measured;
 use thermyo_record::summary::{Accumulator, Ending, Summary};
 use thermyo_record::trace::Row;
-use thermyo_record::tracking::{Controlled, Reference};
+use thermyo_record::tracking::{Controlled, Tracked};
 use thermyo_scenario::profile::Profile;
 use thermyo_scenario::{Drive, DriveKind, LoadKind, Scenario, Shape};
 use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 
 /// Interval at which a set point that follows a profile is updated \[s\].
-const SET_POINT_INTERVAL_S: f64 = 0.01;
+pub const SET_POINT_INTERVAL_S: f64 = 0.01;
 
 /// Steps after the end within which the last telemetry has to arrive.
 pub const MOST_LATE_STEPS: u64 = 5;
@@ -166,11 +166,7 @@ impl Run {
             detector: drive.dead_zone(&loaded.believed).map(Detector::new),
             drive,
             model,
-            accumulator: Accumulator::new(
-                scenario.run.duration_s,
-                Reference::of(scenario),
-                measured,
-            ),
+            accumulator: Accumulator::new(scenario.run.duration_s, Tracked::of(scenario), measured),
             rest_length_m,
             length_held: rest_length_m.is_none() || scenario.load.kind == LoadKind::Isometric,
             sample: Sample::default(),

@@ -3,7 +3,7 @@
 use thermyo_files::units::UnitSystem;
 use thermyo_plant::Ledger;
 use thermyo_record::summary::{Accumulator, Ending};
-use thermyo_record::tracking::{Controlled, Reference};
+use thermyo_record::tracking::{Controlled, Tracked};
 use thermyo_simulation::run;
 
 #[test]
@@ -14,7 +14,7 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
     let rows = run::rows(&loaded).unwrap();
     let ended_at = |steps: usize| {
         let mut accumulator =
-            Accumulator::new(loaded.plant.run.duration_s, Reference::of(&loaded.plant), None);
+            Accumulator::new(loaded.plant.run.duration_s, Tracked::of(&loaded.plant), None);
         rows[..steps].iter().for_each(|row| accumulator.add(row, Some(row.truth.pressure_pa)));
         let ending = Ending {
             limit_cycle: None,
@@ -31,8 +31,8 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
         accumulator.finish(ending).control.unwrap()
     };
     let cut = ended_at(500);
-    assert_eq!(cut.steady_error, None);
-    assert!(cut.rms_error > 1000.0);
+    assert_eq!(cut.followed.steady_error, None);
+    assert!(cut.followed.rms_error > 1000.0);
     assert!(
         cut.text(UnitSystem::Practical).starts_with("set point: RMS error ")
             && !cut.text(UnitSystem::Practical).contains("at the end")
@@ -41,7 +41,7 @@ fn a_run_that_was_cut_short_has_no_error_at_the_end() {
     let whole = ended_at(rows.len());
     let mean: f64 = rows[900..].iter().map(|row| row.truth.pressure_pa - row.set_point).sum();
     let mean = mean / rows[900..].len() as f64;
-    assert!((whole.steady_error.unwrap() - mean).abs() < 1e-9 * mean.abs(), "{mean}");
+    assert!((whole.followed.steady_error.unwrap() - mean).abs() < 1e-9 * mean.abs(), "{mean}");
     assert!(whole.text(UnitSystem::Practical).contains(", at the end "));
 }
 

@@ -11,6 +11,7 @@ use thermyo_joint::page::PageRecorder;
 use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary, angle_text};
 use thermyo_logs::Logs;
 use thermyo_logs::topics::JOINT;
+use thermyo_record::following::Followed;
 
 /// Validates the joint's scenario and prints it with every default.
 pub(super) fn check(
@@ -38,10 +39,20 @@ pub(super) fn run(
 ) -> Result<(), Failure> {
     let logs = args.log.wanted();
     logs.check()?;
-    if args.measured.is_some() || !args.board.is_core() {
-        let message = "a joint runs with the core in this process, and without --measured: leave out --board, \
-                       --image and --measured";
-        return Err(Failure::Usage(message.to_owned()));
+    if let Some(measured) = &args.measured {
+        let message = format!(
+            "a joint runs without --measured: run it, then `thermyo compare out/run {}`",
+            measured.display()
+        );
+        return Err(Failure::Usage(message));
+    }
+    if !args.board.is_core() {
+        let scenario = args.scenario.display();
+        let message = format!(
+            "a joint runs with the core in this process: leave out --board and --image. On the emulated board: `thermyo \
+             board emulated plug {scenario}`, `... config write {scenario}`, `... drive {scenario} --arm`"
+        );
+        return Err(Failure::Usage(message));
     }
     unbuilt::refuse_joint(loaded, &args.scenario)?;
     trace_size::warn(&loaded.muscles[0].plant.run, COLUMNS.len(), &args.scenario, to);
@@ -98,7 +109,7 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
     let [least, most] = figures.angle_rad.map(|value_rad| angle_text(value_rad, units));
     let text = format!(
         "{} s simulated, {} times real time, core on board \"{}\"\n\
-         angle {least} to {most}, RMS error {}, at the end {}\n\
+         angle {least} to {most}, RMS error {}, at the end {}{}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s\n\
          gas temperature, RMS error of the estimate: a {estimate_a:.3} K, b {estimate_b:.3} K\n\
          balance error of the arm's energy {:.1e}\n",
@@ -107,6 +118,7 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
         summary.board,
         angle_text(figures.rms_error_rad, units),
         angle_text(figures.end_error_rad, units),
+        figures.control.as_ref().map_or_else(String::new, Followed::shape_text),
         units.text(figures.rms_stiffness_error, "", 2),
         figures.pulses_per_s,
         summary.arm_balance_error,

@@ -17,6 +17,7 @@ use thermyo_boards::subject::Subject;
 use thermyo_files::units::UnitSystem;
 use thermyo_joint::{Inputs, JointLoaded, Rig, RunError, angle_text, named, venting};
 use thermyo_protocol::Refusal;
+use thermyo_record::following::Followed;
 use thermyo_simulation::board::BoardError;
 use thermyo_studies::drive::{driven, joint};
 
@@ -181,8 +182,8 @@ fn set_point(args: &SetArgs) -> Result<JointSetPoint, Failure> {
 /// Sends a set point, shows the joint until the time is over or Ctrl-C is pressed, and vents.
 fn set(board: &mut LiveJoint, args: &SetArgs, to: &mut Console<'_>) -> Result<(), Failure> {
     let set_point = set_point(args)?;
-    interrupt::watch();
     let refused = |error| refused(error, Some(&args.set_point), to.units);
+    interrupt::watch();
     if args.arm {
         // A refused set point leaves a board that is not armed as it was.
         board.check_set_point(set_point).and_then(|()| board.arm(None)).map_err(refused)?;
@@ -273,7 +274,7 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
     let [a, b] = figures.highest_pressure_pa.map(|pa| units.text(pa, "Pa", 1));
     let text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
-         angle {least} to {most}, RMS error {}, at the end {}\n\
+         angle {least} to {most}, RMS error {}, at the end {}{}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s; highest pressures {a} and {b}\n\
          core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
         driven(summary.duration_s, summary.stopped_of_s),
@@ -281,6 +282,7 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
         summary.config_checksum,
         angle_text(figures.rms_error_rad, units),
         angle_text(figures.end_error_rad, units),
+        figures.control.as_ref().map_or_else(String::new, Followed::shape_text),
         units.text(figures.rms_stiffness_error, "", 2),
         figures.pulses_per_s,
         summary.timing.step_mean_us,

@@ -85,7 +85,7 @@ pub fn measure(
     };
     let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
     let (rmse_k, within_2sd) = errors.figures();
-    let control_rms_error = summary.control.map(|control| control.rms_error);
+    let control_rms_error = summary.control.map(|control| control.followed.rms_error);
     Ok(Figures { rmse_k, within_2sd, control_rms_error, of_joint: Vec::new() })
 }
 

@@ -60,6 +60,72 @@ choice! {
     }
 }
 
+/// A shape at one time, in its amplitude.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ShapePoint {
+    pub share: f64,
+    /// Rate of the share \[1/s\]; 0 where it jumps.
+    pub speed_1_s: f64,
+    pub acceleration_1_s2: f64,
+}
+
+impl ShapePoint {
+    const fn hold(share: f64) -> Self {
+        Self { share, speed_1_s: 0.0, acceleration_1_s2: 0.0 }
+    }
+
+    /// A sine at this angle \[rad\], whose rate grows by this factor per second.
+    fn sine(angle: f64, rad_s: f64, growth_1_s: f64) -> Self {
+        let (sin, cos) = (math::sin(angle), math::cos(angle));
+        Self {
+            share: sin,
+            speed_1_s: rad_s * cos,
+            acceleration_1_s2: growth_1_s * rad_s * cos - rad_s * rad_s * sin,
+        }
+    }
+}
+
+impl Shape {
+    /// The shares between which it stays, in the order in which it reaches them.
+    pub const fn ends(self) -> [f64; 2] {
+        match self {
+            Self::Constant => [0.0, 0.0],
+            Self::Step => [0.0, 1.0],
+            Self::Sine | Self::Chirp | Self::Staircase => [1.0, -1.0],
+        }
+    }
+
+    /// Number of steps in which its fastest cycle makes all its turns, and what that allows for a period.
+    pub const fn least_steps(self) -> (f64, &'static str) {
+        match self {
+            Self::Constant => (0.0, ""),
+            Self::Sine | Self::Step => (4.0, "at least four times run.step_s"),
+            Self::Staircase => (8.0, "at least eight times run.step_s, one a hold"),
+            Self::Chirp => (64.0, "at least 64 times run.step_s, of which the end takes four"),
+        }
+    }
+
+    /// The shape in a run of this duration.
+    pub fn at(self, time_s: f64, period_s: f64, duration_s: f64) -> ShapePoint {
+        let cycles = time_s / period_s;
+        // Multiples of the period belong to the next cycle, whatever the rounding.
+        let part = (cycles + 1e-9).fract();
+        match self {
+            Self::Constant => ShapePoint::hold(0.0),
+            Self::Sine => ShapePoint::sine(TAU * cycles, TAU / period_s, 0.0),
+            Self::Step => ShapePoint::hold(f64::from(u8::from(part >= 0.5))),
+            Self::Chirp => {
+                let chirp = Chirp::new(period_s, duration_s);
+                ShapePoint::sine(chirp.angle(time_s), chirp.rad_s(time_s), chirp.growth_1_s())
+            }
+            Self::Staircase => {
+                const HOLDS: [f64; 8] = [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5];
+                ShapePoint::hold(HOLDS.get((part * 8.0) as usize).copied().unwrap_or_default())
+            }
+        }
+    }
+}
+
 /// Octaves of a chirp: assumed, from a slow motion to one too fast for a muscle.
 pub const CHIRP_OCTAVES: f64 = 4.0;
 
@@ -93,35 +159,18 @@ impl Drive {
 
     /// Smallest and largest set point of the shape, in its unit.
     pub fn extremes(&self) -> [f64; 2] {
-        let (middle, size) = (self.middle(), self.amplitude.abs());
-        match self.shape {
-            Shape::Constant => [middle; 2],
-            Shape::Step => [middle + self.amplitude.min(0.0), middle + self.amplitude.max(0.0)],
-            _ => [middle - size, middle + size],
-        }
+        let [one, other] = self.shape.ends().map(|share| self.middle() + self.amplitude * share);
+        [one.min(other), one.max(other)]
     }
 
     /// Set point of the shape in a run of this duration, in its unit.
     pub fn shaped(&self, time_s: f64, duration_s: f64) -> f64 {
-        let cycles = time_s / self.period_s;
-        // Multiples of the period belong to the next cycle, whatever the rounding.
-        let part = (cycles + 1e-9).fract();
-        let share = match self.shape {
-            Shape::Constant => 0.0,
-            Shape::Sine => math::sin(TAU * cycles),
-            Shape::Step => f64::from(u8::from(part >= 0.5)),
-            Shape::Chirp => math::sin(self.chirp(duration_s).angle(time_s)),
-            Shape::Staircase => {
-                const HOLDS: [f64; 8] = [0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5];
-                HOLDS.get((part * 8.0) as usize).copied().unwrap_or_default()
-            }
-        };
-        self.middle() + self.amplitude * share
+        self.middle() + self.amplitude * self.shape.at(time_s, self.period_s, duration_s).share
     }
 
     /// A chirp in a run of this duration.
     pub fn chirp(&self, duration_s: f64) -> Chirp {
-        Chirp { period_s: self.period_s, duration_s }
+        Chirp::new(self.period_s, duration_s)
     }
 }
 
@@ -134,10 +183,24 @@ pub struct Chirp {
 }
 
 impl Chirp {
+    pub fn new(period_s: f64, duration_s: f64) -> Self {
+        Self { period_s, duration_s }
+    }
+
+    /// Rate at which the logarithm of the frequency rises \[1/s\].
+    fn growth_1_s(&self) -> f64 {
+        CHIRP_OCTAVES * LN_2 / self.duration_s
+    }
+
     /// Angle of the sine \[rad\].
     pub fn angle(&self, time_s: f64) -> f64 {
-        let octaves = CHIRP_OCTAVES * LN_2 / self.duration_s;
+        let octaves = self.growth_1_s();
         TAU / self.period_s * (math::exp(octaves * time_s) - 1.0) / octaves
+    }
+
+    /// Rate of that angle \[rad/s\].
+    pub fn rad_s(&self, time_s: f64) -> f64 {
+        TAU / self.period_s * math::exp(self.growth_1_s() * time_s)
     }
 }
 
@@ -194,5 +257,27 @@ mod tests {
         assert!((28..=32).contains(&crossings(36.0, 40.0)), "{}", crossings(36.0, 40.0));
         assert_eq!(chirp.extremes(), [0.08, 0.12000000000000001]);
         assert_eq!(Drive { offset: Some(0.2), ..drive(Shape::Sine) }.shaped(0.0, 8.0), 0.2);
+    }
+
+    /// Rates against central differences over 0.1 ms, whose error is some 1e-7 of them.
+    #[test]
+    fn the_rates_of_a_shape_are_those_of_its_course() {
+        const APART_S: f64 = 1e-4;
+        for shape in [Shape::Sine, Shape::Chirp] {
+            for i in 1..400 {
+                let time_s = 0.02 * f64::from(i);
+                let at = |later_s: f64| shape.at(time_s + later_s, 2.0, 8.0);
+                let [before, now, after] = [-APART_S, 0.0, APART_S].map(at);
+                let speed = (after.share - before.share) / (2.0 * APART_S);
+                let acceleration = (after.speed_1_s - before.speed_1_s) / (2.0 * APART_S);
+                assert!((now.speed_1_s - speed).abs() < 1e-3, "{shape:?} at {time_s} s: {speed}");
+                assert!(
+                    (now.acceleration_1_s2 - acceleration).abs() < 0.1,
+                    "{shape:?} at {time_s} s: {acceleration}"
+                );
+            }
+        }
+        assert_eq!(Shape::Staircase.at(0.6, 4.0, 8.0), ShapePoint::hold(0.5));
+        assert_eq!(Shape::Step.at(2.0, 4.0, 8.0), ShapePoint::hold(1.0));
     }
 }

@@ -12,13 +12,12 @@ use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::read_table;
 use thermyo_joint::page::PageRecorder;
 use thermyo_joint::trace::record;
-use thermyo_joint::{
-    Accumulator, Figures, JointLoaded, Row, SET_POINT_INTERVAL_S, angle_and_stiffness, to_scenario,
-};
+use thermyo_joint::{Accumulator, Figures, JointLoaded, Row, angle_and_stiffness, to_scenario};
 use thermyo_logs::topics::{self, Layout};
 use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::summary::TimingFigures;
+use thermyo_simulation::run::SET_POINT_INTERVAL_S;
 
 /// Scenario to drive: the drive of a file, on the joint in the board's configuration.
 ///
@@ -125,7 +124,7 @@ impl Gathered {
     /// Starts a run at step 0.
     pub fn new(driven: JointLoaded) -> Self {
         Self {
-            accumulator: Accumulator::new(driven.muscles[0].plant.run.step_s),
+            accumulator: Accumulator::new(&driven),
             drawn: PageRecorder::default(),
             driven,
             steps: Counted::from_start(),

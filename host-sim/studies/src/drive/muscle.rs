@@ -14,7 +14,7 @@ use thermyo_record::board_trace::Recorder;
 use thermyo_record::measured::Measured;
 use thermyo_record::summary::{Accumulator, Ending, Range, TimingFigures};
 use thermyo_record::trace::Row;
-use thermyo_record::tracking::Reference;
+use thermyo_record::tracking::Tracked;
 use thermyo_scenario::DriveKind;
 use thermyo_setup::{Loaded, from_config};
 use thermyo_simulation::run::SetPoints;
@@ -37,7 +37,7 @@ impl Gathered {
         Self {
             accumulator: Accumulator::new(
                 driven.plant.run.duration_s,
-                Reference::of(&driven.plant),
+                Tracked::of(&driven.plant),
                 measured,
             ),
             set_points: SetPoints::new(&driven),

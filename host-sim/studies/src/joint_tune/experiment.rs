@@ -12,8 +12,9 @@ use model_core::joint::allocation::{Line, stiffness_n_m_rad};
 use model_core::joint::{JointConfig, JointTelemetry, Mechanism, Motion};
 use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::f64::consts::TAU;
-use thermyo_joint::{Inputs, JointLoaded, Rig, SET_POINT_INTERVAL_S};
+use thermyo_joint::{Inputs, JointLoaded, Rig};
 use thermyo_simulation::board::BoardError;
+use thermyo_simulation::run::SET_POINT_INTERVAL_S;
 
 /// Used fraction of the range between the stops: the rest is room for an overshoot \[-\].
 const RANGE: f64 = 0.75;

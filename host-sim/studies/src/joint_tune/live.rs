@@ -5,8 +5,9 @@ use crate::drive::{self, DriveError, Ended, LiveBench, follow};
 use crate::tune::Left;
 use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
-use thermyo_joint::{JointLoaded, SET_POINT_INTERVAL_S};
+use thermyo_joint::JointLoaded;
 use thermyo_simulation::board::BoardError;
+use thermyo_simulation::run::SET_POINT_INTERVAL_S;
 
 /// A course over the steps of a board.
 struct Stepped<'a> {
