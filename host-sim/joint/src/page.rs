@@ -5,6 +5,7 @@ use crate::rig::Row;
 use crate::summary::{Figures, Summary};
 use crate::trace::COLUMNS;
 use thermyo_files::number::speed;
+use thermyo_files::units::UnitSystem;
 use thermyo_record::following::Followed;
 use thermyo_report::Colour;
 use thermyo_report::chart::{Axis, Chart, Panel};
@@ -177,8 +178,12 @@ impl Figures {
             none if none.is_empty() => String::new(),
             some => format!("Faults: {some}. "),
         };
+        let swings = match self.unrest(UnitSystem::Practical) {
+            Some(warning) => format!(" Warning: {warning}."),
+            None => String::new(),
+        };
         format!(
-            "{vented}{found}{run} The angle misses its set point by {:.2} deg (RMS), the stiffness by {:.1} %.",
+            "{vented}{found}{run} The angle misses its set point by {:.2} deg (RMS), the stiffness by {:.1} %.{swings}",
             self.rms_error_rad.to_degrees(),
             100.0 * self.rms_stiffness_error
         )

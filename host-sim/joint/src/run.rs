@@ -114,6 +114,7 @@ mod tests {
     use super::*;
     use crate::load::parse;
     use crate::trace::COLUMNS;
+    use thermyo_files::units::UnitSystem;
 
     /// Rows of 1 s, with other lines in the scenario from 0.5 s on.
     fn rows(model: &str, text: &str, later: Option<&str>) -> Vec<Vec<f64>> {
@@ -213,5 +214,31 @@ mod tests {
         // From 0.5 to 8 Hz.
         let chirp = of("\"chirp\"\nperiod_s = 2.0");
         assert!((3.0..8.0).contains(&chirp.bandwidth_hz.unwrap()), "{chirp:?}");
+    }
+
+    /// Much gain, and an inertia believed too large: an arm that swings used to be shown by its plots alone.
+    #[test]
+    fn an_arm_that_swings_on_is_named() {
+        let of = |tuning: &str| {
+            let text = format!(
+                "[run]\nduration_s = 6.0\n[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n{tuning}[drive]\n\
+                 amplitude_rad = 0.3\nshape = \"step\"\nperiod_s = 4.0\n"
+            );
+            let loaded = parse(&text, "joint.toml".as_ref()).unwrap();
+            run(&loaded, &mut |_| Ok(())).unwrap().figures
+        };
+        let swings = of(
+            "[joint]\nfriction_n_m = 0.0\n[believed.joint]\ninertia_kg_m2 = 0.05\n[joint.controller]\n\
+             gain_n_m_rad = 40.0\ndisturbance_rad_s = 40.0\n",
+        );
+        let cycle = swings.limit_cycle.unwrap();
+        assert!((0.5..20.0).contains(&cycle.frequency_hz), "{cycle:?}");
+        assert!((0.01..0.3).contains(&cycle.amplitude), "{cycle:?}");
+        let warning = swings.unrest(UnitSystem::Practical).unwrap();
+        assert!(
+            warning.contains(" Hz with an amplitude of ") && warning.contains(" deg "),
+            "{warning}"
+        );
+        assert_eq!(of("[joint]\nfriction_n_m = 0.2\n").limit_cycle, None);
     }
 }

@@ -10,6 +10,7 @@ use thermyo_files::units::UnitSystem;
 use thermyo_plant::Ledger;
 use thermyo_plant::joint::ArmLedger;
 use thermyo_record::following::{Followed, Following, Reference};
+use thermyo_record::limit_cycle::{Detector, LimitCycle};
 
 /// Part of the run at its end that counts as rest \[s\].
 const REST_S: f64 = 0.5;
@@ -38,6 +39,9 @@ pub struct Figures {
     pub vented_s: Option<f64>,
     /// How the angle follows its set point, if it has one; errors in rad.
     pub control: Option<Followed>,
+    /// The largest limit cycle around a constant set point, if there was one; its amplitude in rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub limit_cycle: Option<LimitCycle>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -82,6 +86,16 @@ pub struct Accumulator {
     last: VecDeque<f64>,
     at_rest: usize,
     following: Following,
+    detector: Detector,
+}
+
+impl Figures {
+    /// Warning about a loop that does not come to rest.
+    pub fn unrest(&self, units: UnitSystem) -> Option<String> {
+        let swing = self.limit_cycle?;
+        let causes = "docs/how-to/joint.md, \"Where a joint swings\"";
+        Some(swing.warning(&angle_text(swing.amplitude, units), causes))
+    }
 }
 
 impl Accumulator {
@@ -115,6 +129,7 @@ impl Accumulator {
             last: VecDeque::new(),
             at_rest: ((REST_S / step_s) as usize).max(1),
             following: Following::new(reference),
+            detector: Detector::new(loaded.controller.dead_zone_rad),
         }
     }
 
@@ -127,6 +142,10 @@ impl Accumulator {
         if let Some([angle_rad, stiffness]) = row.wanted() {
             let vents = telemetry.commands() == [Command::VENT; 2];
             self.following.add(row.time_s, [angle_rad, truth.angle_rad], vents);
+            let [a, b] = telemetry.commands();
+            let driven = |of_a: Duty, of_b: Duty| of_a > Duty::ZERO || of_b > Duty::ZERO;
+            let driven = [driven(a.inlet, b.inlet), driven(a.outlet, b.outlet)];
+            self.detector.add(row.time_s, angle_rad, truth.angle_rad, driven);
             let error = truth.angle_rad - angle_rad;
             self.squared_rad2 += error * error;
             if stiffness > LEAST_STIFFNESS_N_M_RAD {
@@ -182,6 +201,7 @@ impl Accumulator {
             faults: [names(self.found[0]), names(self.found[1]), joint],
             vented_s: self.vented_s,
             control: self.following.figures(),
+            limit_cycle: self.detector.clone().finish(),
         }
     }
 

@@ -26,6 +26,21 @@ pub struct LimitCycle {
     pub amplitude: f64,
 }
 
+impl LimitCycle {
+    /// Warning about a loop that does not come to rest: its amplitude in words, and the place of the causes.
+    pub fn warning(&self, amplitude: &str, causes: &str) -> String {
+        let Self { time_s, lasts, frequency_hz, .. } = *self;
+        let until = if lasts {
+            format!("until its set point ends at {time_s:.1} s, and does not come to rest")
+        } else {
+            format!("until {time_s:.1} s, and then dies down")
+        };
+        format!(
+            "the loop swings at {frequency_hz:.1} Hz with an amplitude of {amplitude} {until}; {causes}, has the causes"
+        )
+    }
+}
+
 #[derive(Debug, Clone, Copy)]
 struct Turn {
     time_s: f64,

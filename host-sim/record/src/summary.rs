@@ -298,20 +298,15 @@ impl Summary {
 
     /// Warning about a loop that does not come to rest.
     pub fn unrest(&self) -> Option<String> {
-        let LimitCycle { time_s, lasts, frequency_hz, amplitude } = self.limit_cycle?;
+        let swing = self.limit_cycle?;
         let amplitude = match self.control.as_ref()?.quantity {
-            Controlled::Pressure => format!("{:.1} kPa", amplitude / 1e3),
-            Controlled::Contraction => format!("{:.2} % of the rest length", 100.0 * amplitude),
+            Controlled::Pressure => format!("{:.1} kPa", swing.amplitude / 1e3),
+            Controlled::Contraction => {
+                format!("{:.2} % of the rest length", 100.0 * swing.amplitude)
+            }
         };
-        let until = if lasts {
-            format!("until its set point ends at {time_s:.1} s, and does not come to rest")
-        } else {
-            format!("until {time_s:.1} s, and then dies down")
-        };
-        Some(format!(
-            "the loop swings at {frequency_hz:.1} Hz with an amplitude of {amplitude} {until}; docs/background/control.md, \"Where \
-             the loop cannot come to rest\", has the causes"
-        ))
+        let causes = "docs/background/control.md, \"Where the loop cannot come to rest\"";
+        Some(swing.warning(&amplitude, causes))
     }
 
     /// Warning about stated deviations that are too small.

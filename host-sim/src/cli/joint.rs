@@ -123,11 +123,11 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
         figures.pulses_per_s,
         summary.arm_balance_error,
     );
-    text + &remarks(figures)
+    text + &remarks(figures, units)
 }
 
-/// Lines about a limited quantity and about faults, if there are any.
-pub(super) fn remarks(figures: &Figures) -> String {
+/// Lines about a limited quantity, faults and a limit cycle, if there are any.
+pub(super) fn remarks(figures: &Figures, units: UnitSystem) -> String {
     let mut text = String::new();
     if figures.limited > LIMITED {
         text += &format!(
@@ -143,6 +143,9 @@ pub(super) fn remarks(figures: &Figures) -> String {
     }
     if let Some(vented_s) = figures.vented_s {
         text += &format!("both muscles vented at {vented_s:.3} s\n");
+    }
+    if let Some(warning) = figures.unrest(units) {
+        text += &format!("warning: {warning}\n");
     }
     text
 }

@@ -290,5 +290,5 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
         summary.timing.missed_steps,
         summary.lost_steps,
     );
-    text + &remarks(figures)
+    text + &remarks(figures, units)
 }
