@@ -127,12 +127,12 @@ pub struct Part {
     ends: Option<[u32; 2]>,
 }
 
-/// Steps after which a core that starts within a record agrees with the recorded one: some seconds at 1 kHz.
-const SETTLING_STEPS: i64 = 5_000;
+/// Factor by which a row of a part that begins at a start of the core counts for more: it is recomputed to the bit.
+const OF_START: usize = 10;
 
 impl Part {
-    /// The longest part, less [`SETTLING_STEPS`] unless it begins at a start of the core. A single row is a part only
-    /// where there is no other.
+    /// The longest part, where rows after a start of the core count [`OF_START`] times. A single row is a part only where
+    /// there is no other.
     ///
     /// `of_config` returns whether a row was recorded with the replayed configuration. The board states it some steps
     /// late: the last row of a part counts.
@@ -146,8 +146,8 @@ impl Part {
             part
         });
         let longest = parts.filter(|part| of_config(part.end - 1)).max_by_key(|part| {
-            let settling = if steps[part.start] == 0.0 { 0 } else { SETTLING_STEPS };
-            (part.len() > 1, part.len() as i64 - settling, steps.len() - part.start)
+            let factor = if steps[part.start] == 0.0 { OF_START } else { 1 };
+            (part.len() > 1, part.len() * factor, steps.len() - part.start)
         })?;
         Some(Self {
             before: longest.start,
