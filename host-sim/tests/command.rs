@@ -355,6 +355,8 @@ fn runs_of_joints_are_compared() {
         printed.contains(&tracking) && printed.contains("; stiffness, RMS error "),
         "{printed}"
     );
+    // Only the angle that is not 0 has an overshoot.
+    assert_eq!(printed.matches(" deg, overshoot ").count(), 1, "{printed}");
     let page = folder.read("compared/report.html");
     assert!(page.contains("tension of muscle b") && page.contains("Stiffness"));
 

@@ -208,12 +208,18 @@ mod tests {
         for (shape, jumps_s) in [("step", 2.0), ("staircase", 0.5)] {
             let found = of(&format!("\"{shape}\"\nperiod_s = 4.0"));
             assert!((0.01..jumps_s).contains(&found.settled_s.unwrap()), "{shape}: {found:?}");
-            assert!(found.overshoot < 0.1 && found.unsettled == 0, "{shape}: {found:?}");
+            let overshoot = found.overshoot.unwrap();
+            assert!(overshoot < 0.1 && found.unsettled == 0, "{shape}: {found:?}");
             assert_eq!((found.gain, found.bandwidth_hz), (None, None));
         }
         // From 0.5 to 8 Hz.
         let chirp = of("\"chirp\"\nperiod_s = 2.0");
         assert!((3.0..8.0).contains(&chirp.bandwidth_hz.unwrap()), "{chirp:?}");
+        // An arm that stays at 0 rad used to overshoot by "inf %".
+        for shape in ["\"constant\"\nload_n_m = 0.5", "\"staircase\"\nperiod_s = 100.0"] {
+            let found = of(shape);
+            assert!(found.overshoot.is_none() && found.shape_text().is_empty(), "{found:?}");
+        }
     }
 
     /// Much gain, and an inertia believed too large: an arm that swings used to be shown by its plots alone.

@@ -21,8 +21,8 @@ pub struct Followed {
     pub steady_error: Option<f64>,
     /// Largest excess over the largest set point, or below the smallest one if the set point falls, relative to the set
     /// point's range, or to the way to the first one if that is longer; for a constant set point, relative to the set
-    /// point.
-    pub overshoot: f64,
+    /// point, and none if that is 0.
+    pub overshoot: Option<f64>,
     /// Amplitude of the value over that of a sine of the set point, after its first period \[-\].
     pub gain: Option<f64>,
     /// Phase of the value against that sine; negative if it lags \[deg\].
@@ -40,7 +40,10 @@ pub struct Followed {
 impl Followed {
     /// Overshoot, and the figures of a sine, a chirp or jumps, each after a comma.
     pub fn shape_text(&self) -> String {
-        let mut line = format!(", overshoot {:.1} %", self.overshoot * 100.0);
+        let mut line = String::new();
+        if let Some(overshoot) = self.overshoot {
+            line += &format!(", overshoot {:.1} %", overshoot * 100.0);
+        }
         if let (Some(gain), Some(phase_deg)) = (self.gain, self.phase_deg) {
             line += &format!(", gain {}, phase {phase_deg:.0} deg", significant(gain, 3));
         }
@@ -59,7 +62,7 @@ impl Followed {
     /// Name, value and unit of these figures, for a report.
     pub fn shape_figures(&self) -> Vec<(&'static str, f64, &'static str)> {
         let of_shape = [
-            ("Set point, overshoot", Some(100.0 * self.overshoot), "%"),
+            ("Set point, overshoot", self.overshoot.map(|share| 100.0 * share), "%"),
             ("Sine, gain", self.gain, ""),
             ("Sine, phase", self.phase_deg, "deg"),
             ("Chirp, gain above -3 dB up to", self.bandwidth_hz, "Hz"),
@@ -285,7 +288,7 @@ impl Following {
         Some(Followed {
             rms_error: (self.squares / steps).sqrt(),
             steady_error: (self.late_steps > 0).then(|| self.late_sum / self.late_steps as f64),
-            overshoot: ((high - most).max(below) / span).max(0.0),
+            overshoot: (span > 0.0).then(|| ((high - most).max(below) / span).max(0.0)),
             gain: sine.then(|| math::hypot(sin, cos) / size),
             phase_deg: sine.then(|| wrapped(phase).to_degrees()),
             bandwidth_hz: self.bandwidth.as_ref().and_then(Bandwidth::hz),

@@ -7,16 +7,19 @@ use std::path::Path;
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
 use thermyo_files::units::UnitSystem;
+use thermyo_record::following::Followed;
 use thermyo_record::tracking::Control;
 
 /// Tracking of a joint's set point, from its summary.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 struct JointControl {
     rms_error_rad: f64,
     end_error_rad: f64,
     rms_stiffness_error: f64,
     pulses_per_s: f64,
     limited: f64,
+    /// The figures of a shape.
+    control: Option<Followed>,
 }
 
 impl JointControl {
@@ -30,10 +33,11 @@ impl JointControl {
             _ => String::new(),
         };
         format!(
-            "set point: RMS error {}, at the end {}; stiffness, RMS error {}\n\
+            "set point: RMS error {}, at the end {}{}; stiffness, RMS error {}\n\
              valves: {:.1} pulses/s{limited}\n",
             angle(self.rms_error_rad),
             angle(self.end_error_rad),
+            self.control.as_ref().map_or_else(String::new, Followed::shape_text),
             units.text(self.rms_stiffness_error, "", 2),
             self.pulses_per_s,
         )
