@@ -117,6 +117,22 @@ fn stops_that_cannot_be_used_are_named_and_end_with_exit_code_1() {
     assert_eq!(output.says("a leak: the muscle lost").json()["usable"], 0);
     let output = measured(&folder, FULL, &["--stops", "3", "--wait", "6"]).ends(1);
     output.says("the wait of 6 s was too short").json();
+    // A frozen length used to shift the gas by 7 K, with 0.6 K stated, and exit code 0.
+    for (fault, name) in [("length = \"frozen\"\nfrom_s = 30", "length"), ("gas = \"open\"", "gas")]
+    {
+        let broken = format!("[plant]\nmodel = \"lumped\"\n[faults]\n{fault}\n");
+        let output = measured(&folder, &broken, &["--stops", "3"]).ends(1);
+        let output = output.says(&format!("s the core has the fault: {name} sensor."));
+        assert_eq!(output.json()["usable"], 0);
+        let [file, trace, out] =
+            ["scenario.toml", "out/trace.csv", "fit"].map(|name| folder.name(name));
+        let said = thermyo(&["identify", &trace, "--config", &file, "--out", &out]).ends(1);
+        assert!(
+            said.out.contains(&format!("the core has the fault: {name} sensor")),
+            "{}",
+            said.out
+        );
+    }
 }
 
 /// A length that creeps through a wide code of the converter used to be taken for a leak, of 0.6 % here, and of 2.3 %

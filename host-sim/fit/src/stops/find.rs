@@ -1,6 +1,6 @@
 //! Stops in a record: where the duties of both valves are zero for long enough.
 
-use model_core::Config;
+use model_core::{Config, Faults};
 use std::ops::Range;
 use thermyo_files::input::InputError;
 use thermyo_files::table::Table;
@@ -25,6 +25,8 @@ pub struct Row {
     pub mass_kg: Option<f64>,
     /// Temperature of a simulated plant \[K\].
     pub truth_k: Option<f64>,
+    /// Faults that the core reports, if known.
+    pub faults: Faults,
     /// Whether both duties are zero.
     pub shut: bool,
 }
@@ -75,6 +77,7 @@ impl Rows {
         let [estimate_k, estimate_sd_k, wall_k] =
             ["estimate_k", "estimate_sd_k", "wall_estimate_k"].map(maybe);
         let (truth_k, mass_kg) = (maybe("gas_temperature_k"), maybe("mass_estimate_kg"));
+        let faults = maybe("faults");
         let rows = (0..time_s.len()).map(|i| Row {
             time_s: time_s[i],
             pressure_pa: pressure_pa[i],
@@ -85,6 +88,7 @@ impl Rows {
             wall_k: wall_k[i],
             mass_kg: mass_kg[i],
             truth_k: truth_k[i],
+            faults: Faults(faults[i].unwrap_or_default() as u32),
             shut: inlet[i] == 0.0 && outlet[i] == 0.0,
         });
         Ok(Self { rows: rows.collect() })

@@ -40,10 +40,10 @@ pub use thermometer::Sensor;
 
 use find::Hold;
 use leak::Leak;
-use model_core::Config;
 use model_core::config::Load;
 use model_core::physics::chamber::{AnyChamber, Chamber, ChamberConfig};
 use model_core::physics::hysteresis::{Held, Law};
+use model_core::{Config, Faults};
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use thermometer::Read;
@@ -94,6 +94,11 @@ const LOAD_N: f64 = 5.0;
 const HELD: f64 = 0.005;
 /// Time after the valves shut during which gas and end still oscillate \[s\].
 const SHAKING_S: f64 = 0.3;
+/// Faults of the sensors whose readings a stop consists of.
+const OF_SENSORS: Faults = Faults::PRESSURE_SENSOR
+    .with(Faults::LENGTH_SENSOR)
+    .with(Faults::GAS_SENSOR)
+    .with(Faults::GAS_LOST);
 /// Longest gap of a record within a stop \[s\].
 const LONGEST_GAP_S: f64 = 0.25;
 
@@ -398,7 +403,7 @@ fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
     rows.iter().map(next).collect()
 }
 
-/// Reason why a stop cannot be used by its record alone: a gap, a plain leak, or a load that moved. `held_n` is the
+/// Reason why a stop cannot be used by its record alone: a gap, a sensor's fault, a plain leak, or a load that moved. `held_n` is the
 /// force of slip and creep at its rows \[N\].
 fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
     let gap = closed.rows.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > LONGEST_GAP_S);
@@ -407,6 +412,10 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             "the record has a gap from {:.2} to {:.2} s",
             before.time_s, after.time_s
         ));
+    }
+    if let Some(row) = closed.rows.iter().find(|row| row.faults.intersects(OF_SENSORS)) {
+        let Row { time_s, faults, .. } = row;
+        return Some(format!("at {time_s:.2} s the core has the fault: {}", faults.of(OF_SENSORS)));
     }
     if let Some(frozen) = ends_frozen(closed) {
         return Some(frozen);

@@ -58,6 +58,7 @@ fn row(time_s: f64, pressure_pa: f64, length_m: f64, sensor_k: f64, truth_k: Opt
         wall_k: None,
         mass_kg: None,
         truth_k,
+        faults: Faults::NONE,
         shut: truth_k.is_some(),
     }
 }

@@ -44,6 +44,7 @@ impl Record {
             wall_k: Some(f64::from(telemetry.estimate.wall_k)),
             mass_kg: Some(f64::from(telemetry.estimate.mass_kg)),
             truth_k: known(row.truth.gas_temperature_k),
+            faults: telemetry.faults,
             shut: duties.iter().all(|duty| duty.share() == 0.0)
                 && !telemetry.faults.intersects(VENTING),
         });
