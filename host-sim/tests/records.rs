@@ -307,6 +307,19 @@ fn published_data_that_are_damaged_are_refused() {
     ] {
         thermyo(&["evaluate", "truth", &folder.name(name)]).refused(message).in_one_line();
     }
+    // A part at rest used to be fitted, or to be held out with 0 N.
+    for (from, to, part) in [(0, 40, "last four"), (60, 100, "first six")] {
+        let row = |i: i32| {
+            let up = f64::from((i - from).clamp(0, to - from));
+            format!("{},{},{}\n", 0.02 * f64::from(i), 0.25 - 2e-4 * up, 1e5 + 4e3 * up)
+        };
+        let text: String = (0..100).map(row).collect();
+        let folder = Folder::new();
+        fs::create_dir(folder.path("motion")).unwrap();
+        folder.file("motion/a.csv", &format!("time_s,length_m,pressure_pa\n{text}"));
+        let message = format!("a.csv: column length_m: in the {part} tenths, which are ");
+        thermyo(&["evaluate", "truth", &folder.name("")]).refused(&message).in_one_line();
+    }
 }
 
 /// Twelve readings of a muscle, up to 5.4 bar.

@@ -1,10 +1,10 @@
 //! Compares the law with simpler ones, on the same split record.
 
 use super::plan::check_muscle;
-use super::record::Record;
+use super::record::{LENGTH, MOVES, Record};
 use super::{Left, MOST_ROWS, Searched, compared, is_asked_for, parameters, search, usual_keys};
 use std::path::Path;
-use thermyo_files::input::InputError;
+use thermyo_files::input::{InputError, Problem};
 use thermyo_files::table::Table;
 use thermyo_scenario::Scenario;
 use thermyo_setup::Loaded;
@@ -60,6 +60,23 @@ pub fn keys(loaded: &Loaded) -> Vec<String> {
     [of(&STATIC), usual_keys(&loaded.plant)].concat()
 }
 
+/// Refuses a part at rest: its lengths show no law.
+fn check_moves(
+    table: &Table,
+    scenario: &Scenario,
+    part: &Record,
+    which: &str,
+) -> Result<(), InputError> {
+    if part.has_force || part.moves(scenario.muscle.rest_length_m) {
+        return Ok(());
+    }
+    let why = format!(
+        "in the {which} it moves by less than {} % of muscle.rest_length_m, and force_n is missing: must move in both",
+        100.0 * MOVES
+    );
+    Err(table.header_error(Problem::UnusableColumn { column: LENGTH.to_owned(), why }))
+}
+
 /// Fits each law to the first part of a record, and compares it with the rest.
 ///
 /// # Errors
@@ -70,6 +87,8 @@ pub fn laws(loaded: &Loaded, config: &Path, table: &Table) -> Result<Vec<LawLeft
     let cut = (FITTED * whole.rows.len() as f64) as usize;
     let [fitted, held] = [&whole.rows[..cut], &whole.rows[cut..]]
         .map(|rows| Record { rows: rows.to_vec(), has_force: whole.has_force });
+    check_moves(table, &loaded.plant, &fitted, "first six tenths, which are fitted,")?;
+    check_moves(table, &loaded.plant, &held, "last four tenths, which are held out,")?;
     let thin = fitted.thinned(MOST_ROWS);
     let braid = of(&["muscle.diameter_m", "muscle.braid_angle_deg"]);
     let all = keys(loaded);

@@ -9,8 +9,9 @@ use thermyo_record::measured::{
 };
 use thermyo_scenario::{PlantKind, Scenario};
 
+pub const LENGTH: &str = "length_m";
 /// Required columns, and the optional one.
-const COLUMNS: [&str; 3] = ["time_s", "length_m", "pressure_pa"];
+const COLUMNS: [&str; 3] = ["time_s", LENGTH, "pressure_pa"];
 const FORCE: &str = "force_n";
 /// Distance to the row before, in usual distances, from which a row is behind a gap ...
 const GAP_ROWS: f64 = 20.0;
@@ -26,7 +27,7 @@ const SPEED_ROWS: usize = 5;
 /// Lengths of a muscle, share of its rest length \[-\].
 const LENGTHS: [f64; 2] = [0.5, 1.1];
 /// Change of length, as a share of the rest length, above which a muscle counts as moving \[-\].
-const MOVES: f64 = 0.01;
+pub const MOVES: f64 = 0.01;
 /// Correlation of length and pressure above which a sign is reversed.
 const REVERSED: f64 = 0.5;
 /// Most negative reading of a load cell, share of the largest force \[-\].
