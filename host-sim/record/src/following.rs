@@ -9,6 +9,8 @@ use thermyo_scenario::{Chirp, Shape};
 
 /// An error within this fraction of a jump counts as settled, as in `thermyo tune` \[-\].
 const SETTLED: f64 = 0.05;
+/// Hold that counts: a board gets its set points some steps early, the one of the run's last step too \[s\].
+const LEAST_HOLD_S: f64 = 0.01;
 
 /// Errors against a set point, in its unit. Those of a shape count after its first period, in which the value reaches the
 /// shape's start.
@@ -54,7 +56,8 @@ impl Followed {
             line += &format!(", settled in {} s", significant(settled_s, 3));
         }
         if self.unsettled > 0 {
-            line += &format!(", not settled after {} jumps", self.unsettled);
+            let jumps = if self.unsettled == 1 { "jump" } else { "jumps" };
+            line += &format!(", not settled after {} {jumps}", self.unsettled);
         }
         line
     }
@@ -259,8 +262,8 @@ impl Following {
 
     fn end_jump(&mut self) {
         let Some(Jump { at_s, beyond_s, .. }) = self.jump.take() else { return };
-        if self.last_s <= at_s {
-            // In the last step of the run there is no time to settle.
+        if self.last_s - at_s < LEAST_HOLD_S {
+            // At the end of the run there is no time to settle.
         } else if beyond_s >= self.last_s {
             self.unsettled += 1;
         } else {
@@ -301,4 +304,29 @@ impl Following {
 /// An angle from -pi to pi.
 fn wrapped(angle: f64) -> f64 {
     angle - TAU * (angle / TAU).round()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A board's set points are two steps early: the jump of the last step used to count as unsettled, which hid the time
+    /// of the others.
+    #[test]
+    fn a_jump_at_the_end_does_not_count() {
+        let followed = |end_ms: u32| {
+            let reference = Reference::new(Some(Shape::Staircase), (0.0, 4.0), 0.0, [0.001, 1.0]);
+            let mut following = Following::new(reference);
+            for ms in 0..=end_ms {
+                let set_point = |ms: u32| f64::from((ms + 2) / 500);
+                let angle = set_point(ms.saturating_sub(100));
+                following.add(0.001 * f64::from(ms), [set_point(ms), angle], false);
+            }
+            following.figures().unwrap()
+        };
+        let at_end = followed(1000);
+        assert_eq!((at_end.unsettled, at_end.settled_s.is_some()), (0, true), "{at_end:?}");
+        let later = followed(1050);
+        assert!(later.shape_text().ends_with(", not settled after 1 jump"), "{later:?}");
+    }
 }
