@@ -182,12 +182,7 @@ fn of_record(
             remarks = friction_into_slip(configured);
         }
     }
-    remarks.extend(record.never_vented_pa(loaded.plant.ambient.pressure_pa).map(|lowest_pa| {
-        format!(
-            "pressure_pa is taken as absolute, which no row of a vented muscle shows, the lowest being {lowest_pa:.0} Pa: \
-             gauge pressures give another bladder and slack"
-        )
-    }));
+    remarks.extend(record.doubts(&loaded.plant));
     let residuals = residuals(&scenario.plant, &record, &start);
     let fitted = |(parameter, value): (&Parameter, &Value)| {
         let Value { value, deviation, .. } = *value;

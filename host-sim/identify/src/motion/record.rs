@@ -2,6 +2,7 @@
 
 use thermyo_compute::math::usual_distance;
 use thermyo_files::input::{InputError, Problem};
+use thermyo_files::number::significant;
 use thermyo_files::table::Table;
 use thermyo_plant::chamber;
 use thermyo_record::measured::{
@@ -34,6 +35,10 @@ const REVERSED: f64 = 0.5;
 const BELOW_ZERO: f64 = 0.05;
 /// Factor on ambient pressure below which a muscle counts as vented \[-\].
 const VENTED: f64 = 1.2;
+/// Factor on ambient pressure which no vented muscle is below; weather makes a few percent \[-\].
+const BELOW_AMBIENT: f64 = 0.9;
+/// Distance of the longest length from that at rest, from which a remark names it, share of the rest length \[-\].
+const OFF_REST: f64 = 0.02;
 const FEWEST: usize = 50;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,10 +108,32 @@ impl Record {
         self.rows.iter().map(|row| row.length_m).fold(f64::NEG_INFINITY, f64::max)
     }
 
-    /// Lowest pressure, if it is not that of a vented muscle \[Pa\].
-    pub fn never_vented_pa(&self, ambient_pa: f64) -> Option<f64> {
+    /// Remarks on offsets of pressure and length, which a fit takes for another bladder and slack.
+    pub fn doubts(&self, scenario: &Scenario) -> Vec<String> {
+        let (ambient_pa, rest_m) = (scenario.ambient.pressure_pa, scenario.muscle.rest_length_m);
         let lowest_pa = self.rows.iter().map(|row| row.pressure_pa).fold(f64::INFINITY, f64::min);
-        (lowest_pa > VENTED * ambient_pa).then_some(lowest_pa)
+        let longest_m = self.longest_m();
+        let mut doubts = Vec::new();
+        if lowest_pa > VENTED * ambient_pa {
+            doubts.push(format!(
+                "pressure_pa is taken as absolute, which no row of a vented muscle shows, the lowest being \
+                 {lowest_pa:.0} Pa: gauge pressures give another bladder and slack"
+            ));
+        } else if !self.has_force && (longest_m - rest_m).abs() > OFF_REST * rest_m {
+            doubts.push(format!(
+                "the largest length_m, {} m, is {:.1} mm off muscle.rest_length_m = {rest_m:?}, though the muscle was \
+                 vented: an offset gives another slack",
+                significant(longest_m, 4),
+                1000.0 * (longest_m - rest_m)
+            ));
+        }
+        if lowest_pa < BELOW_AMBIENT * ambient_pa {
+            doubts.push(format!(
+                "the lowest pressure_pa, {lowest_pa:.0} Pa, is below ambient.pressure_pa = {ambient_pa:?}: an offset \
+                 gives another bladder; at altitude set that key"
+            ));
+        }
+        doubts
     }
 
     /// Whether the muscle moves by enough to compare lengths.
@@ -185,7 +212,7 @@ fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
             let allowed = format!(
                 "within {} s of the row before it, as the others are: what slips and creeps in a gap is \
                  unknown; cut the record there",
-                thermyo_files::number::significant(longest_s, 3)
+                significant(longest_s, 3)
             );
             Err(table.cell_error(row + 1, COLUMNS[0], &allowed))
         }
@@ -242,7 +269,7 @@ fn check_speeds(
             let allowed = format!(
                 "a time at which the muscle moves by no more than {} m/s, {MOST_SPEED_PER_S} times \
                  muscle.rest_length_m in a second: is this min or h?",
-                thermyo_files::number::significant(most_m_s, 3)
+                significant(most_m_s, 3)
             );
             Err(table.cell_error(row + SPEED_ROWS, COLUMNS[0], &allowed))
         }

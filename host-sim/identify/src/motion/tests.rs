@@ -331,6 +331,34 @@ fn a_record_that_never_vents_is_named() {
     );
 }
 
+/// Offsets fit as well as the truth: 7.5 mm of length used to become 7.5 mm of slack, and the command was silent.
+#[test]
+fn offsets_are_named() {
+    let doubts = |rest_m: f64, off_m: f64, off_pa: f64, force: &str| {
+        let row = |i: usize| {
+            let (way_m, gauge_pa) = (8e-4 * rest_m * i as f64, 4e3 * i as f64);
+            let cells = (rest_m - way_m + off_m, 101_325.0 + gauge_pa + off_pa);
+            format!("{},{},{}{force}", 0.02 * i as f64, cells.0, cells.1)
+        };
+        let text = rows(row);
+        let text = if force.is_empty() { text.replace(",force_n", "") } else { text };
+        let muscle = shipped_scenario().with(|scenario| scenario.muscle.rest_length_m = rest_m);
+        Record::of(&table(&text), &muscle.plant).unwrap().doubts(&muscle.plant).join("; ")
+    };
+    for rest_m in [0.06, 0.1, 0.15, 0.25, 0.3, 0.5] {
+        assert_eq!(doubts(rest_m, 0.01 * rest_m, -5e3, ""), "");
+        assert_eq!(doubts(rest_m, -0.01 * rest_m, 5e3, ""), "");
+        // Between ends that a load cell holds, a muscle has any length.
+        assert_eq!(doubts(rest_m, -0.05 * rest_m, 0.0, ",9"), "");
+    }
+    let length = "the largest length_m, 0.2575 m, is 7.5 mm off muscle.rest_length_m = 0.25";
+    assert!(doubts(0.25, 0.0075, 0.0, "").starts_with(length));
+    assert!(doubts(0.25, -0.0125, 0.0, "").contains(", is -12.5 mm off"));
+    let pressure = "the lowest pressure_pa, 86325 Pa, is below ambient.pressure_pa = 101325.0";
+    assert!(doubts(0.25, 0.0, -15e3, "").starts_with(pressure));
+    assert!(doubts(0.25, 0.0, 3e4, "").starts_with("pressure_pa is taken as absolute"));
+}
+
 /// Stops after this number of questions.
 struct StopsAfter {
     questions: AtomicUsize,
