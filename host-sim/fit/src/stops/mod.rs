@@ -403,8 +403,8 @@ fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
     rows.iter().map(next).collect()
 }
 
-/// Reason why a stop cannot be used by its record alone: a gap, a sensor's fault, a plain leak, or a load that moved. `held_n` is the
-/// force of slip and creep at its rows \[N\].
+/// Reason why a stop cannot be used by its record alone: a gap, a sensor's fault, a plain leak, or a load that moved.
+/// `held_n` is the force of slip and creep at its rows \[N\].
 fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
     let gap = closed.rows.windows(2).find(|pair| pair[1].time_s - pair[0].time_s > LONGEST_GAP_S);
     if let Some([before, after]) = gap {
