@@ -265,7 +265,7 @@ struct IdentifyArgs {
         value_name = "KIND",
         num_args = 0..=1,
         default_missing_value = "static",
-        conflicts_with_all = ["data", "out"]
+        conflicts_with_all = ["data", "out", "against"]
     )]
     plan: Option<Plan>,
     #[command(flatten)]
@@ -908,11 +908,13 @@ mod tests {
         }
     }
 
-    /// The folder used to be ignored.
+    /// The folder and the second record used to be ignored.
     #[test]
     fn a_plan_is_printed_and_needs_no_folder() {
-        let message = refused(&["identify", "--config", "x", "--plan", "motion", "--out", "y"]);
-        assert!(message.contains("'--plan [<KIND>]' cannot be used with"), "{message}");
+        for ignored in ["--out", "--against"] {
+            let message = refused(&["identify", "--config", "x", "--plan", "motion", ignored, "y"]);
+            assert!(message.contains("'--plan [<KIND>]' cannot be used with"), "{message}");
+        }
     }
 
     #[test]
