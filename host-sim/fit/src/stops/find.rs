@@ -27,6 +27,8 @@ pub struct Row {
     pub truth_k: Option<f64>,
     /// Faults that the core reports, if known.
     pub faults: Faults,
+    /// Code of the gas sensor, if known.
+    pub gas_code: Option<f64>,
     /// Whether both duties are zero.
     pub shut: bool,
 }
@@ -77,7 +79,7 @@ impl Rows {
         let [estimate_k, estimate_sd_k, wall_k] =
             ["estimate_k", "estimate_sd_k", "wall_estimate_k"].map(maybe);
         let (truth_k, mass_kg) = (maybe("gas_temperature_k"), maybe("mass_estimate_kg"));
-        let faults = maybe("faults");
+        let (faults, gas_code) = (maybe("faults"), maybe("code_gas"));
         let rows = (0..time_s.len()).map(|i| Row {
             time_s: time_s[i],
             pressure_pa: pressure_pa[i],
@@ -89,6 +91,7 @@ impl Rows {
             mass_kg: mass_kg[i],
             truth_k: truth_k[i],
             faults: Faults(faults[i].unwrap_or_default() as u32),
+            gas_code: gas_code[i],
             shut: inlet[i] == 0.0 && outlet[i] == 0.0,
         });
         Ok(Self { rows: rows.collect() })

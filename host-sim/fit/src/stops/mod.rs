@@ -94,11 +94,9 @@ const LOAD_N: f64 = 5.0;
 const HELD: f64 = 0.005;
 /// Time after the valves shut during which gas and end still oscillate \[s\].
 const SHAKING_S: f64 = 0.3;
-/// Faults of the sensors whose readings a stop consists of.
-const OF_SENSORS: Faults = Faults::PRESSURE_SENSOR
-    .with(Faults::LENGTH_SENSOR)
-    .with(Faults::GAS_SENSOR)
-    .with(Faults::GAS_LOST);
+/// Faults of the sensors whose readings a stop consists of; see [`broken`] for the one of the gas sensor.
+const OF_SENSORS: Faults =
+    Faults::PRESSURE_SENSOR.with(Faults::LENGTH_SENSOR).with(Faults::GAS_LOST);
 /// Longest gap of a record within a stop \[s\].
 const LONGEST_GAP_S: f64 = 0.25;
 
@@ -403,6 +401,17 @@ fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
     rows.iter().map(next).collect()
 }
 
+/// First fault of a sensor during a stop, and its time \[s\].
+///
+/// That of a gas sensor counts where its code does not change: the core also reports it where heat transfer is not as
+/// configured, which is found from stops.
+fn broken(rows: &[Row]) -> Option<(f64, Faults)> {
+    let same = |pair: &[Row]| pair[0].gas_code.is_some() && pair[0].gas_code == pair[1].gas_code;
+    let count = OF_SENSORS.with(Faults::GAS_SENSOR.when(rows.windows(2).all(same)));
+    let row = rows.iter().find(|row| row.faults.intersects(count))?;
+    Some((row.time_s, row.faults.of(count)))
+}
+
 /// Reason why a stop cannot be used by its record alone: a gap, a sensor's fault, a plain leak, or a load that moved.
 /// `held_n` is the force of slip and creep at its rows \[N\].
 fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber) -> Option<String> {
@@ -413,9 +422,8 @@ fn moved(closed: &Closed, held_n: &[f64], config: &Config, chamber: &AnyChamber)
             before.time_s, after.time_s
         ));
     }
-    if let Some(row) = closed.rows.iter().find(|row| row.faults.intersects(OF_SENSORS)) {
-        let Row { time_s, faults, .. } = row;
-        return Some(format!("at {time_s:.2} s the core has the fault: {}", faults.of(OF_SENSORS)));
+    if let Some((time_s, faults)) = broken(closed.rows) {
+        return Some(format!("at {time_s:.2} s the core has the fault: {faults}"));
     }
     if let Some(frozen) = ends_frozen(closed) {
         return Some(frozen);

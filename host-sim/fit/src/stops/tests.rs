@@ -59,6 +59,7 @@ fn row(time_s: f64, pressure_pa: f64, length_m: f64, sensor_k: f64, truth_k: Opt
         mass_kg: None,
         truth_k,
         faults: Faults::NONE,
+        gas_code: None,
         shut: truth_k.is_some(),
     }
 }

@@ -45,6 +45,7 @@ impl Record {
             mass_kg: Some(f64::from(telemetry.estimate.mass_kg)),
             truth_k: known(row.truth.gas_temperature_k),
             faults: telemetry.faults,
+            gas_code: Some(f64::from(telemetry.sample.gas.to_bits())),
             shut: duties.iter().all(|duty| duty.share() == 0.0)
                 && !telemetry.faults.intersects(VENTING),
         });
