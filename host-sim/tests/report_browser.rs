@@ -32,8 +32,6 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
         assert_eq!(all.len(), figures, "{name}: {mode}");
         assert!(all.iter().all(|figure| figure["drawn"] == true), "{name}: {all:?}");
     }
-    println!("{name}: opened in {:.2} s", seen["opened_s"].as_f64().unwrap());
-    assert!(seen["opened_s"].as_f64().unwrap() < 5.0, "{name}: {}", seen["opened_s"]);
     let charts = seen["charts"].as_array().unwrap();
     assert!(!charts.is_empty(), "{name}");
     for chart in charts {

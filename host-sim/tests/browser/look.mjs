@@ -140,9 +140,7 @@ async function used(page, id) {
   return { id, downloads, whole, readout, hair, zoomed, linked, empty, printed, deep, panned, back, touched, left, keyed, struck, cut, traces: [before, without, again] };
 }
 
-const began = Date.now();
 const page = await open(wide);
-const opened_s = (Date.now() - began) / 1000;
 const all = await figures(page);
 const charts = [];
 for (const { id, live } of all) if (live) charts.push(await used(page, id));
@@ -185,4 +183,4 @@ for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 84
   }
 }
 await browser.close();
-console.log(JSON.stringify({ problems, opened_s, figures: all, charts, without_script, narrow, beyond_paper, stacked, unfolded, serious }));
+console.log(JSON.stringify({ problems, figures: all, charts, without_script, narrow, beyond_paper, stacked, unfolded, serious }));
