@@ -403,7 +403,7 @@ fn held_n(rows: &[Row], config: &Config) -> Vec<f64> {
 
 /// First fault of a sensor during a stop, and its time \[s\].
 ///
-/// That of a gas sensor counts where its code does not change: the core also reports it where heat transfer is not as
+/// A gas sensor's fault counts where its code does not change: the core also reports it where heat transfer is not as
 /// configured, which is found from stops.
 fn broken(rows: &[Row]) -> Option<(f64, Faults)> {
     let same = |pair: &[Row]| pair[0].gas_code.is_some() && pair[0].gas_code == pair[1].gas_code;
