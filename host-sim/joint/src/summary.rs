@@ -135,14 +135,15 @@ impl Accumulator {
 
     pub fn add(&mut self, row: &Row) {
         let Row { truth, telemetry, .. } = row;
+        let commands = telemetry.commands();
+        let vents = commands == [Command::VENT; 2];
         self.rows += 1.0;
         let [least, most] = &mut self.angle_rad;
         *least = least.min(truth.angle_rad);
         *most = most.max(truth.angle_rad);
         if let Some([angle_rad, stiffness]) = row.wanted() {
-            let vents = telemetry.commands() == [Command::VENT; 2];
             self.following.add(row.time_s, [angle_rad, truth.angle_rad], vents);
-            let [a, b] = telemetry.commands();
+            let [a, b] = commands;
             let driven = |of_a: Duty, of_b: Duty| of_a > Duty::ZERO || of_b > Duty::ZERO;
             let driven = [driven(a.inlet, b.inlet), driven(a.outlet, b.outlet)];
             self.detector.add(row.time_s, angle_rad, truth.angle_rad, driven);
@@ -172,11 +173,11 @@ impl Accumulator {
         }
         self.found[2] |= u32::from(telemetry.faults.0);
         self.limited += f64::from(u8::from(telemetry.limited));
-        self.pulses += f64::from(pulses(telemetry.commands(), self.before));
-        self.before = telemetry.commands();
+        self.pulses += f64::from(pulses(commands, self.before));
+        self.before = commands;
         let faulty =
             telemetry.faults.0 != 0 || telemetry.muscles.iter().any(|muscle| muscle.faults.0 != 0);
-        if faulty && telemetry.commands() == [Command::VENT; 2] {
+        if faulty && vents {
             self.vented_s.get_or_insert(row.time_s);
         }
     }

@@ -272,6 +272,11 @@ impl Following {
         }
     }
 
+    /// Number of steps that count.
+    pub fn steps(&self) -> u64 {
+        self.steps
+    }
+
     /// The figures so far; none before the first step that counts.
     pub fn figures(&self) -> Option<Followed> {
         if self.steps == 0 {

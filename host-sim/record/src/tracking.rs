@@ -116,7 +116,6 @@ impl Tracked {
 pub(crate) struct Tracking {
     tracked: Tracked,
     following: Following,
-    steps: u64,
     pulses: f64,
     duties: [f64; 2],
     open: [u64; 2],
@@ -129,7 +128,6 @@ impl Tracking {
         Self {
             tracked,
             following: Following::new(tracked.reference),
-            steps: 0,
             pulses: 0.0,
             duties: [0.0; 2],
             open: [0; 2],
@@ -145,7 +143,6 @@ impl Tracking {
         if !self.following.add(row.truth.time_s, [row.set_point, value], vents) {
             return;
         }
-        self.steps += 1;
         self.limited += u64::from(row.telemetry.limited);
         let shares = [command.inlet, command.outlet].map(|duty| f64::from(duty.share()));
         self.add_valves(shares);
@@ -171,7 +168,7 @@ impl Tracking {
     /// The figures; none before the first step that counts.
     pub(crate) fn figures(self, quantity: Controlled) -> Option<Control> {
         let followed = self.following.figures()?;
-        let steps = self.steps as f64;
+        let steps = self.following.steps() as f64;
         let mut control = Control {
             quantity,
             followed,

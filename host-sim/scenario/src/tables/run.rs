@@ -167,11 +167,6 @@ impl Drive {
     pub fn shaped(&self, time_s: f64, duration_s: f64) -> f64 {
         self.middle() + self.amplitude * self.shape.at(time_s, self.period_s, duration_s).share
     }
-
-    /// A chirp in a run of this duration.
-    pub fn chirp(&self, duration_s: f64) -> Chirp {
-        Chirp::new(self.period_s, duration_s)
-    }
 }
 
 /// Sine whose frequency doubles in equal times, over a whole run.
@@ -183,6 +178,7 @@ pub struct Chirp {
 }
 
 impl Chirp {
+    /// A chirp in a run of this duration.
     pub fn new(period_s: f64, duration_s: f64) -> Self {
         Self { period_s, duration_s }
     }
