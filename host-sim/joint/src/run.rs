@@ -5,7 +5,7 @@ use crate::rig::{Inputs, Rig, Row, RunError};
 use crate::summary::{Accumulator, Summary};
 use std::io;
 use std::time::Instant;
-use thermyo_simulation::run::SET_POINT_INTERVAL_S;
+use thermyo_simulation::run::set_point_interval_steps;
 
 /// Runs a scenario; `observer` gets one row per `[run] log_every` steps, the last step included.
 ///
@@ -32,10 +32,9 @@ impl JointLoaded {
     /// Updates the inputs for a step: the load in each step, the set point at intervals.
     pub fn follow(&self, inputs: &mut Inputs, step: u64) {
         let step_s = self.muscles[0].plant.run.step_s;
-        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
         let time_s = step as f64 * step_s;
         inputs.load_n_m = self.load_n_m(time_s);
-        if step.is_multiple_of(every) {
+        if step.is_multiple_of(set_point_interval_steps(step_s)) {
             inputs.set_point = self.inputs(time_s).set_point;
         }
     }

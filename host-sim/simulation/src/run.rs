@@ -27,7 +27,12 @@ use thermyo_setup::Loaded;
 use thermyo_setup::core_config::core_config;
 
 /// Interval at which a set point that follows a profile is updated \[s\].
-pub const SET_POINT_INTERVAL_S: f64 = 0.01;
+const SET_POINT_INTERVAL_S: f64 = 0.01;
+
+/// This interval in steps of the core.
+pub fn set_point_interval_steps(step_s: f64) -> u64 {
+    (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64
+}
 
 /// Steps after the end within which the last telemetry has to arrive.
 pub const MOST_LATE_STEPS: u64 = 5;
@@ -374,8 +379,7 @@ impl SetPoints {
     /// The set point to send before this step, at intervals, if a profile changes it.
     pub fn acting_from(&self, step: u64, loaded: &Loaded) -> Option<SetPoint> {
         let step_s = loaded.plant.run.step_s;
-        let interval = (SET_POINT_INTERVAL_S / step_s).round() as u64;
-        let due = self.moves() && step.is_multiple_of(interval.max(1));
+        let due = self.moves() && step.is_multiple_of(set_point_interval_steps(step_s));
         due.then(|| self.at(step as f64 * step_s))
     }
 

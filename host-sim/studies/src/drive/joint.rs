@@ -17,7 +17,7 @@ use thermyo_logs::topics::{self, Layout};
 use thermyo_protocol::{Status, Timing};
 use thermyo_record::board_trace::Recorder;
 use thermyo_record::summary::TimingFigures;
-use thermyo_simulation::run::SET_POINT_INTERVAL_S;
+use thermyo_simulation::run::set_point_interval_steps;
 
 /// Scenario to drive: the drive of a file, on the joint in the board's configuration.
 ///
@@ -70,7 +70,7 @@ impl Course<JointSetPoint> for JointLoaded {
 
     fn acting_from(&self, step: u64) -> Option<JointSetPoint> {
         let step_s = self.muscles[0].plant.run.step_s;
-        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
+        let every = set_point_interval_steps(step_s);
         if step == 0 || !step.is_multiple_of(every) {
             return None;
         }

@@ -14,7 +14,7 @@ use model_core::physics::chamber::{AnyChamber, Chamber};
 use std::f64::consts::TAU;
 use thermyo_joint::{Inputs, JointLoaded, Rig};
 use thermyo_simulation::board::BoardError;
-use thermyo_simulation::run::SET_POINT_INTERVAL_S;
+use thermyo_simulation::run::set_point_interval_steps;
 
 /// Used fraction of the range between the stops: the rest is room for an overshoot \[-\].
 const RANGE: f64 = 0.75;
@@ -114,7 +114,7 @@ impl Bench for Simulated<'_> {
         each: &mut dyn FnMut(u32, &JointTelemetry),
     ) -> Result<(), BenchError> {
         let step_s = loaded.muscles[0].plant.run.step_s;
-        let every = (SET_POINT_INTERVAL_S / step_s).round().max(1.0) as u64;
+        let every = set_point_interval_steps(step_s);
         let mut inputs = Inputs::of(course(0.0));
         // A board begins vented; a scenario may begin above the allowed pressure.
         let mut allowed = loaded.clone();

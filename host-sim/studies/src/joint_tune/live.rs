@@ -7,7 +7,7 @@ use model_core::joint::{JointConfig, JointSetPoint, JointTelemetry};
 use thermyo_boards::live_joint::LiveJoint;
 use thermyo_joint::JointLoaded;
 use thermyo_simulation::board::BoardError;
-use thermyo_simulation::run::SET_POINT_INTERVAL_S;
+use thermyo_simulation::run::set_point_interval_steps;
 
 /// A course over the steps of a board.
 struct Stepped<'a> {
@@ -37,8 +37,7 @@ impl drive::Course<JointSetPoint> for Stepped<'_> {
     }
 
     fn acting_from(&self, step: u64) -> Option<JointSetPoint> {
-        let every = (SET_POINT_INTERVAL_S / self.step_s).round().max(1.0) as u64;
-        step.is_multiple_of(every).then(|| self.at(step))
+        step.is_multiple_of(set_point_interval_steps(self.step_s)).then(|| self.at(step))
     }
 }
 
