@@ -191,10 +191,15 @@ export class Chart {
     this.box.classList.add("live");
     this.listen();
     charts.push(this);
+    // Not measured in each drawing: the browser would lay out the page for every chart.
+    const measured = () => [this.box.clientWidth, this.box.clientHeight];
+    this.size = measured();
     this.draw();
     new ResizeObserver(() => {
-      const { clientWidth, clientHeight } = this.box;
-      if (Math.abs(clientWidth - this.drawn[0]) > 1 || (plot.live && Math.abs(clientHeight - this.drawn[1]) > 1)) redraw([this]);
+      const [wide, high] = measured();
+      if (Math.abs(wide - this.size[0]) <= 1 && (!plot.live || Math.abs(high - this.size[1]) <= 1)) return;
+      this.size = [wide, high];
+      redraw([this]);
     }).observe(this.box);
   }
 
@@ -418,12 +423,11 @@ export class Chart {
   }
 
   draw() {
-    const { plot } = this, { clientWidth, clientHeight } = this.box;
-    const total = Math.max(240, clientWidth), narrow = total < NARROW;
-    this.drawn = [clientWidth, clientHeight];
+    const { plot } = this, [wide, high] = this.size;
+    const total = Math.max(240, wide), narrow = total < NARROW;
     const [head, foot] = plot.live ? [LIVE_HEAD, LIVE_FOOT] : [HEAD, FOOT];
     const panels = plot.panels.map((panel, i) => {
-      const height = plot.live ? Math.max(40, clientHeight - head - foot) : panel.height;
+      const height = plot.live ? Math.max(40, high - head - foot) : panel.height;
       const range = this.range(panel, i);
       const ticks = new Scale(range, [0, 1], panel.y.log).ticks(height / (plot.live ? 28 : 45));
       return { height, range, ticks };
@@ -570,7 +574,7 @@ export class Chart {
     const { box } = this;
     const at = (event) => {
       const bounds = this.svg.getBoundingClientRect();
-      const scale = this.drawn[0] ? Math.max(240, this.drawn[0]) / bounds.width : 1;
+      const scale = this.size[0] ? Math.max(240, this.size[0]) / bounds.width : 1;
       return [(event.clientX - bounds.left) * scale, (event.clientY - bounds.top) * scale];
     };
     const inside = ([x, y]) => x >= this.x.from && x <= this.x.to && y >= this.top && y <= this.bottom;

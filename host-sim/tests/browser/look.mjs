@@ -1,12 +1,12 @@
 // Opens a report in headless Chromium, uses it like a reader, and prints its findings as JSON.
 //
 //     node look.mjs CHROMIUM PAGE.html SCREENSHOTS
-import puppeteer from "puppeteer-core";
 import { pathToFileURL } from "node:url";
 import { findings } from "./accessibility.mjs";
+import { launch } from "./browser.mjs";
 
 const [executablePath, file, screenshots] = process.argv.slice(2);
-const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+const browser = await launch(executablePath);
 const problems = [];
 
 async function open(viewport, scheme = "light", script = true) {

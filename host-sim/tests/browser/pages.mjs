@@ -1,5 +1,5 @@
 // Pages of a local server in headless Chromium, for scripts that use them like a person.
-import puppeteer from "puppeteer-core";
+import { launch } from "./browser.mjs";
 
 // A limit against hanging, not a target.
 // On a busy machine an emulated board is many times slower than a real one.
@@ -8,10 +8,12 @@ export const wide = { width: 1280, height: 900 };
 
 /** The browser; opens pages of an address, and lists their problems: errors, warnings, and what they fetch elsewhere. */
 export async function launched(executablePath, address) {
-  const browser = await puppeteer.launch({ executablePath, timeout, args: ["--no-sandbox", "--disable-gpu"] });
+  const browser = await launch(executablePath, timeout);
   const problems = [];
   async function open(viewport, scheme = "light") {
-    const page = await browser.newPage();
+    // With a renderer of its own, as on another computer: pages of one site share one, in which the first does not
+    // answer while the second loads.
+    const page = await (await browser.createBrowserContext()).newPage();
     page.setDefaultTimeout(timeout);
     page.on("console", (message) => {
       if (["error", "warn"].includes(message.type())) problems.push(message.text());

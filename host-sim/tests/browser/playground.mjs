@@ -5,8 +5,8 @@ import { createServer } from "node:http";
 import { mkdtemp, readFile, rename, writeFile } from "node:fs/promises";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import puppeteer from "puppeteer-core";
 import { findings } from "./accessibility.mjs";
+import { launch } from "./browser.mjs";
 
 const [executablePath, folder, screenshots] = process.argv.slice(2);
 const TYPES = { html: "text/html", js: "text/javascript", css: "text/css" };
@@ -25,7 +25,7 @@ const server = createServer(async ({ url }, response) => {
 await new Promise((done) => server.listen(0, "127.0.0.1", done));
 const address = `http://127.0.0.1:${server.address().port}/`;
 
-const browser = await puppeteer.launch({ executablePath, args: ["--no-sandbox", "--disable-gpu"] });
+const browser = await launch(executablePath);
 const page = await browser.newPage();
 const problems = [];
 page.on("console", (message) => {
