@@ -224,14 +224,19 @@ fn check_times(table: &Table, times: &[f64]) -> Result<(), InputError> {
 pub fn check_lengths(table: &Table, column: &str, rest_m: f64) -> Result<(), InputError> {
     let Some(own) = table.columns().iter().find(|own| own.name == column) else { return Ok(()) };
     let [low, high] = LENGTHS.map(|share| share * rest_m);
-    let mut rows = own.cells.iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
-    let Some((row, length)) = rows.find(|(_, length)| !(low..=high).contains(length)) else {
-        return Ok(());
-    };
+    let cells = own.cells.iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
+    let mut outside = cells.filter(|(_, length)| !(low..=high).contains(length));
+    let Some((row, length)) = outside.next() else { return Ok(()) };
+    let (smallest, largest) = outside
+        .map(|(_, length)| length.abs())
+        .fold((length.abs(), length.abs()), |(low, high), size| (low.min(size), high.max(size)));
     let unit = match unit_of_length(length, [low, high]) {
         Some(unit) => format!(": is this {unit}?"),
         None if (low..=high).contains(&-length) => ": is its sign reversed?".to_owned(),
-        None if length.abs() < low => ": is this a contraction, or a stroke?".to_owned(),
+        // No muscle's lengths differ by this much, in any unit.
+        None if length.abs() < low || smallest * high < largest * low => {
+            ": is this a contraction, or a stroke?".to_owned()
+        }
         None => String::new(),
     };
     let allowed =

@@ -467,6 +467,8 @@ fn a_record_of_a_gas_sensor_in_other_units_is_named() {
         ),
         (message(1.0 / 60.0, 20.0, |l| l, 1.0), "is this min or h?"),
         (message(1.0, 50.0, |l| 1.0 - l / 0.25, 1.0), "is this a contraction, or a stroke?"),
+        (message(1.0, 50.0, |l| 104.0 - l / 0.0025, 1.0), "is this a contraction, or a stroke?"),
+        (message(1.0, 50.0, |l| 260.0 - 1e3 * l, 1.0), "is this a contraction, or a stroke?"),
         (message(1.0, 50.0, |l| 1e3 * l, 1.0), "is this mm?"),
         (message(1.0, 50.0, |l| 1e2 * l, 1.0), "is this cm?"),
         (message(1.0, 50.0, |l| l, 1e-3), "is this kPa, or psi?"),
