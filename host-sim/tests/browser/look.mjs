@@ -9,7 +9,7 @@ const [executablePath, file, screenshots] = process.argv.slice(2);
 const browser = await launch(executablePath);
 const problems = [];
 
-async function open(viewport, scheme = "light", script = true) {
+async function open(viewport, script = true) {
   const page = await browser.newPage();
   page.on("console", (message) => {
     if (["error", "warn"].includes(message.type())) problems.push(message.text());
@@ -20,7 +20,7 @@ async function open(viewport, scheme = "light", script = true) {
   });
   await page.setViewport(viewport);
   await page.setJavaScriptEnabled(script);
-  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
   await page.goto(pathToFileURL(file).href);
   return page;
 }
@@ -33,7 +33,8 @@ const figures = (page) => page.$$eval("figure", (all) => all.map((figure) => ({
 /** The drawing in sight. */
 const drawn = (figure) => figure.$eval(".plot", (plot) => [...plot.querySelectorAll("svg.chart")].filter((svg) => svg.checkVisibility())
   .map((svg) => [...svg.querySelectorAll("text")].map((text) => text.textContent).join()).join());
-const ticks = (figure) => figure.$$eval(".x-tick", (all) => all.map((tick) => tick.textContent));
+// Not by `$$eval`, which makes a handle of every element.
+const ticks = (figure) => figure.evaluate((node) => [...node.querySelectorAll(".x-tick")].map((tick) => tick.textContent));
 const wide = { width: 1280, height: 900 };
 
 /** One chart, looked into. */
@@ -51,7 +52,7 @@ async function used(page, id) {
   await page.mouse.move(...at(0.5));
   const readout = await figure.$eval(".readout", (node) => (node.hidden ? null :
     [...node.querySelectorAll("dt:not(.of)")].map((term) => [term.textContent, term.nextElementSibling.textContent])));
-  const hair = await figure.$$eval(".hair", (all) => all.length);
+  const hair = await figure.evaluate((node) => node.querySelectorAll(".hair").length);
   // The downloads, intercepted at their link.
   const saved = await figure.evaluate((node) => {
     const links = [], click = HTMLAnchorElement.prototype.click;
@@ -97,7 +98,7 @@ async function used(page, id) {
   await page.mouse.move(...at(0.5));
   await page.mouse.click(...at(0.5), { count: 2 });
   const back = await ticks(figure);
-  const lines = () => figure.$$eval(".plot svg svg path", (all) => all.length);
+  const lines = () => figure.evaluate((node) => node.querySelectorAll(".plot svg svg path").length);
   const before = await lines();
   const trace = await figure.$("button.trace");
   let without = null, again = null, struck = "none";
@@ -147,7 +148,7 @@ for (const { id, live } of all) if (live) charts.push(await used(page, id));
 
 const serious = await findings(page);
 
-const still = await open(wide, "light", false);
+const still = await open(wide, false);
 const without_script = await figures(still);
 for (const chart of charts) chart.still = await drawn(await still.$(`#${chart.id}`));
 
@@ -176,11 +177,12 @@ const unfolded = await sheet.$$eval("details:not([open]) pre", (all) => all.filt
   .map((node) => node.textContent.slice(0, 40)));
 
 for (const [name, viewport] of [["1280", wide], ["390", { width: 390, height: 844, deviceScaleFactor: 2 }]]) {
+  const shot = await open(viewport);
   for (const scheme of ["light", "dark"]) {
-    const shot = await open(viewport, scheme);
+    await shot.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
     await shot.screenshot({ path: `${screenshots}-${name}-${scheme}.png`, fullPage: true });
-    await shot.close();
   }
+  await shot.close();
 }
 await browser.close();
 console.log(JSON.stringify({ problems, figures: all, charts, without_script, narrow, beyond_paper, stacked, unfolded, serious }));
