@@ -6,7 +6,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use thermyo_boards::image::prepare_node;
 
-use crate::browser_support::{chromium, look};
+use crate::browser_support::Chromium;
 
 fn repository() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
@@ -235,9 +235,9 @@ fn assert_the_tour_shows_what_it_says(seen: &serde_json::Value) {
 
 #[test]
 fn the_page_runs_and_is_turned() {
-    let Some(chromium) = chromium() else { return };
+    let Some(chromium) = Chromium::find() else { return };
     prepare_node(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser")).unwrap();
-    let seen = look("playground.mjs", &chromium, playground().as_os_str(), "playground", &[]);
+    let seen = chromium.look("playground.mjs", playground().as_os_str(), "playground", &[]);
     println!("{seen:#}");
     assert_eq!(seen["problems"], serde_json::json!([]), "{seen:#}");
     let number = |name: &str| seen[name].as_f64().unwrap_or_else(|| panic!("{name}: {seen:#}"));

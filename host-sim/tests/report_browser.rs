@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use tempfile::TempDir;
 
-use crate::browser_support::{chromium, look};
+use crate::browser_support::Chromium;
 
 /// Runs `thermyo` with these arguments and `--out` in a folder; returns the page.
 fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
@@ -24,8 +24,8 @@ fn page(folder: &TempDir, name: &str, arguments: &[&str]) -> PathBuf {
 }
 
 /// Checks that apply to every page; returns the script's findings.
-fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Value {
-    let seen = look("look.mjs", chromium, page.as_os_str(), name, &[]);
+fn looked_into(chromium: &Chromium, page: &Path, name: &str, figures: usize) -> Value {
+    let seen = chromium.look("look.mjs", page.as_os_str(), name, &[]);
     assert_eq!(seen["problems"], Value::Array(Vec::new()), "{name}");
     for mode in ["figures", "without_script"] {
         let all = seen[mode].as_array().unwrap();
@@ -82,7 +82,7 @@ fn looked_into(chromium: &Path, page: &Path, name: &str, figures: usize) -> Valu
 
 #[test]
 fn pages_can_be_looked_into() {
-    let Some(chromium) = chromium() else { return };
+    let Some(chromium) = Chromium::find() else { return };
     let folder = tempfile::tempdir().unwrap();
     let controlled = page(&folder, "contraction", &["run", "scenarios/contraction.toml"]);
     let seen = looked_into(&chromium, &controlled, "contraction", 5);
@@ -143,7 +143,7 @@ fn the_paper_s_page_can_be_looked_into() {
     };
     assert!(value("heat from the wall").is_some_and(|joule| joule > 0.0));
     assert!(value("heat to the gas").is_some_and(|joule| joule < 0.0));
-    let Some(chromium) = chromium() else { return };
+    let Some(chromium) = Chromium::find() else { return };
     let bytes = fs::metadata(&reproduce).unwrap().len();
     assert!((100_000..3_000_000).contains(&bytes), "{bytes} bytes");
     let figures = text.matches("<figure ").count();

@@ -682,13 +682,12 @@ fn assert_the_tuning_is_written(served: &Served, adopted: bool) {
 
 #[test]
 fn the_page_in_a_browser() {
-    let Some(chromium) = crate::browser_support::chromium() else { return };
+    let Some(chromium) = crate::browser_support::Chromium::find() else { return };
     let served = Served::new("emulated");
     let place = served.bench.path("");
     let server = served.child.id().to_string();
     let more = [env!("CARGO_BIN_EXE_thermyo").as_ref(), place.as_os_str(), server.as_ref()];
-    let seen =
-        crate::browser_support::look("serve.mjs", &chromium, served.url.as_ref(), "serve", &more);
+    let seen = chromium.look("serve.mjs", served.url.as_ref(), "serve", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
     assert_eq!(seen["first"], json!({ "armed": true, "readings": true }), "{seen}");
     assert_eq!(seen["most"][0], "150.0", "{seen}");

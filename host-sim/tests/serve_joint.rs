@@ -170,13 +170,12 @@ fn a_joint_locks_from_the_page_and_a_hangup_vents_it() {
 
 #[test]
 fn the_page_of_a_joint_in_a_browser() {
-    let Some(chromium) = crate::browser_support::chromium() else { return };
+    let Some(chromium) = crate::browser_support::Chromium::find() else { return };
     let served = Served::plugged(SCENARIO, "", "emulated");
     // Chromium reads no file by a path with "..".
     let scenario = repository().join(SCENARIO).canonicalize().unwrap();
     let (page, more) = (served.url.as_ref(), [scenario.as_os_str()]);
-    let seen =
-        crate::browser_support::look("serve_joint.mjs", &chromium, page, "serve-joint", &more);
+    let seen = chromium.look("serve_joint.mjs", page, "serve-joint", &more);
     assert_eq!(seen["problems"], json!([]), "{seen}");
     assert_eq!(seen["hidden"], json!([]), "{seen}");
     assert_eq!(seen["most"], "200.0", "{seen}");
