@@ -95,8 +95,8 @@ function draw() {
     due = false;
     live.draw();
     showReadings();
-    // For twice as long as it draws, a slow machine answers the server, which vents a page that does not.
-    rested = 3 * performance.now() - 2 * start;
+    // For five times as long as it draws, a slow machine answers the server, which vents a page that does not.
+    rested = 6 * performance.now() - 5 * start;
   }), rested - performance.now());
 }
 
