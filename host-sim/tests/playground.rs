@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
-use thermyo_boards::image::prepare_node;
 
 use crate::browser_support::Chromium;
 
@@ -236,7 +235,6 @@ fn assert_the_tour_shows_what_it_says(seen: &serde_json::Value) {
 #[test]
 fn the_page_runs_and_is_turned() {
     let Some(chromium) = Chromium::find() else { return };
-    prepare_node(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser")).unwrap();
     let seen = chromium.look("playground.mjs", playground().as_os_str(), "playground", &[]);
     println!("{seen:#}");
     assert_eq!(seen["problems"], serde_json::json!([]), "{seen:#}");

@@ -719,6 +719,7 @@ fn the_page_in_a_browser() {
     assert!((148.0..152.0).contains(&reached_kpa), "{seen}");
     assert!(seen["hovered"].as_str().unwrap().contains("kPa"), "{seen}");
     assert_ne!(seen["hovered"], seen["not_hovered"], "{seen}");
+    assert!(seen["driven"].as_str().unwrap().starts_with("pressure"), "{seen}");
     let (lost_ms, back_ms) = (seen["lost_ms"].as_f64().unwrap(), seen["back_ms"].as_f64().unwrap());
     println!(
         "link lost: shown after {lost_ms:.0} ms, back {back_ms:.0} ms after it was plugged in"

@@ -115,11 +115,15 @@ await pause(300);
 const pressurised = () => drives(page, async () => {
   await type(page, "first", "150");
   await page.keyboard.press("Enter");
-}, () => document.getElementById("mode").textContent.startsWith("pressure"));
+}, () => {
+  const mode = document.getElementById("mode").textContent;
+  return mode.startsWith("pressure") && mode;
+});
 // By the space key, with the focus anywhere; timed on the page's own clock, from the key to the mode that the board reports.
 const vented_ms = [];
+let driven;
 for (let i = 0; i < 5; i++) {
-  await pressurised();
+  driven = await pressurised();
   await page.evaluate(() => {
     window.vented_ms = null;
     addEventListener("keydown", () => {
@@ -321,4 +325,4 @@ await link("no server");
 await until(other, () => document.getElementById("link").textContent === "no server");
 const killed = { other: await other.$eval("#watching", (banner) => !banner.hidden), armed: await text(page, "armed"), mode: await text(page, "mode"), set: await page.$eval("#steer .main", (button) => !button.disabled) };
 await browser.close();
-console.log(JSON.stringify({ problems: found, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, vented_ms, let_go, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, saved, covered, table_px, ticked, not_identified, compared, records_px, serious }));
+console.log(JSON.stringify({ problems: found, first, most, in_bar, refused, reached_kpa, hovered, not_hovered, watching, driven, vented_ms, let_go, lost_ms, lost_armed, back_ms, killed, report, narrow_px, temperature_above, ends, palette, calibrates, saved, covered, table_px, ticked, not_identified, compared, records_px, serious }));

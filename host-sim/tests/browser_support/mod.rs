@@ -54,6 +54,6 @@ fn path() -> Option<PathBuf> {
         return Some(PathBuf::from(path));
     }
     let folders: Vec<PathBuf> = env::split_paths(&env::var_os("PATH")?).collect();
-    let files = folders.iter().flat_map(|folder| NAMES.map(|name| folder.join(name)));
-    files.into_iter().find(|path| path.is_file())
+    let mut files = folders.iter().flat_map(|folder| NAMES.map(|name| folder.join(name)));
+    files.find(|path| path.is_file())
 }

@@ -227,14 +227,15 @@ pub fn check_lengths(table: &Table, column: &str, rest_m: f64) -> Result<(), Inp
     let cells = own.cells.iter().enumerate().filter_map(|(row, cell)| Some((row, (*cell)?)));
     let mut outside = cells.filter(|(_, length)| !(low..=high).contains(length));
     let Some((row, length)) = outside.next() else { return Ok(()) };
+    let first = length.abs();
     let (smallest, largest) = outside
         .map(|(_, length)| length.abs())
-        .fold((length.abs(), length.abs()), |(low, high), size| (low.min(size), high.max(size)));
+        .fold((first, first), |(least, most), size| (least.min(size), most.max(size)));
     let unit = match unit_of_length(length, [low, high]) {
         Some(unit) => format!(": is this {unit}?"),
         None if (low..=high).contains(&-length) => ": is its sign reversed?".to_owned(),
         // No muscle's lengths differ by this much, in any unit.
-        None if length.abs() < low || smallest * high < largest * low => {
+        None if first < low || smallest * high < largest * low => {
             ": is this a contraction, or a stroke?".to_owned()
         }
         None => String::new(),
