@@ -287,7 +287,7 @@ export class Board {
 
   /** Returns the reason for which the chip stopped. */
   runChip(until) {
-    const { cache, clock, core } = this.chip;
+    const { clock, core } = this.chip;
     const end = until - this.started;
     this.chip.until = end;
     if (this.bootLoader) {
@@ -299,12 +299,7 @@ export class Board {
         const next = clock.nextAlarm === null ? end : Math.min(clock.nextAlarm.nanos, end);
         clock.tick(next - clock.nanosCounter);
       } else {
-        if (this.hang !== null) {
-          this.countToHang();
-        }
-        const cycles = core.executeInstruction() + cache.takeStalled();
-        this.busyCycles += cycles;
-        clock.nanosCounter += cycles * this.nanosPerCycle;
+        this.busyCycles += this.execute(end);
         if (clock.nextAlarm !== null && clock.nextAlarm.nanos <= clock.nanosCounter) {
           clock.tick(0);
         }
@@ -317,6 +312,23 @@ export class Board {
       }
     }
     return TIME_IS_UP;
+  }
+
+  /** Executes instructions, at most until this time [ns] or the next event; returns their cycles. */
+  execute(end) {
+    const { cache, clock, core, thumb } = this.chip;
+    if (this.hang !== null) {
+      this.countToHang();
+    } else {
+      const alarm = clock.nextAlarm === null ? end : Math.min(clock.nextAlarm.nanos, end);
+      const cycles = thumb.run(Math.min(alarm, this.store.cutAt), this.nanosPerCycle);
+      if (cycles > 0) {
+        return cycles;
+      }
+    }
+    const cycles = core.executeInstruction() + cache.takeStalled();
+    clock.nanosCounter += cycles * this.nanosPerCycle;
+    return cycles;
   }
 
   /** Takes the log of the firmware out of the ring buffer of its first RTT channel. */

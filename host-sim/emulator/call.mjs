@@ -42,7 +42,7 @@ for (;;) {
   for (let i = 0; i < whole; i++) {
     const word = (n) => input.readUInt32LE(i * REQUEST_BYTES + 4 * n);
     const interrupt = word(3) === 0 ? undefined : { after: word(3), arguments: [word(4), word(5)] };
-    const { result, cycles } = call(core, word(0), [word(1), word(2)], interrupt);
+    const { result, cycles } = call(chip, word(0), [word(1), word(2)], interrupt);
     output.writeUInt32LE(result, 8 * i);
     output.writeUInt32LE(cycles, 8 * i + 4);
   }

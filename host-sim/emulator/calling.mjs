@@ -1,11 +1,12 @@
-// Calls a function on an emulated core, whose stack pointer is set. Ends with exit code 1 if the function does not
+// Calls a function on an emulated chip, whose stack pointer is set. Ends with exit code 1 if the function does not
 // return, or does not restore registers and stack.
 
 const RETURN = 0; // no function lies there: reaching it ends the call
-const MOST_INSTRUCTIONS = 10_000_000;
+const MOST_CYCLES = 20_000_000;
 
 /** Result and cycles of a call with two arguments; an `interrupt` calls the function too. */
-export function call(core, address, values, interrupt) {
+export function call(chip, address, values, interrupt) {
+  const { clock, core, thumb } = chip;
   // Registers that a function must preserve: r4 to r11 and the stack pointer.
   for (let i = 4; i < 12; i++) {
     core.registers[i] = 0x9e3779b9 * (i + values[0]);
@@ -20,15 +21,17 @@ export function call(core, address, values, interrupt) {
     if (instructions === interrupt?.after) {
       const registers = core.registers.slice();
       const flags = core.APSR;
-      call(core, address, interrupt.arguments);
+      call(chip, address, interrupt.arguments);
       core.registers.set(registers);
       core.APSR = flags;
     }
-    if (instructions === MOST_INSTRUCTIONS) {
+    if (cycles > MOST_CYCLES) {
       process.stderr.write(`the function at 0x${address.toString(16)} does not return\n`);
       process.exit(1);
     }
-    cycles += core.executeInstruction();
+    // An interrupt comes after a number of instructions, so those before it are counted.
+    const counted = instructions < interrupt?.after;
+    cycles += (!counted && thumb.run(clock.nanosCounter + MOST_CYCLES, 1)) || core.executeInstruction();
   }
   for (const i of [4, 5, 6, 7, 8, 9, 10, 11, 13]) {
     if (core.registers[i] !== kept[i - 4]) {

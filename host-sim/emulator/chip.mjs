@@ -4,6 +4,7 @@
 import { RP2040 } from 'rp2040js';
 import { FlashCache } from './flash_cache.mjs';
 import { Regulator } from './regulator.mjs';
+import { Thumb } from './thumb.mjs';
 
 const FLASH = 0x10000000;
 const FLASH_END = 0x11000000; // end of the cached flash
@@ -26,6 +27,7 @@ export class Chip extends RP2040 {
     this.flash.set(flash);
     this.ramWords = new Uint32Array(this.sram.buffer);
     this.ramHalves = new Uint16Array(this.sram.buffer);
+    this.thumb = new Thumb(this);
     this.cache = new FlashCache(this.peripherals[0x18000]);
     this.peripherals[0x40064] = new Regulator(this);
     this.updateClocks(); // to the ring oscillator's

@@ -21,7 +21,7 @@ chip.core.SP = STACK;
 for (let header = take(16); header !== undefined; header = take(16)) {
   const [address, place, writes, reads] = [0, 4, 8, 12].map((at) => header.readUInt32LE(at));
   chip.sram.set(take(writes), place - RAM);
-  const { result, cycles } = address === 0 ? { result: 0, cycles: 0 } : call(chip.core, address, [0, 0]);
+  const { result, cycles } = address === 0 ? { result: 0, cycles: 0 } : call(chip, address, [0, 0]);
   const response = Buffer.alloc(8 + reads);
   response.writeUInt32LE(result >>> 0, 0);
   response.writeUInt32LE(cycles, 4);

@@ -16,6 +16,8 @@ mod emulated_hosts;
 #[cfg(emulator)]
 mod emulated_image;
 #[cfg(emulator)]
+mod emulated_instructions;
+#[cfg(emulator)]
 mod emulated_joint;
 #[cfg(emulator)]
 mod emulated_joint_image;
