@@ -265,7 +265,11 @@ impl EmulatedBoard {
         Self::start_up(&image::prepare_emulator()?, path, None)
     }
 
-    fn start_up(scripts: &Path, path: &Path, flash: Option<&Path>) -> Result<Self, BoardError> {
+    pub(super) fn start_up(
+        scripts: &Path,
+        path: &Path,
+        flash: Option<&Path>,
+    ) -> Result<Self, BoardError> {
         if !path.is_file() {
             return Err(BoardError::NoImage { path: path.to_path_buf() });
         }
@@ -321,12 +325,17 @@ impl EmulatedBoard {
     /// Runs one millisecond with these inputs. Sends keep-alive messages if the sample allows the host to be heard.
     pub fn exchange(&mut self, inputs: impl Into<Inputs>) -> Result<Exchange, BoardError> {
         let inputs = inputs.into();
-        self.quiet_steps = if inputs.heard { self.quiet_steps + 1 } else { 0 };
+        self.keep_alive(inputs.heard);
+        self.run(inputs, STEP_NS)
+    }
+
+    /// Sends a keep-alive message in one of [`ALIVE_STEPS`] calls, as long as the host can be heard.
+    pub(super) fn keep_alive(&mut self, heard: bool) {
+        self.quiet_steps = if heard { self.quiet_steps + 1 } else { 0 };
         if self.quiet_steps >= ALIVE_STEPS {
             self.quiet_steps = 0;
             self.send(HostCommand::Alive);
         }
-        self.run(inputs, STEP_NS)
     }
 
     /// The exchange from power-up until the board listened.

@@ -3,6 +3,7 @@
 mod armed;
 pub mod checkout;
 pub mod emulated;
+pub mod emulated_joint;
 pub mod image;
 pub mod inside;
 pub mod line;

@@ -13,6 +13,27 @@ use thermyo_protocol::{
 };
 use thermyo_simulation::board::BoardError;
 
+/// Whether the board has the image for a joint.
+///
+/// # Errors
+/// [`BoardError`] that names the other image.
+pub(super) fn drives_joint(Version { image, .. }: Version) -> Result<(), BoardError> {
+    match image {
+        Image::Joint => Ok(()),
+        _ => Err(BoardError::Refused(Refusal::OtherImage { joint: false })),
+    }
+}
+
+/// The requests that configure a board, in their order: it takes the configuration as a whole with the last one.
+pub(super) fn configuration(config: &JointConfig) -> [HostCommand; 3] {
+    let [a, b] = config.muscles;
+    [
+        HostCommand::ConfigureMuscle(Side::A, a),
+        HostCommand::ConfigureMuscle(Side::B, b),
+        HostCommand::ConfigureJoint((config.mechanism, config.tuning, config.angle_part)),
+    ]
+}
+
 pub struct LiveJoint {
     live: Live,
 }
@@ -70,11 +91,8 @@ impl Subject for LiveJoint {
 
     const VENT: JointSetPoint = JointSetPoint::Vent;
 
-    fn fits(Version { image, .. }: Version) -> Result<(), BoardError> {
-        match image {
-            Image::Joint => Ok(()),
-            _ => Err(BoardError::Refused(Refusal::OtherImage { joint: false })),
-        }
+    fn fits(version: Version) -> Result<(), BoardError> {
+        drives_joint(version)
     }
 
     fn of(live: Live) -> Self {
@@ -106,15 +124,14 @@ impl Subject for LiveJoint {
 
     fn configure(&mut self, config: &JointConfig, name: &str) -> Result<Status, BoardError> {
         config.check().map_err(BoardError::Config)?;
-        let [a, b] = config.muscles;
         let chip = self.live.version.chip;
-        if chip != Chip::Rp2040 && [a, b].iter().any(|one| one.sensors.adc.wide_code_lsb > 0.0) {
+        let wide = config.muscles.iter().any(|one| one.sensors.adc.wide_code_lsb > 0.0);
+        if chip != Chip::Rp2040 && wide {
             return Err(BoardError::OtherChip { chip });
         }
-        self.live.done(HostCommand::ConfigureMuscle(Side::A, a), "muscle a")?;
-        self.live.done(HostCommand::ConfigureMuscle(Side::B, b), "muscle b")?;
-        let rest = (config.mechanism, config.tuning, config.angle_part);
-        self.live.done(HostCommand::ConfigureJoint(rest), "configure")?;
+        for command in configuration(config) {
+            self.live.done(command, "configure")?;
+        }
         self.live.done(HostCommand::Name(Name::new(name)), "name")?;
         let status = self.status()?;
         let same = status.config_checksum == joint_checksum(config);

@@ -1,5 +1,5 @@
-//! A joint of two muscles: its scenario read and checked, its run with the core in this process, its trace, summary
-//! and page.
+//! A joint of two muscles: its scenario read and checked, its run with the core in this process or on a board, its
+//! trace, summary and page.
 
 #![warn(clippy::disallowed_methods)]
 
@@ -23,7 +23,7 @@ pub use load::{
 pub use radii::Off;
 pub use render::render;
 pub use rig::{Inputs, Rig, Row, RunError};
-pub use run::{Run, run};
+pub use run::{Run, run, run_on};
 pub use summary::{Accumulator, Figures, Summary, angle_text, pulses};
 pub use trace::COLUMNS;
 pub use warnings::{load_with_warnings, warnings};

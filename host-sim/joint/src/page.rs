@@ -29,6 +29,10 @@ impl PageRecorder {
         self.recorder.push(&row.cells());
     }
 
+    pub fn is_empty(&self) -> bool {
+        self.time().is_empty()
+    }
+
     pub fn page(&self, title: &str, loaded: &JointLoaded, summary: &Summary) -> String {
         let lead = summary.figures.lead(&format!(
             "{} s simulated at {} times real time.",

@@ -14,6 +14,7 @@ use thermyo_plant::{Actuation, BuildError, Diverged, Ledger};
 use thermyo_scenario::Scenario;
 use thermyo_scenario::joint::AngleKind;
 use thermyo_simulation::adc::VirtualAdc;
+use thermyo_simulation::board::BoardError;
 use thermyo_simulation::encoder::VirtualEncoder;
 use thermyo_simulation::faults::InjectedFaults;
 
@@ -27,6 +28,8 @@ pub enum RunError {
     /// The core refuses its configuration.
     Config(ConfigError),
     SetPoint(JointError),
+    /// The board cannot be used, or no longer can.
+    Board(BoardError),
     /// The plant left the range of its equations.
     Diverged(Diverged),
     /// A row cannot be written, or the run was stopped.
@@ -39,6 +42,7 @@ impl fmt::Display for RunError {
             Self::Build(error) => error.fmt(f),
             Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
             Self::SetPoint(error) => write!(f, "the core refuses the set point: {error}"),
+            Self::Board(error) => error.fmt(f),
             Self::Diverged(error) => error.fmt(f),
             Self::Output(error) => error.fmt(f),
         }
@@ -46,6 +50,12 @@ impl fmt::Display for RunError {
 }
 
 impl std::error::Error for RunError {}
+
+impl From<BoardError> for RunError {
+    fn from(error: BoardError) -> Self {
+        Self::Board(error)
+    }
+}
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Inputs {
@@ -221,8 +231,7 @@ impl Rig {
 
     /// Runs the core's step for a sample taken now, once between two calls of [`Self::proceed`].
     pub fn observe(&mut self) -> Row {
-        let truth = self.plant.truth();
-        if self.faults.iter().any(|faults| faults.board_restarts(truth.muscles[0].time_s)) {
+        if self.board_restarts() {
             self.restart();
         }
         let mut sample = self.sample();
@@ -236,16 +245,33 @@ impl Rig {
         {
             telemetry = self.core.step(&sample);
         }
+        self.row()(telemetry)
+    }
+
+    /// Whether an injected fault restarts the board now.
+    pub(crate) fn board_restarts(&self) -> bool {
+        let time_s = self.plant.truth().muscles[0].time_s;
+        self.faults.iter().any(|faults| faults.board_restarts(time_s))
+    }
+
+    /// The row of the latest sample, once the core's output is there.
+    pub(crate) fn row(&self) -> impl FnOnce(JointTelemetry) -> Row + use<> {
+        let truth = self.plant.truth();
         let step_s = self.scenarios[0].run.step_s;
         let age_s = (self.step - self.set_step) as f64 * step_s;
-        Row {
-            time_s: self.step as f64 * step_s,
-            stiffness_n_m_rad: self.stiffness_n_m_rad(&truth),
-            sensor_gas_k: [self.adc[0].gas_reading_k(), self.adc[1].gas_reading_k()],
-            inputs: self.inputs,
-            set_point: self.inputs.set_point.after(age_s as f32, &self.mechanism),
+        let time_s = self.step as f64 * step_s;
+        let stiffness_n_m_rad = self.stiffness_n_m_rad(&truth);
+        let sensor_gas_k = [self.adc[0].gas_reading_k(), self.adc[1].gas_reading_k()];
+        let inputs = self.inputs;
+        let set_point = inputs.set_point.after(age_s as f32, &self.mechanism);
+        move |telemetry| Row {
+            time_s,
             truth,
+            stiffness_n_m_rad,
+            inputs,
+            set_point,
             telemetry,
+            sensor_gas_k,
         }
     }
 

@@ -3,8 +3,12 @@
 use crate::load::JointLoaded;
 use crate::rig::{Inputs, Rig, Row, RunError};
 use crate::summary::{Accumulator, Summary};
+use model_core::joint::JointTelemetry;
+use std::collections::VecDeque;
 use std::io;
 use std::time::Instant;
+use thermyo_record::summary::TimingFigures;
+use thermyo_simulation::board::{BoardError, JointBoard, JointStep};
 use thermyo_simulation::run::set_point_interval_steps;
 
 /// Runs a scenario; `observer` gets one row per `[run] log_every` steps, the last step included.
@@ -15,13 +19,41 @@ pub fn run(
     loaded: &JointLoaded,
     observer: &mut dyn FnMut(&Row) -> io::Result<()>,
 ) -> Result<Summary, RunError> {
+    timed(loaded, |run| run.step(observer))
+}
+
+/// As [`run`], with the core on a board.
+///
+/// # Errors
+/// As of [`run`]; [`RunError::Board`], also for a fault that restarts the board, which nothing does here.
+pub fn run_on(
+    board: &mut dyn JointBoard,
+    loaded: &JointLoaded,
+    observer: &mut dyn FnMut(&Row) -> io::Result<()>,
+) -> Result<Summary, RunError> {
+    let mut waiting = VecDeque::new();
+    let summary = timed(loaded, |run| run.step_on(board, &mut waiting, observer))?;
+    let timing = Some(TimingFigures::from(&board.timing()?));
+    Ok(Summary { board: board.name(), timing, ..summary })
+}
+
+fn timed(
+    loaded: &JointLoaded,
+    mut step: impl FnMut(&mut Run) -> Result<bool, RunError>,
+) -> Result<Summary, RunError> {
     // WebAssembly has no clock of its own.
     let started = (!cfg!(target_family = "wasm")).then(Instant::now);
     let mut run = Run::start(loaded)?;
-    while run.step(observer)? {}
+    while step(&mut run)? {}
     let wall_clock_s = started.map_or(f64::INFINITY, |started| started.elapsed().as_secs_f64());
     Ok(run.finish(wall_clock_s))
 }
+
+/// A step whose telemetry has not arrived.
+type Waiting = (u64, Box<dyn FnOnce(JointTelemetry) -> Row>);
+
+/// Steps by which telemetry may arrive after the end of a run.
+const MOST_LATE_STEPS: u64 = 10;
 
 impl JointLoaded {
     pub fn inputs(&self, time_s: f64) -> Inputs {
@@ -79,16 +111,64 @@ impl Run {
         if self.step > self.steps {
             return Ok(false);
         }
-        let Self { loaded, inputs, step, .. } = self;
-        let run = &loaded.muscles[0].plant.run;
-        loaded.follow(inputs, *step + 1);
-        let row = self.rig.step(*inputs)?;
-        self.accumulator.add(&row);
-        if step.is_multiple_of(run.log_every) || *step == self.steps {
-            observer(&row).map_err(RunError::Output)?;
-        }
-        *step += 1;
+        self.loaded.follow(&mut self.inputs, self.step + 1);
+        let row = self.rig.step(self.inputs)?;
+        self.take(self.step, &row, observer)?;
+        self.step += 1;
         Ok(true)
+    }
+
+    /// As [`Self::step`], with the core on a board, whose output may arrive later: until then the step's row waits.
+    fn step_on(
+        &mut self,
+        board: &mut dyn JointBoard,
+        waiting: &mut VecDeque<Waiting>,
+        observer: &mut dyn FnMut(&Row) -> io::Result<()>,
+    ) -> Result<bool, RunError> {
+        let ended = self.step > self.steps;
+        if ended && (waiting.is_empty() || self.step > self.steps + MOST_LATE_STEPS) {
+            return Ok(false);
+        }
+        if self.rig.board_restarts() {
+            return Err(BoardError::NoRestart.into());
+        }
+        let former = self.inputs.set_point;
+        self.loaded.follow(&mut self.inputs, self.step + 1);
+        let next = Some(self.inputs.set_point).filter(|next| *next != former);
+        let sample = self.rig.sample();
+        if !ended {
+            waiting.push_back((self.step, Box::new(self.rig.row())));
+        }
+        let JointStep { telemetry, actuations } = board.step(&sample, next)?;
+        for telemetry in telemetry {
+            let of = u64::from(telemetry.step());
+            while waiting.front().is_some_and(|(step, _)| *step < of) {
+                waiting.pop_front();
+            }
+            if let Some((step, row)) = waiting.pop_front() {
+                self.take(step, &row(telemetry), observer)?;
+            }
+        }
+        if !ended {
+            self.rig.proceed(actuations, self.inputs)?;
+        }
+        self.step += 1;
+        Ok(true)
+    }
+
+    /// Takes the row of a step.
+    fn take(
+        &mut self,
+        step: u64,
+        row: &Row,
+        observer: &mut dyn FnMut(&Row) -> io::Result<()>,
+    ) -> Result<(), RunError> {
+        self.accumulator.add(row);
+        let logged = step.is_multiple_of(self.loaded.muscles[0].plant.run.log_every);
+        if logged || step == self.steps {
+            observer(row).map_err(RunError::Output)?;
+        }
+        Ok(())
     }
 
     /// Takes over set point, load, supply, heat transfer, sensor lags and arm of another scenario from the next step

@@ -11,6 +11,7 @@ use thermyo_plant::Ledger;
 use thermyo_plant::joint::ArmLedger;
 use thermyo_record::following::{Followed, Following, Reference};
 use thermyo_record::limit_cycle::{Detector, LimitCycle};
+use thermyo_record::summary::TimingFigures;
 
 /// Part of the run at its end that counts as rest \[s\].
 const REST_S: f64 = 0.5;
@@ -61,6 +62,9 @@ pub struct Summary {
     /// Errors of the muscles' balances of mass and energy, relative \[-\].
     pub mass_balance_error: [f64; 2],
     pub energy_balance_error: [f64; 2],
+    /// Timing of the board's steps, if the board is not this process.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub timing: Option<TimingFigures>,
 }
 
 /// Gathers a summary, step by step.
@@ -219,6 +223,7 @@ impl Accumulator {
             arm_balance_error: arm.balance_error(),
             mass_balance_error: muscles.map(|ledger| ledger.mass_balance_error()),
             energy_balance_error: muscles.map(|ledger| ledger.energy_balance_error()),
+            timing: None,
         }
     }
 }

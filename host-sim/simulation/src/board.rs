@@ -1,7 +1,7 @@
 //! Boards that run the core. The one in this module runs it in this process.
 
 use model_core::control::{Mode, SetPointField};
-use model_core::joint::{JointError, JointField};
+use model_core::joint::{JointError, JointField, JointSample, JointSetPoint, JointTelemetry};
 use model_core::{Config, ConfigError, Core, Faults, Sample, SetPoint, SetPointError, Telemetry};
 use std::io;
 use std::path::PathBuf;
@@ -33,6 +33,29 @@ pub trait Board {
     fn timing(&mut self) -> Result<Option<Timing>, BoardError> {
         Ok(None)
     }
+}
+
+/// A board that drives a joint, in lockstep with its plant.
+pub trait JointBoard {
+    /// Kind of board in summaries.
+    fn name(&self) -> &'static str;
+    /// Runs one step; `next` acts from the following step on. The first step begins with configuration, arming and
+    /// start, in which its sample is repeated until the startup check is over.
+    fn step(
+        &mut self,
+        sample: &JointSample,
+        next: Option<JointSetPoint>,
+    ) -> Result<JointStep, BoardError>;
+    /// Timing of the steps.
+    fn timing(&mut self) -> Result<Timing, BoardError>;
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct JointStep {
+    /// The core's outputs that have arrived, of this step or of earlier ones.
+    pub telemetry: Vec<JointTelemetry>,
+    /// Duties of both muscles' valves until the next step.
+    pub actuations: [Actuation; 2],
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -149,8 +172,8 @@ pub enum BoardError {
     #[error("the board restarted in the middle of the run")]
     Restarted,
     #[error(
-        "faults.board_restart: nothing here can restart this board; leave it out, or run in \
-         process or on the emulated board"
+        "faults.board_restart: nothing here can restart this board; leave it out, or run in process; one muscle also \
+         runs on the emulated board"
     )]
     NoRestart,
 }

@@ -2,8 +2,10 @@ use super::Failure;
 use clap::Args;
 use std::path::PathBuf;
 use thermyo_boards::emulated::EmulatedBoard;
+use thermyo_boards::emulated_joint::EmulatedJoint;
 use thermyo_boards::serial::SerialBoard;
-use thermyo_simulation::board::{Board, BoardError, CoreBoard};
+use thermyo_joint::JointLoaded;
+use thermyo_simulation::board::{Board, BoardError, CoreBoard, JointBoard};
 
 #[derive(Debug, Args)]
 pub(super) struct BoardArgs {
@@ -17,6 +19,8 @@ pub(super) struct BoardArgs {
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
 }
+
+const IMAGE_OF_EMULATED: &str = "--image goes with --board emulated only";
 
 #[derive(Debug, Clone)]
 enum BoardKind {
@@ -73,9 +77,33 @@ impl BoardArgs {
                 return Err(Failure::Usage(usage.to_owned()));
             }
             (_, Some(_)) => {
-                return Err(Failure::Usage("--image goes with --board emulated only".to_owned()));
+                return Err(Failure::Usage(IMAGE_OF_EMULATED.to_owned()));
             }
         };
         board.map_err(Failure::Board)
+    }
+
+    /// The board of a joint; `None` if the core runs in this process.
+    pub(super) fn open_joint(
+        &self,
+        loaded: &JointLoaded,
+    ) -> Result<Option<Box<dyn JointBoard>>, Failure> {
+        let usage = |text: &str| Err(Failure::Usage(text.to_owned()));
+        match (&self.board, self.image.as_deref()) {
+            (BoardKind::Core, None) => Ok(None),
+            (BoardKind::Emulated, image) => {
+                let first = loaded.inputs(0.0).set_point;
+                let board = EmulatedJoint::new(image, loaded.config(), first);
+                Ok(Some(Box::new(board.map_err(Failure::Board)?)))
+            }
+            (_, Some(_)) => usage(IMAGE_OF_EMULATED),
+            (BoardKind::Serial(_), None) => usage(
+                "no firmware for a joint takes simulated samples: `--board emulated` runs its image without hardware",
+            ),
+            (BoardKind::Port(_), None) => usage(
+                "a board at a PORT samples a joint of its own: `thermyo board PORT drive` drives it; the simulated one \
+                 runs with `--board emulated`",
+            ),
+        }
     }
 }

@@ -12,6 +12,7 @@ use thermyo_joint::{COLUMNS, Figures, JointLoaded, Row, RunError, Summary, angle
 use thermyo_logs::Logs;
 use thermyo_logs::topics::JOINT;
 use thermyo_record::following::Followed;
+use thermyo_simulation::board::JointBoard;
 
 /// Validates the joint's scenario and prints it with every default.
 pub(super) fn check(
@@ -46,20 +47,18 @@ pub(super) fn run(
         );
         return Err(Failure::Usage(message));
     }
-    if !args.board.is_core() {
-        let scenario = args.scenario.display();
-        let message = format!(
-            "a joint runs with the core in this process: leave out --board and --image. On the emulated board: `thermyo \
-             board emulated plug {scenario}`, `... config write {scenario}`, `... drive {scenario} --arm`"
-        );
-        return Err(Failure::Usage(message));
-    }
     unbuilt::refuse_joint(loaded, &args.scenario)?;
     trace_size::warn(&loaded.muscles[0].plant.run, COLUMNS.len(), &args.scenario, to);
+    let board = args.board.open_joint(loaded)?;
     let mut out = args.output.create("run")?;
     let mut recorder = PageRecorder::default();
-    let summary = match record(loaded, (args, &logs), &mut out, &mut recorder) {
+    let summary = match record((loaded, board), (args, &logs), &mut out, &mut recorder) {
         Err(Failure::Interrupted) => return Err(stopped(out, to)),
+        // The board restarted: the rows so far stay where they are.
+        Err(failure @ Failure::Board(_)) if !recorder.is_empty() => {
+            to.say(format_args!("the record so far is in {}", out.leave().display()));
+            return Err(failure);
+        }
         other => other?,
     };
     let json = pretty(&summary);
@@ -70,7 +69,7 @@ pub(super) fn run(
 
 /// Streams the trace of a run into `out`.
 fn record(
-    loaded: &JointLoaded,
+    (loaded, board): (&JointLoaded, Option<Box<dyn JointBoard>>),
     (args, logs): (&RunArgs, &Logs),
     out: &mut OutputDir,
     recorder: &mut PageRecorder,
@@ -83,17 +82,22 @@ fn record(
         args.output.format.quiet,
     );
     interrupt::watch();
-    let result = thermyo_joint::run(loaded, &mut |row: &Row| {
+    let mut observer = |row: &Row| {
         rows.push(&row.cells())?;
         recorder.add(row);
         bar.set_position((row.time_s * 1000.0) as u64);
         interrupt::check()
-    });
+    };
+    let result = match board {
+        Some(mut board) => thermyo_joint::run_on(board.as_mut(), loaded, &mut observer),
+        None => thermyo_joint::run(loaded, &mut observer),
+    };
     bar.clear();
     let written = rows.finish().map(drop).map_err(unwritable);
     let summary = result.map_err(|error| match error {
         _ if interrupt::is_requested() => Failure::Interrupted,
         RunError::Output(error) => Failure::Input(unwritable(error)),
+        RunError::Board(error) => Failure::Board(error),
         other => Failure::Joint(other),
     })?;
     written?;
@@ -123,7 +127,13 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
         figures.pulses_per_s,
         summary.arm_balance_error,
     );
-    text + &remarks(figures, units)
+    let timing = summary.timing.map_or_else(String::new, |timing| {
+        format!(
+            "core step {:.0} us mean, {:.0} us worst; {} missed\n",
+            timing.step_mean_us, timing.step_worst_us, timing.missed_steps
+        )
+    });
+    text + &timing + &remarks(figures, units)
 }
 
 /// Lines about a limited quantity, faults and a limit cycle, if there are any.
