@@ -121,6 +121,60 @@ fn a_record_is_replayed_without_the_files_of_its_drive() {
     }
 }
 
+/// A result that was moved once needed the tables of its scenario, by the path that they had had.
+#[test]
+fn a_result_has_the_tables_of_its_scenario() {
+    let folder = Folder::new();
+    let tables = [
+        ("volume.csv", "time_s,volume_m3\n0,0.001\n0.5,0.0012\n"),
+        (
+            "pulley.csv",
+            "angle_rad,radius_a_m,radius_b_m\n-1,0.018,0.022\n0,0.02,0.02\n1,0.022,0.018\n",
+        ),
+        ("course.csv", "time_s,angle_rad,stiffness_n_m_rad\n0,0.2,14\n0.3,0.4,12\n"),
+        ("load.csv", "time_s,torque_n_m\n0,0\n0.4,1\n"),
+        ("value.csv", "time_s,value\n0,150000\n0.2,250000\n"),
+        ("bellows.csv", include_str!("../../scenarios/bellows.csv")),
+    ];
+    for (name, text) in tables {
+        folder.file(name, text);
+    }
+    let bellows = "kind = \"table\"\n[table]\ncsv = \"bellows.csv\"\n[load]\nkind = \"isotonic\"\nforce_n = -40.0\n";
+    let scenarios = [
+        ("vessel", "kind = \"vessel\"\n[vessel]\nvolume_csv = \"volume.csv\"\n".to_owned()),
+        (
+            "bellows",
+            format!("{bellows}[drive]\nkind = \"pressure\"\nprofile_csv = \"value.csv\"\n"),
+        ),
+        (
+            "joint",
+            "[joint]\nradius_csv = \"pulley.csv\"\n[drive]\nprofile_csv = \"course.csv\"\nload_csv = \"load.csv\"\n"
+                .to_owned(),
+        ),
+    ];
+    for (name, scenario) in &scenarios {
+        let file = folder.file("given.toml", &format!("{RUN}{scenario}"));
+        thermyo(&["run", &file, "--quiet", "--out", &folder.name(name)]).ok();
+    }
+    for (name, _) in tables {
+        fs::remove_file(folder.path(name)).unwrap();
+    }
+    for (name, _) in &scenarios {
+        let moved = folder.name(&format!("moved_{name}"));
+        fs::rename(folder.path(name), &moved).unwrap();
+        let Said { out: printed, .. } =
+            thermyo(&["replay", &moved, "--out", &folder.name("again")]).ok();
+        assert!(printed.contains("501 of 501 recorded steps replayed, 0 differ"), "{printed}");
+        let scenario = format!("{moved}/scenario.toml");
+        let out = folder.name(&format!("second_{name}"));
+        thermyo(&["run", &scenario, "--quiet", "--out", &out]).ok();
+        let trace = if *name == "joint" { "joint_trace.csv" } else { "trace.csv" };
+        let [first, second] =
+            [&moved, &out].map(|place| fs::read_to_string(Path::new(place).join(trace)).unwrap());
+        assert!(first == second, "{name}");
+    }
+}
+
 #[test]
 fn a_damaged_record_is_read_up_to_the_damage() {
     let (_folder, scenario, out) = place(RUN);

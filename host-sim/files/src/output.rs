@@ -13,13 +13,19 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 
 /// Files that commands write: those of one result stay together.
-const RESULTS: [&str; 17] = [
+const RESULTS: [&str; 23] = [
     "summary.json",
     "report.html",
     "trace.csv",
     "trace.mcap",
     "joint_trace.csv",
     "scenario.toml",
+    "scenario_load.csv",
+    "scenario_profile.csv",
+    "scenario_radius.csv",
+    "scenario_table.csv",
+    "scenario_table_b.csv",
+    "scenario_volume.csv",
     "config.json",
     "profile.csv",
     "motion.csv",
@@ -35,6 +41,30 @@ const RESULTS: [&str; 17] = [
 
 /// Files of which every published result has at least one.
 const SIGNS: [&str; 3] = ["summary.json", "report.html", "config.json"];
+
+/// A scenario as it lies in a result.
+#[derive(Debug)]
+pub struct Recorded {
+    /// Names its tables without a folder.
+    pub text: String,
+    /// The tables: names in the result, and the files.
+    pub tables: Vec<(&'static str, PathBuf)>,
+}
+
+/// Gives the tables that keys name their names in a result; returns these with the files. Keys of one entry that name
+/// the same file as the first of them get the same name.
+pub fn name_tables<'a>(
+    keys: impl IntoIterator<Item = (&'static str, Vec<&'a mut Option<PathBuf>>)>,
+) -> Vec<(&'static str, PathBuf)> {
+    let named = keys.into_iter().filter_map(|(name, mut keys)| {
+        let file = keys.first()?.as_ref()?.clone();
+        for key in keys.iter_mut().filter(|key| key.as_ref() == Some(&file)) {
+            **key = Some(name.into());
+        }
+        Some((name, file))
+    });
+    named.collect()
+}
 
 /// Whether a new result in this folder would move the file: it has the name of a result there.
 pub fn would_move(folder: &Path, file: &Path) -> bool {
@@ -154,6 +184,16 @@ impl OutputDir {
             (self.unfinished.join(format!("{name}.new")), self.unfinished.join(name));
         let written = fs::write(&new, text).and_then(|()| fs::rename(&new, whole));
         written.map_err(|error| self.unwritable(name, &error))
+    }
+
+    /// Writes `scenario.toml` and copies its tables, so that the result can be moved and read anywhere.
+    pub fn scenario(&mut self, scenario: &Recorded) -> Result<(), InputError> {
+        for (name, table) in &scenario.tables {
+            self.add(name)?;
+            fs::copy(table, self.unfinished.join(name))
+                .map_err(|error| self.unwritable(name, &error))?;
+        }
+        self.text("scenario.toml", &scenario.text)
     }
 
     fn add(&mut self, name: &'static str) -> Result<(), InputError> {

@@ -21,7 +21,7 @@ pub use load::{
     JointLoaded, angle_and_stiffness, course, joint, load, load_recorded, parse, parse_alone,
 };
 pub use radii::Off;
-pub use render::render;
+pub use render::{recorded, render};
 pub use rig::{Inputs, Rig, Row, RunError};
 pub use run::{Run, run, run_on};
 pub use summary::{Accumulator, Figures, Summary, angle_text, pulses};

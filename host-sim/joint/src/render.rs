@@ -3,9 +3,33 @@
 use crate::load::JointLoaded;
 use serde::Serialize;
 use std::fmt::Write;
+use thermyo_files::output::{Recorded, name_tables};
 use thermyo_scenario::joint::{Joint, JointController, JointDrive, RADII};
 use thermyo_scenario::schema::Table;
 use thermyo_setup::Loaded;
+
+/// The scenario as it lies in a result.
+pub fn recorded(loaded: &JointLoaded) -> Recorded {
+    let mut own = loaded.clone();
+    let JointLoaded { joint, believed, drive, muscles: [a, b], .. } = &mut own;
+    let [of_a, of_b] = [a, b].map(|Loaded { plant, believed, .. }| [plant, believed]);
+    let chambers = of_a.into_iter().chain(of_b).map(|one| &mut one.table.csv).collect();
+    let mut tables = name_tables([
+        ("scenario_radius.csv", vec![&mut joint.radius_csv, &mut believed.radius_csv]),
+        ("scenario_profile.csv", vec![&mut drive.profile_csv]),
+        ("scenario_load.csv", vec![&mut drive.load_csv]),
+        ("scenario_table.csv", chambers),
+    ]);
+    let [_, b] = &mut own.muscles;
+    let other = &mut b.plant.table.csv;
+    if other.as_ref().is_some_and(|csv| csv.is_absolute()) {
+        tables.extend(name_tables([(
+            "scenario_table_b.csv",
+            vec![other, &mut b.believed.table.csv],
+        )]));
+    }
+    Recorded { text: render(&own), tables }
+}
 
 /// The scenario with all defaults filled in; reading it back gives the same joint. Lines common to both muscles are
 /// shared, all others belong to one muscle.

@@ -26,7 +26,7 @@ pub use load::{
     set_points_in,
 };
 pub use loaded::Loaded;
-pub use render::render;
+pub use render::{recorded, render};
 pub use rules::{OBSERVABLE, highest_pa, set_points};
 pub use unlikely::{contraction_held, late};
 pub use unrest::{Unrest, valves_and_line};

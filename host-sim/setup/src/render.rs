@@ -5,6 +5,7 @@ use super::loaded::Loaded;
 use super::tree::{same, value};
 use super::warnings::{model_is_unused, unused_tables};
 use std::fmt::Write;
+use thermyo_files::output::{Recorded, name_tables};
 use thermyo_scenario::Scenario;
 use thermyo_scenario::schema::{Allowed, DIMENSIONS, FAULTS, Key, TABLES, Table};
 use toml::Value;
@@ -16,6 +17,24 @@ const TOGETHER: [(&str, &[&str], &[&str]); 2] = [
     // A file with coefficients of a constant heat transfer has to name the model.
     ("heat", &CONSTANT_HEAT, &["model"]),
 ];
+
+/// The scenario as it lies in a result.
+pub fn recorded(loaded: &Loaded) -> Recorded {
+    let mut own = loaded.clone();
+    let Loaded { plant, believed, .. } = &mut own;
+    let tables = name_tables([
+        (
+            "scenario_volume.csv",
+            vec![&mut plant.vessel.volume_csv, &mut believed.vessel.volume_csv],
+        ),
+        ("scenario_table.csv", vec![&mut plant.table.csv, &mut believed.table.csv]),
+        (
+            "scenario_profile.csv",
+            vec![&mut plant.drive.profile_csv, &mut believed.drive.profile_csv],
+        ),
+    ]);
+    Recorded { text: render(&own), tables }
+}
 
 /// The scenario as TOML with all defaults filled in; reading it back gives the same scenario to
 /// the bit.

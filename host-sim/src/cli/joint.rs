@@ -74,7 +74,7 @@ fn record(
     out: &mut OutputDir,
     recorder: &mut PageRecorder,
 ) -> Result<Summary, Failure> {
-    out.text("scenario.toml", &thermyo_joint::render(loaded))?;
+    out.scenario(&thermyo_joint::recorded(loaded))?;
     let mut rows = logs.record(out, JOINT, &COLUMNS)?;
     let unwritable = |error: io::Error| out.unwritable(JOINT.file, &error);
     let bar = Bar::new(

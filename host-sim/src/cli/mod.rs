@@ -710,7 +710,7 @@ fn record(
     mut each: impl FnMut(&Row),
 ) -> Result<Summary, Failure> {
     // Written first, so that the trace of a killed program can be replayed.
-    out.text("scenario.toml", &thermyo_setup::render(loaded))?;
+    out.scenario(&thermyo_setup::recorded(loaded))?;
     let mut writer = logs.record(out, MUSCLE, &COLUMNS)?;
     let unwritable = |error: io::Error| out.unwritable(MUSCLE.file, &error);
     let bar = Bar::new((loaded.plant.run.duration_s * 1000.0) as u64, quiet);

@@ -102,7 +102,7 @@ pub fn write(
     record
         .write(trace, &findings.analysis.stops)
         .map_err(|error| files.unwritable("trace.csv", &error))?;
-    files.text("scenario.toml", &thermyo_setup::render(loaded))?;
+    files.scenario(&thermyo_setup::recorded(loaded))?;
     files.text("summary.json", &findings.json())?;
     files.text("report.html", &findings.page(title, record, loaded))
 }
