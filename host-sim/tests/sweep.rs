@@ -58,7 +58,8 @@ fn every_point_is_the_run_that_the_file_would_give() {
         lines.next().unwrap(),
         "point,sensor.gas.time_constant_s,sensor.gas.position,seed,settled_s,sensor_gas_rmse_k,\
          sensor_wall_rmse_k,model_rmse_k,estimate_rmse_k,estimate_within_2sd,\
-         control_rms_error,failure,checksum"
+         control_rms_error,overshoot,settling_s,unsettled,bandwidth_hz,limit_cycle_hz,limit_cycle_amplitude,\
+         pulses_per_s,failure,checksum"
     );
     let rows: Vec<Vec<f64>> = lines.map(cells).collect();
     let expected = [[0.5, 0.25], [0.5, 1.0], [3.0, 0.25], [3.0, 1.0]];
@@ -83,6 +84,29 @@ fn every_point_is_the_run_that_the_file_would_give() {
     assert!(!["src=", "<link", "<script"].iter().any(|text| page.contains(text)), "not by itself");
     let scenario = fs::read_to_string(out.join("scenario.toml")).unwrap();
     assert!(scenario.contains("zones = 4"), "{scenario}");
+}
+
+/// The figures by which a gain is chosen, and what an error of the inertia does to them.
+#[test]
+fn the_figures_of_the_loop_are_in_the_table() {
+    let folder = Folder::new();
+    let text = "[run]\nduration_s = 6\n[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 290000\n[joint]\n\
+                friction_n_m = 0.0\n[joint.controller]\ngain_n_m_rad = 40\n\
+                [drive]\nshape = \"step\"\namplitude_rad = 0.3\nperiod_s = 4\n";
+    let scenario = folder.file("joint.toml", text);
+    let out = folder.path("out");
+    let table = sweep(&scenario, &["--vary", "believed.joint.inertia_kg_m2=0.02,0.05"], &out);
+    let mut lines = table.lines();
+    let names: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let place = |name: &str| names.iter().position(|other| *other == name).unwrap();
+    let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
+    let cell = |row: usize, name: &str| rows[row][place(name)].parse::<f64>().ok();
+    assert!((0.05..1.0).contains(&cell(0, "settling_s").unwrap()), "{table}");
+    assert!((0.0..0.2).contains(&cell(0, "overshoot").unwrap()), "{table}");
+    assert_eq!([0, 1].map(|row| cell(row, "limit_cycle_hz").is_some()), [false, true], "{table}");
+    assert!((0.01..0.3).contains(&cell(1, "limit_cycle_amplitude").unwrap()), "{table}");
+    assert_eq!(cell(0, "bandwidth_hz"), None);
+    assert!(read(&out, "report.html").contains(" 1 of 2 points have a limit cycle."));
 }
 
 /// Keys of the joint, of one muscle, and of both; each row has the figures of a run of the joint.
@@ -477,6 +501,6 @@ fn a_diverged_point_is_empty_and_reported() {
     );
     let table = fs::read_to_string(out.join("sweep.csv")).unwrap();
     assert!(table.lines().nth(1).is_some_and(|line| cells(line).len() == 10), "{table}");
-    let failed = "2,1,1,0.5,,,,,,,\"the plant diverged at ";
+    let failed = "2,1,1,0.5,,,,,,,,,,,,,,\"the plant diverged at ";
     assert!(table.lines().nth(2).is_some_and(|line| line.starts_with(failed)), "{table}");
 }

@@ -2,6 +2,8 @@
 
 use std::io;
 use thermyo_joint::{JointLoaded, Row as JointRow, RunError as JointRunError};
+use thermyo_record::following::Followed;
+use thermyo_record::limit_cycle::LimitCycle;
 use thermyo_record::summary::Errors;
 use thermyo_record::trace::Row;
 use thermyo_scenario::Run;
@@ -29,11 +31,17 @@ pub struct Figures {
     /// Root-mean-square error of the set point over the whole run, in its unit; none without a
     /// controlled quantity.
     pub control_rms_error: Option<f64>,
-    /// Figures of a joint's summary, in the order of its columns in `sweep.csv`; empty for one muscle.
-    pub of_joint: Vec<f64>,
+    /// Figures of the loop, and of a joint's summary, in the order of their columns in `sweep.csv`; NaN where there is
+    /// none.
+    pub more: Vec<f64>,
 }
 
 impl Figures {
+    pub(super) fn has_limit_cycle(&self) -> bool {
+        let of_cycle = LOOP_COLUMNS.iter().position(|column| *column == "limit_cycle_hz");
+        of_cycle.and_then(|place| self.more.get(place)).is_some_and(|hz| !hz.is_nan())
+    }
+
     /// Whether every figure equals the other's; a figure that both lack counts as equal.
     pub(super) fn is(&self, other: &Self) -> bool {
         let all = |figures: &Self| {
@@ -41,7 +49,7 @@ impl Figures {
             let control = figures.control_rms_error.unwrap_or(f64::NAN);
             let mut all =
                 vec![sensor_gas, sensor_wall, model, estimate, figures.within_2sd, control];
-            all.extend(&figures.of_joint);
+            all.extend(&figures.more);
             all
         };
         let same = |(a, b): (&f64, &f64)| a == b || (a.is_nan() && b.is_nan());
@@ -50,11 +58,38 @@ impl Figures {
     }
 }
 
+/// Columns of `sweep.csv` about the loop.
+pub(super) const LOOP_COLUMNS: [&str; 7] = [
+    "overshoot",
+    "settling_s",
+    "unsettled",
+    "bandwidth_hz",
+    "limit_cycle_hz",
+    "limit_cycle_amplitude",
+    "pulses_per_s",
+];
+
+fn of_loop(
+    followed: Option<&Followed>,
+    limit_cycle: Option<LimitCycle>,
+    pulses_per_s: Option<f64>,
+) -> [f64; LOOP_COLUMNS.len()] {
+    [
+        followed.and_then(|figures| figures.overshoot),
+        followed.and_then(|figures| figures.settled_s),
+        followed.map(|figures| figures.unsettled as f64),
+        followed.and_then(|figures| figures.bandwidth_hz),
+        limit_cycle.map(|cycle| cycle.frequency_hz),
+        limit_cycle.map(|cycle| cycle.amplitude),
+        pulses_per_s,
+    ]
+    .map(|figure| figure.unwrap_or(f64::NAN))
+}
+
 /// Columns of `sweep.csv` that only a joint has.
-pub(super) const JOINT_COLUMNS: [&str; 7] = [
+pub(super) const JOINT_COLUMNS: [&str; 6] = [
     "end_error_rad",
     "rms_stiffness_error",
-    "pulses_per_s",
     "limited",
     "highest_pressure_a_pa",
     "highest_pressure_b_pa",
@@ -85,8 +120,18 @@ pub fn measure(
     };
     let summary = run::run(&loaded, &mut CoreBoard::default(), None, &mut observer)?;
     let (rmse_k, within_2sd) = errors.figures();
-    let control_rms_error = summary.control.map(|control| control.followed.rms_error);
-    Ok(Figures { rmse_k, within_2sd, control_rms_error, of_joint: Vec::new() })
+    let control = summary.control.as_ref();
+    let more = of_loop(
+        control.map(|control| &control.followed),
+        summary.limit_cycle,
+        control.and_then(|control| control.pulses_per_s),
+    );
+    Ok(Figures {
+        rmse_k,
+        within_2sd,
+        control_rms_error: control.map(|control| control.followed.rms_error),
+        more: more.to_vec(),
+    })
 }
 
 /// Runs the scenario of a joint. Temperature errors are those of the muscle with the larger error; a joint has neither
@@ -125,15 +170,18 @@ pub fn measure_joint(
         },
         within_2sd: within_a.min(within_b),
         control_rms_error: Some(of.rms_error_rad),
-        of_joint: vec![
-            of.end_error_rad,
-            of.rms_stiffness_error,
-            of.pulses_per_s,
-            of.limited,
-            highest_a_pa,
-            highest_b_pa,
-            of.vented_s.unwrap_or(f64::NAN),
-        ],
+        more: [
+            &of_loop(of.control.as_ref(), of.limit_cycle, Some(of.pulses_per_s))[..],
+            &[
+                of.end_error_rad,
+                of.rms_stiffness_error,
+                of.limited,
+                highest_a_pa,
+                highest_b_pa,
+                of.vented_s.unwrap_or(f64::NAN),
+            ],
+        ]
+        .concat(),
     })
 }
 

@@ -138,7 +138,8 @@ impl<'a> Outcome<'a> {
         WAYS.iter().enumerate().filter(is_had).collect()
     }
 
-    /// Tracking of the set point, in a sentence for each quantity; empty if no point has one.
+    /// Tracking of the set point, in a sentence for each quantity, and the number of limit cycles; empty if no point has
+    /// one.
     fn tracking(&self) -> String {
         let control = self.control();
         let sentence = |(kind, ends): &(Option<Controlled>, [Option<f64>; 2])| {
@@ -151,7 +152,13 @@ impl<'a> Outcome<'a> {
             };
             format!(" {what} is followed to {} RMS at best, {} at worst.", text(least), text(most))
         };
-        control.iter().map(sentence).collect()
+        let text: String = control.iter().map(sentence).collect();
+        match self.figures().filter(|figures| figures.has_limit_cycle()).count() {
+            0 => text,
+            swinging => {
+                text + &format!(" {swinging} of {} points have a limit cycle.", self.rows.len())
+            }
+        }
     }
 
     /// Number of failed points, and the reason of the first failure.

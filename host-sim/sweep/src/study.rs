@@ -1,6 +1,6 @@
 //! Study of a sweep: identifies it, and reads and writes its rows.
 
-use super::measure::JOINT_COLUMNS;
+use super::measure::{JOINT_COLUMNS, LOOP_COLUMNS};
 use super::plan::{Latin, Plan};
 use super::range::allowed;
 use super::scenario::Assembled;
@@ -102,8 +102,10 @@ impl Study {
         each.collect::<Vec<_>>().join(", ")
     }
 
-    fn joint_columns(&self) -> &'static [&'static str] {
-        if self.is_joint() { &JOINT_COLUMNS } else { &[] }
+    /// Columns of [`Figures::more`].
+    fn more_columns(&self) -> Vec<&'static str> {
+        let of_joint: &[&str] = if self.is_joint() { &JOINT_COLUMNS } else { &[] };
+        [&LOOP_COLUMNS, of_joint].concat()
     }
 
     pub(super) fn is_joint(&self) -> bool {
@@ -148,7 +150,7 @@ impl Study {
         let errors = WAYS.iter().map(|(_, column, _)| *column);
         let all = ["point"].into_iter().chain(keys).chain(["seed", "settled_s"]).chain(errors);
         let all = all.chain(["estimate_within_2sd", "control_rms_error"]);
-        let all = all.chain(self.joint_columns().iter().copied());
+        let all = all.chain(self.more_columns());
         all.chain(["failure", "checksum"]).collect::<Vec<&str>>().join(",")
     }
 
@@ -177,11 +179,11 @@ impl Study {
                 WAYS.iter().for_each(|(.., error)| put(&mut text, error(&figures.rmse_k)));
                 put(&mut text, figures.within_2sd);
                 put(&mut text, figures.control_rms_error.unwrap_or(f64::NAN));
-                figures.of_joint.iter().for_each(|figure| put(&mut text, *figure));
+                figures.more.iter().for_each(|figure| put(&mut text, *figure));
                 text.push(',');
             }
             Err(failure) => {
-                text += &",".repeat(WAYS.len() + 3 + self.joint_columns().len());
+                text += &",".repeat(WAYS.len() + 3 + self.more_columns().len());
                 text += &quoted(failure);
             }
         }
@@ -206,14 +208,14 @@ impl Study {
         let (row, _) = line.rsplit_once(',')?;
         let rest = row.strip_prefix(&self.csv_start(point))?.strip_prefix(',')?;
         // The failure is the last cell, and may contain commas.
-        let own = self.joint_columns().len();
+        let own = self.more_columns().len();
         let cells: Vec<&str> = rest.splitn(WAYS.len() + 5 + own, ',').collect();
         let [seed, settled_s, gas, wall, model, estimate, within, control, ref more @ ..] =
             cells[..]
         else {
             return None;
         };
-        let (failure, of_joint) = more.split_last().filter(|(_, figures)| figures.len() == own)?;
+        let (failure, more) = more.split_last().filter(|(_, figures)| figures.len() == own)?;
         let number = |cell: &str| match cell {
             "" => Some(f64::NAN),
             _ => cell.parse().ok(),
@@ -230,7 +232,7 @@ impl Study {
                 rmse_k,
                 within_2sd: within.parse().ok()?,
                 control_rms_error: Some(control_rms_error).filter(|error| !error.is_nan()),
-                of_joint: of_joint.iter().map(|cell| number(cell)).collect::<Option<_>>()?,
+                more: more.iter().map(|cell| number(cell)).collect::<Option<_>>()?,
             })
         } else {
             Err(unquoted(failure)?)
@@ -291,9 +293,9 @@ mod tests {
                 model: f64::NAN,
                 estimate: if study.plan.places(point)[1] == 0 { 0.2 } else { 0.3 },
             };
-            let of_joint = vec![0.5, f64::NAN];
+            let more = vec![0.5, f64::NAN];
             let figures =
-                Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), of_joint });
+                Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), more });
             Point { point, seed: 7, settled_s: 10.0, figures }
         };
         let rows = (0..study.plan.points()).map(point).collect();
@@ -307,8 +309,8 @@ mod tests {
         let point = |point, error| {
             let rmse_k = Errors { sensor_gas: 0.1, sensor_wall: 0.1, model: 0.1, estimate: 0.1 };
             let control_rms_error = Some(error);
-            let of_joint = Vec::new();
-            let figures = Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error, of_joint });
+            let more = Vec::new();
+            let figures = Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error, more });
             Point { point, seed: 1, settled_s: 0.0, figures }
         };
         let outcome = Outcome { study: &study, rows: vec![point(0, 1200.0), point(1, 0.01)] };
@@ -326,14 +328,13 @@ mod tests {
         let study = study();
         let rmse_k =
             Errors { sensor_gas: 0.1, sensor_wall: 1.0 / 3.0, model: f64::NAN, estimate: 3e-7 };
-        let of_joint = Vec::new();
-        let figures =
-            Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), of_joint });
+        let more = vec![0.25, f64::NAN, 0.0, f64::NAN, f64::NAN, f64::NAN, 12.5];
+        let figures = Ok(Figures { rmse_k, within_2sd: 1.0, control_rms_error: Some(0.5), more });
         let whole = Point { point: 4, seed: 7, settled_s: 10.0, figures };
         let text = study.csv_row(&whole);
         assert_eq!(
             text,
-            "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,0.5,,3996181454374378094"
+            "5,3,full,7,10,0.1,0.3333333333333333,,0.0000003,1,0.5,0.25,,0,,,,12.5,,1993181460235888023"
         );
         // NaN is not equal to itself.
         assert_eq!(study.read_row(&text).map(|row| study.csv_row(&row)), Some(text.clone()));
