@@ -58,9 +58,12 @@ export class Chip extends RP2040 {
 
   /** Bytes at the bottom of the stack that have not been written since the start. */
   stackUnused() {
-    const words = new Uint32Array(this.sram.buffer, 0, this.stackBytes >> 2);
-    const used = words.findIndex((word) => word !== UNUSED);
-    return 4 * (used < 0 ? words.length : used);
+    const words = this.stackBytes >> 2;
+    let unused = 0;
+    while (unused < words && this.ramWords[unused] === UNUSED) {
+      unused++;
+    }
+    return 4 * unused;
   }
 
   /**
