@@ -13,6 +13,9 @@ use crate::math::limit;
 
 /// Largest share of the speed by which a step of the play changes it \[-\].
 const STIFFEST: f32 = 0.05;
+/// Largest share of the speed that viscous friction takes in a step: above 2 the speed would grow from step to step; it
+/// is what nothing explains then that contains the rest \[-\].
+const MOST_DAMPED: f32 = 0.5;
 
 /// Friction of the whole joint, with presliding.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -40,6 +43,8 @@ pub struct Observer {
     per_inertia: f32,
     /// Stiffest play that a step resolves \[N m/rad\].
     stiffest_n_m_rad: f32,
+    /// Most viscous friction that a step resolves \[N m s/rad\].
+    most_viscous_n_m_s: f32,
     /// Gains of angle \[1/s\], speed \[1/s2\] and disturbance \[N m/(rad s)\].
     gains: [f32; 3],
     angle_rad: f32,
@@ -60,6 +65,7 @@ impl Observer {
             step_s,
             per_inertia: 1.0 / inertia_kg_m2,
             stiffest_n_m_rad: STIFFEST * inertia_kg_m2 / (step_s * step_s),
+            most_viscous_n_m_s: MOST_DAMPED * inertia_kg_m2 / step_s,
             // (s + p)^2 (s + slow).
             gains: [2.0 * p + slow, p * (p + 2.0 * slow), inertia_kg_m2 * p * p * slow],
             angle_rad: 0.0,
@@ -83,7 +89,8 @@ impl Observer {
         let play = Friction { presliding_n_m_rad, ..*friction };
         let way_rad = self.step_s * (self.speed_rad_s + of_angle * error_rad);
         self.friction_n_m = play.after(self.friction_n_m, way_rad);
-        let viscous_n_m = friction.viscous_n_m_s * self.speed_rad_s;
+        let viscous_n_m_s = limit(friction.viscous_n_m_s, 0.0, self.most_viscous_n_m_s);
+        let viscous_n_m = viscous_n_m_s * self.speed_rad_s;
         let net_n_m = torque_n_m - viscous_n_m - self.friction_n_m + self.disturbance_n_m;
         self.angle_rad += way_rad;
         self.speed_rad_s += self.step_s * (self.per_inertia * net_n_m + of_speed * error_rad);
@@ -119,5 +126,29 @@ mod tests {
             }
         }
         assert!((1e-7..0.01).contains(&worst), "{worst} rad/s");
+    }
+
+    /// Viscous friction that is large for a light arm made the observed speed and disturbance grow without bound.
+    #[test]
+    fn it_is_stable_for_every_inertia_and_friction() {
+        for inertia_kg_m2 in [1e-6, 2e-5, 1e-3, 0.02, 10.0] {
+            for viscous_n_m_s in [0.0, 1e-3, 0.05, 1.0, 100.0] {
+                let mechanism = Mechanism { inertia_kg_m2, ..Mechanism::default() };
+                let mut observer = Observer::new(&mechanism, &JointTuning::default(), 1.0e-3);
+                let friction = Friction { viscous_n_m_s, ..Friction::default() };
+                observer.restart(0.1);
+                // An arm that stands, on which 0.1 N m act that something holds.
+                let mut last = 0.0;
+                for _ in 0..5000 {
+                    observer.step(0.1, 0.1, &friction);
+                    last = observer.disturbance_n_m;
+                    assert!(last.abs() < 1.0, "{inertia_kg_m2}, {viscous_n_m_s}: {last} N m");
+                }
+                assert!((last + 0.1).abs() < 1e-3, "{inertia_kg_m2}, {viscous_n_m_s}: {last} N m");
+                // Rounding of the torque, in a step of 1 ms, and of the angle.
+                let rounding_rad_s = 1.0e-6 / inertia_kg_m2 + 1.0e-5;
+                assert!(observer.speed_rad_s.abs() < rounding_rad_s, "{observer:?}");
+            }
+        }
     }
 }
