@@ -7,6 +7,7 @@ mod faults;
 mod from_config;
 mod load;
 pub mod page;
+mod pair;
 mod radii;
 mod render;
 mod rig;

@@ -1,5 +1,6 @@
 //! From the scenario of a joint to the data of a run.
 
+use crate::pair::Pair;
 use crate::radii::{self, Off, Rows};
 use model_core::ConfigError;
 use model_core::joint::{JointConfig, Motion};
@@ -26,6 +27,10 @@ const WAITS_UP_TO_S: f64 = 0.01;
 /// Largest gain from the inertia: 35 rad/s, where a period and a half at 100 Hz is half a radian. On
 /// `scenarios/joint.toml` with 4e-3 kg m2 the default gain, 55 rad/s, swings by 1.1 deg at rest \[1/s2\].
 const GAIN_PER_S2: f64 = 1200.0;
+/// Acceleration of the reference of a heavy arm: that of 2 kg at 0.27 m with the default torque of 2.5 N m \[rad/s2\].
+const REFERENCE_RAD_S2: f64 = 17.0;
+/// Share of the muscles' torque that it may take: the rest holds, stiffens and corrects (assumption) \[-\].
+const REFERENCE_SHARE: f64 = 0.25;
 /// Largest share of an error of the gas mass that a PWM period closes: as the default at 100 Hz \[-\].
 const CLOSES: f64 = 0.7;
 /// Time of sound through a metre of hose, at 343 m/s \[s/m\].
@@ -264,7 +269,7 @@ fn assembled(
     }
     let mut controller = document.controller.clone();
     derive(&mut controller, document, &muscles);
-    let loaded = JointLoaded {
+    let mut loaded = JointLoaded {
         muscles,
         joint: is,
         rows,
@@ -274,8 +279,21 @@ fn assembled(
         profile,
         load,
     };
+    if !document.has("joint.controller.reference_torque_n_m") {
+        let torque_n_m = reference_torque_n_m(&loaded);
+        let usual_n_m = &mut loaded.controller.reference_torque_n_m;
+        *usual_n_m = usual_n_m.max(torque_n_m);
+    }
     check(document, &loaded)?;
     Ok(loaded)
+}
+
+/// Torque that accelerates the reference of a heavy arm as that of a lighter one, in tenths \[N m\].
+fn reference_torque_n_m(loaded: &JointLoaded) -> f64 {
+    let [least_n_m, most_n_m] = Pair::at(&loaded.config(), 0.0).torques_n_m();
+    let muscles_n_m = most_n_m.min(-least_n_m).max(0.0);
+    let heavy_n_m = REFERENCE_RAD_S2 * loaded.believed.inertia_kg_m2;
+    (10.0 * heavy_n_m.min(REFERENCE_SHARE * muscles_n_m)).floor() / 10.0
 }
 
 /// Derives the controller's timing and gain from the core's configuration if the scenario leaves them out.

@@ -301,6 +301,28 @@ mod tests {
         }
     }
 
+    /// The reference of a heavy arm once had the torque of a light one: an arm of 1.5 kg m2 stood nearly still.
+    #[test]
+    fn a_heavy_arm_on_strong_muscles_follows() {
+        let text = "[run]\nduration_s = 6.0\n[plant]\nmodel = \"lumped\"\ninitial_pressure_pa = 250000\n[muscle]\n\
+                    rest_length_m = 0.6\ndiameter_m = 0.04\n[valve]\nconductance_m3_s_pa = 5e-8\n[joint]\n\
+                    radius_m = 0.06\nmid_length_a_m = 0.54\nmid_length_b_m = 0.54\ninertia_kg_m2 = 1.5\n[drive]\n\
+                    stiffness_n_m_rad = 300\nshape = \"sine\"\namplitude_rad = 0.35\nperiod_s = 1.0\n";
+        let loaded = parse(text, "joint.toml".as_ref()).unwrap();
+        assert_eq!(loaded.controller.reference_torque_n_m, 25.5);
+        let figures = run(&loaded, &mut |_| Ok(())).unwrap().figures;
+        let sine = figures.control.as_ref().unwrap();
+        assert!((0.95..1.05).contains(&sine.gain.unwrap()), "{sine:?}");
+        assert!((0.001..0.03).contains(&figures.rms_error_rad), "{figures:?}");
+        // A light arm has the usual torque, and one on weak muscles a quarter of theirs.
+        let of = |inertia: &str| {
+            let text = format!("[joint]\ninertia_kg_m2 = {inertia}\n");
+            parse(&text, "joint.toml".as_ref()).unwrap().controller.reference_torque_n_m
+        };
+        assert_eq!(of("0.14"), 2.5);
+        assert!((2.6..10.0).contains(&of("100")), "{}", of("100"));
+    }
+
     /// Much gain, and an inertia believed too large: an arm that swings used to be shown by its plots alone.
     #[test]
     fn an_arm_that_swings_on_is_named() {

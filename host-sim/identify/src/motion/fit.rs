@@ -46,6 +46,12 @@ const OPEN: f64 = 0.7;
 /// ... and of a logarithm.
 const OPEN_LOG: f64 = 0.4;
 
+/// Deviations above which a record shows a delay, and above which a value is wrong by it \[-\].
+const SHOWN: f64 = 4.0;
+const WRONG: f64 = 2.0;
+/// Delay below which nothing is made of it: samples of one loop at 1 kHz differ by less \[s\].
+const LEAST_DELAY_S: f64 = 2.0e-3;
+
 /// Scale on which a parameter is searched.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scale {
@@ -158,6 +164,24 @@ pub struct Value {
     pub open: bool,
 }
 
+/// A delay of the length behind the pressure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Delay {
+    pub delay_s: f64,
+    pub deviation_s: f64,
+    /// Largest change of a value that goes with it, in its stated deviations, and that value's key.
+    pub times: f64,
+    pub key: &'static str,
+}
+
+impl Delay {
+    /// Whether the record shows it, and a value is wrong by it.
+    pub fn counts(&self) -> bool {
+        let Self { delay_s, deviation_s, times, .. } = *self;
+        delay_s.abs() > SHOWN * deviation_s && delay_s.abs() > LEAST_DELAY_S && times > WRONG
+    }
+}
+
 pub struct Problem<'a> {
     scenario: &'a Scenario,
     parameters: &'a [Parameter],
@@ -251,6 +275,36 @@ impl<'a> Problem<'a> {
             }
         };
         self.parameters.iter().enumerate().map(value).collect()
+    }
+
+    /// The delay of the length behind the pressure that explains most of the residuals, at the end of a search whose
+    /// values these are: to first order, together with the change of the values that goes with it.
+    pub fn delay(&self, place: &DVector<f64>, values: &[Value]) -> Option<Delay> {
+        if self.record.has_force {
+            return None;
+        }
+        let slopes = self.slopes(place, &self.weighted(place));
+        let rows = self.record.rows.len();
+        let (measured, prior) = (slopes.rows(0, rows), slopes.rows(rows, place.len()));
+        let residuals = self.residuals(place);
+        let left = self.by_weight(&residuals);
+        let lasting = correlation_rows(&residuals);
+        let scatter = (left.norm_squared() * lasting / rows as f64).max(1.0e-12);
+        let information = measured.tr_mul(&measured) / scatter + prior.tr_mul(&prior);
+        let covariance = information.cholesky()?.inverse();
+        let of_delay = self.by_weight(&self.record.speeds_m_s());
+        let change = &covariance * measured.tr_mul(&of_delay) / scatter;
+        let own = &of_delay - measured * &change;
+        let shown = own.dot(&of_delay);
+        let delay_s = own.dot(&left) / shown;
+        let deviation_s = (scatter / shown).sqrt();
+        let off = |(i, (parameter, value)): (usize, (&Parameter, &Value))| {
+            let by = parameter.deviation(place[i], (change[i] * delay_s).abs());
+            (by / value.deviation, parameter.key)
+        };
+        let changes = self.parameters.iter().zip(values).enumerate().map(off);
+        let (times, key) = changes.max_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(Delay { delay_s, deviation_s, times, key })
     }
 
     /// Changes of the weighted residuals by an error of the force, and of the pressure.

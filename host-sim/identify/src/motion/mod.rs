@@ -19,7 +19,7 @@ pub use page::{page, plot};
 pub use plan::{check_plan, plan, profile};
 pub use record::{Record, check_lengths, check_pace};
 
-use fit::{FACTOR, MOTION, Parameter, Problem, Value, adopt, residuals};
+use fit::{Delay, FACTOR, MOTION, Parameter, Problem, Value, adopt, residuals};
 use law::{Law, Start};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -72,6 +72,9 @@ pub struct Findings {
     /// Residuals of a record that the fit has not used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Left>,
+    /// Remark on a delay between the channels by which values are wrong.
+    #[serde(skip)]
+    delay: Option<String>,
     pub remarks: Vec<String>,
 }
 
@@ -140,6 +143,7 @@ struct Searched {
     open: Vec<Parameter>,
     values: Vec<Value>,
     start: Start,
+    delay: Option<Delay>,
 }
 
 /// Searches, leaves out values that the record leaves open, and searches the others again. Open values stay at the
@@ -157,7 +161,8 @@ fn search(
         let values = problem.values(&place);
         let start = problem.found_start(&place);
         let Some(worst) = values.iter().position(|value| value.open) else {
-            return Searched { open, values, start };
+            let delay = problem.delay(&place, &values).filter(Delay::counts);
+            return Searched { open, values, start, delay };
         };
         open.push(searched.remove(worst));
     }
@@ -171,7 +176,8 @@ fn of_record(
     watch: &dyn Watch,
 ) -> Identified {
     let thin = record.thinned(MOST_ROWS);
-    let Searched { open, values, start } = search(&loaded.plant, &mut searched, &thin, watch);
+    let Searched { open, values, start, delay } =
+        search(&loaded.plant, &mut searched, &thin, watch);
     let found: Vec<(&'static str, f64)> =
         searched.iter().zip(&values).map(|(p, value)| (p.key, value.value)).collect();
     let mut scenario = loaded.clone();
@@ -201,11 +207,26 @@ fn of_record(
         parameters,
         rmse: Left::of(&scenario.plant, &record, &start, 0),
         against: against.map(|other| compared(&scenario.plant, other)),
+        delay: delay.map(|delay| delay_remark(&delay, loaded.plant.load.mass_kg)),
         remarks,
     };
     findings.holds = findings.failed().is_none();
     findings.remarks.extend(findings.failed());
     Identified { findings, scenario, record, residuals }
+}
+
+fn delay_remark(delay: &Delay, mass_kg: f64) -> String {
+    let Delay { delay_s, deviation_s, times, key } = *delay;
+    let [late, early] =
+        if delay_s > 0.0 { ["length_m", "pressure_pa"] } else { ["pressure_pa", "length_m"] };
+    format!(
+        "{late} seems {:.0} +- {:.0} ms later than {early}, and with both read at one time {key} would differ by {} of \
+         its stated errors: shift the column, or read both channels at one time and near the muscle; the inertia of \
+         load.mass_kg = {mass_kg:?} delays the length too",
+        1e3 * delay_s.abs(),
+        1e3 * deviation_s,
+        significant(times, 2)
+    )
 }
 
 /// The slip found includes all that opposes motion in the record: friction beside it would count twice.
@@ -287,6 +308,9 @@ impl Findings {
                 "the law leaves {} %: another rest length, load or unit, or another kind of muscle",
                 significant(100.0 * self.rmse.share, 2)
             ));
+        }
+        if let Some(delay) = &self.delay {
+            return Some(delay.clone());
         }
         (!self.open.is_empty()).then(|| {
             format!(

@@ -99,6 +99,16 @@ impl Record {
         self.rows.iter().map(|row| Row { force_n: force_n(row), ..*row }).collect()
     }
 
+    /// Speeds, from the rows before and after each \[m/s\].
+    pub fn speeds_m_s(&self) -> Vec<f64> {
+        let last = self.rows.len().saturating_sub(1);
+        let speed = |i: usize| {
+            let (before, after) = (&self.rows[i.saturating_sub(1)], &self.rows[(i + 1).min(last)]);
+            (after.length_m - before.length_m) / (after.time_s - before.time_s).max(1.0e-9)
+        };
+        (0..self.rows.len()).map(speed).collect()
+    }
+
     /// Way between the shortest and the longest length \[m\].
     pub fn stroke_m(&self) -> f64 {
         span(self.rows.iter().map(|row| row.length_m))

@@ -113,6 +113,32 @@ fn a_muscle_is_found_from_its_own_plan() {
     assert!((1.5e-5..2e-4).contains(&against_m), "{against_m} m");
 }
 
+/// A channel that is late by a row, 20 ms, used to give a fast creep 8 stated errors off without a word.
+#[test]
+fn a_channel_that_is_late_is_named() {
+    let muscle = other();
+    let text = record(&muscle, planned(&muscle));
+    let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let late = |column: usize| {
+        let row = |i: usize| {
+            let mut row = rows[i].clone();
+            row[column] = rows[if i > 1 { i - 1 } else { i }][column];
+            row.join(",") + "\n"
+        };
+        let text: String = (0..rows.len()).map(row).collect();
+        identify(&shipped_scenario(), CONFIG.as_ref(), &table(&text), None, &()).unwrap().findings
+    };
+    for (column, name) in [(1, "length_m"), (2, "pressure_pa")] {
+        let found = late(column);
+        println!("{}", found.text());
+        let failed = found.failed().unwrap();
+        let delay =
+            failed.strip_prefix(&format!("{name} seems ")).unwrap_or_else(|| panic!("{failed}"));
+        let delay_ms: f64 = delay.split(' ').next().unwrap().parse().unwrap();
+        assert!((13.0..27.0).contains(&delay_ms) && !found.holds, "{failed}");
+    }
+}
+
 /// A load that is 1 % heavier than configured, and a pressure reading that is 3 kPa too high.
 #[test]
 fn stated_errors_contain_a_load_and_a_pressure_that_are_off() {
