@@ -34,5 +34,5 @@ pub(super) fn run(
     out.text("report.html", &record_page(&found, &title))?;
     out.text("fit.svg", &record_plot(&found, &title))?;
     to.results(out, (&json, &found.text()))?;
-    found.values.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
+    found.failed().map_or(Ok(()), |message| Err(Failure::Check(message)))
 }

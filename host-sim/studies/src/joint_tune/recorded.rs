@@ -28,6 +28,13 @@ const OWN: &str = "a_code_pressure";
 /// Factor on ambient pressure below which a muscle counts as vented \[-\].
 const VENTED: f64 = 1.2;
 
+/// Distance of the delays that are tried, in steps, and their number either way.
+const TRIED_STEPS: i32 = 10;
+const MOST_TRIED: i32 = 6;
+/// Delay below which nothing is made of it \[s\]; share of the squares that are left, above which it shows nothing \[-\].
+const LEAST_DELAY_S: f64 = 4.0e-3;
+const SAME_LEFT: f64 = 0.8;
+
 /// Reason why a record gives no values.
 #[derive(Debug, thiserror::Error)]
 pub enum RecordError {
@@ -46,9 +53,16 @@ pub struct Identified {
     pub warnings: Vec<InputError>,
     pub(super) estimate: Estimate,
     pub(super) records: Vec<Record>,
+    /// Remark on a delay between angle and pressures.
+    delay: Option<String>,
 }
 
 impl Identified {
+    /// Reason why the values are not reliable, if there is one.
+    pub fn failed(&self) -> Option<String> {
+        self.delay.clone().or_else(|| self.values.failed())
+    }
+
     pub fn text(&self) -> String {
         let Values { duration_s, torque_rms_n_m, residual_rms_n_m, .. } = self.values;
         let windows = self.estimate.fitted.points.len();
@@ -115,7 +129,56 @@ pub fn identify(loaded: &JointLoaded, table: &Table) -> Result<Identified, Recor
     let estimate = findings::estimate(loaded, sliding_rad_s(&config, SLIDING_M_S), &records)?;
     let scenario = adopt(loaded, &estimate.parameters(loaded))?;
     let values = Values::new(loaded, &estimate, &records);
-    Ok(Identified { values, scenario, warnings, estimate, records })
+    let delay = delay(loaded, &records, values.residual_rms_n_m);
+    Ok(Identified { values, scenario, warnings, estimate, records, delay })
+}
+
+/// Names the delay of the pressures, or of the angle, with which the balance of torques leaves least, unless it leaves
+/// nearly as little without.
+fn delay(loaded: &JointLoaded, records: &[Record], rms_n_m: f64) -> Option<String> {
+    let sliding_rad_s = sliding_rad_s(&loaded.config(), SLIDING_M_S);
+    let left = |steps: i32| {
+        let found = findings::estimate(loaded, sliding_rad_s, &earlier(records, steps));
+        found.map_or(f64::INFINITY, |estimate| estimate.fitted.rms_n_m.powi(2))
+    };
+    let own = rms_n_m * rms_n_m;
+    let (earlier, later) = (left(-TRIED_STEPS), left(TRIED_STEPS));
+    let way = if later < earlier { 1 } else { -1 };
+    // Three neighbours of which the middle one, in the end, leaves least.
+    let mut squares = [later.max(earlier), own, later.min(earlier)];
+    let mut tried = 1;
+    while squares[2] < squares[1] && tried < MOST_TRIED {
+        tried += 1;
+        squares = [squares[1], squares[2], left(way * tried * TRIED_STEPS)];
+    }
+    let [before, least, after] = squares;
+    // The vertex of the parabola through them.
+    let bend = before - 2.0 * least + after;
+    let vertex = if bend.is_finite() && bend > 0.0 { 0.5 * (before - after) / bend } else { 0.0 };
+    let steps = f64::from(way * TRIED_STEPS) * (f64::from(tried - 1) + vertex);
+    let delay_s = steps * loaded.muscles[0].plant.run.step_s;
+    if delay_s.abs() < LEAST_DELAY_S || least > SAME_LEFT * own {
+        return None;
+    }
+    let pair = ["the pressures seem", "the angle seems"];
+    let [late, than] = if delay_s > 0.0 { [pair[0], "angle"] } else { [pair[1], "pressures"] };
+    Some(format!(
+        "{late} {:.0} ms later than the {than}: with all read at one time {} N m of torque would be left instead of {}, \
+         and the values differ",
+        1e3 * delay_s.abs(),
+        significant(least.sqrt(), 2),
+        significant(rms_n_m, 2)
+    ))
+}
+
+/// Records with the pressures of so many steps later.
+fn earlier(records: &[Record], steps: i32) -> Vec<Record> {
+    let last = records.len().saturating_sub(1);
+    let shifted = |(i, record): (usize, &Record)| {
+        let from = i.saturating_add_signed(steps as isize).min(last);
+        Record { pressure_pa: records[from].pressure_pa, ..*record }
+    };
+    records.iter().enumerate().map(shifted).collect()
 }
 
 /// The other unit or zero that explains a wrong pressure, judged by the highest of its column.

@@ -125,16 +125,32 @@ fn a_record_of_four_columns_gives_the_same() {
     }
 }
 
-fn a_record_with_a_row_each(every: usize) {
+/// Values found from a row of every so many records, with pressures so many steps late.
+fn found_in_rows(every: usize, late: usize) -> Identified {
     let radius_m = TRUE[Term::Radius as usize];
     let loaded = loaded(&format!("[joint]\nradius_m = {radius_m}\n"));
     let mut text = "time_s,angle_rad,a_pressure_pa,b_pressure_pa\n".to_owned();
-    for Record { time_s, angle_rad, pressure_pa: [a_pa, b_pa], .. } in
-        records(&loaded.config()).iter().step_by(every)
-    {
+    let records = records(&loaded.config());
+    for (i, Record { time_s, angle_rad, .. }) in records.iter().enumerate().step_by(every) {
+        let [a_pa, b_pa] = records[i.saturating_sub(late)].pressure_pa;
         text += &format!("{},{angle_rad},{a_pa},{b_pa}\n", 7.0 + time_s);
     }
-    let found = identify(&loaded, &Table::parse(&text, Path::new("joint.csv")).unwrap()).unwrap();
+    identify(&loaded, &Table::parse(&text, Path::new("joint.csv")).unwrap()).unwrap()
+}
+
+/// Pressures that are late used to give wrong values without a word: 30 ms, mid-lengths 19 mm off.
+#[test]
+fn a_channel_that_is_late_is_named() {
+    let failed = found_in_rows(10, 15).failed().unwrap();
+    let late = failed.strip_prefix("the pressures seem ").unwrap_or_else(|| panic!("{failed}"));
+    let delay_ms: f64 = late.split(' ').next().unwrap().parse().unwrap();
+    assert!((11.0..19.0).contains(&delay_ms), "{failed}");
+}
+
+fn a_record_with_a_row_each(every: usize) {
+    let radius_m = TRUE[Term::Radius as usize];
+    let found = found_in_rows(every, 0);
+    assert_eq!(found.failed(), None);
     // Each of the muscles has 40 N s/m.
     let of_muscles = 2.0 * 40.0 * radius_m * radius_m;
     for (path, term, of_muscles) in [
