@@ -20,7 +20,7 @@ pub fn page(tuned: &Tuned, title: &str) -> String {
     let title = format!("{title}, tuned");
     let figure = motion(&tuned.records)
         .figure("Angle and pressures", "Slow sweeps, a sine and steps, first soft, then stiff.");
-    begun(&title, &lead, &thermyo_joint::render(&tuned.scenario), &findings.values)
+    begun(&title, &lead, &thermyo_joint::render(&tuned.scenario), findings.values.failed())
         .tile(Tile::new("Sine of 1 Hz, RMS, before", check.before.sine_rms_rad.to_degrees(), "deg"))
         .tile(Tile::new("The same after", check.after.sine_rms_rad.to_degrees(), "deg"))
         .tile(Tile::new("Residual torque, RMS", findings.values.residual_rms_n_m, "N m"))
@@ -42,7 +42,7 @@ pub fn record_page(found: &Identified, title: &str) -> String {
     );
     let figure = motion(&found.records).figure("Angle and pressures", "The record.");
     let title = format!("{title}, identified");
-    begun(&title, &lead, &thermyo_joint::render(&found.scenario), values_of)
+    begun(&title, &lead, &thermyo_joint::render(&found.scenario), found.failed())
         .section(values(values_of))
         .section(torques(&found.estimate))
         .section(Section::new("Record").figure(figure))
@@ -54,10 +54,10 @@ pub fn record_plot(found: &Identified, title: &str) -> String {
     torque_chart(&found.estimate).document(title)
 }
 
-fn begun(title: &str, lead: &str, scenario: &str, values: &Values) -> Page {
+fn begun(title: &str, lead: &str, scenario: &str, failed: Option<String>) -> Page {
     let page = Page::new(title, lead, scenario);
-    match values.failed() {
-        Some(open) => page.warning(&open),
+    match failed {
+        Some(reason) => page.warning(&reason),
         None => page,
     }
 }

@@ -88,6 +88,7 @@ impl Identified {
             open: &self.values.open,
             torque_rms_n_m,
             rmse: Rmse { torque_n_m: residual_rms_n_m },
+            remarks: self.failed().into_iter().collect(),
         }
     }
 }
@@ -100,6 +101,8 @@ struct Findings<'a> {
     open: &'a [&'static str],
     torque_rms_n_m: f64,
     rmse: Rmse,
+    /// Reasons why the values are not reliable.
+    remarks: Vec<String>,
 }
 
 #[derive(Serialize)]

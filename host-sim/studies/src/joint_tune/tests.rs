@@ -141,7 +141,9 @@ fn found_in_rows(every: usize, late: usize) -> Identified {
 /// Pressures that are late used to give wrong values without a word: 30 ms, mid-lengths 19 mm off.
 #[test]
 fn a_channel_that_is_late_is_named() {
-    let failed = found_in_rows(10, 15).failed().unwrap();
+    let found = found_in_rows(10, 15);
+    let failed = found.failed().unwrap();
+    assert_eq!(serde_json::to_value(found.findings()).unwrap()["remarks"][0], failed);
     let late = failed.strip_prefix("the pressures seem ").unwrap_or_else(|| panic!("{failed}"));
     let delay_ms: f64 = late.split(' ').next().unwrap().parse().unwrap();
     assert!((11.0..19.0).contains(&delay_ms), "{failed}");
