@@ -417,6 +417,7 @@ impl JointController {
                 friction.presliding_n_m_rad += square_m2 * of_muscle.presliding_stiffness_n_m;
             }
         }
+        friction.viscous_n_m_s = self.observer.resolved(friction.viscous_n_m_s);
         self.friction = friction;
         self.hysteresis_n_m_rad = hysteresis_n_m_rad;
         self.isobaric_n_m_rad = self.radius_m * self.radius_m * isobaric_n_m;

@@ -43,8 +43,6 @@ pub struct Observer {
     per_inertia: f32,
     /// Stiffest play that a step resolves \[N m/rad\].
     stiffest_n_m_rad: f32,
-    /// Most viscous friction that a step resolves \[N m s/rad\].
-    most_viscous_n_m_s: f32,
     /// Gains of angle \[1/s\], speed \[1/s2\] and disturbance \[N m/(rad s)\].
     gains: [f32; 3],
     angle_rad: f32,
@@ -65,7 +63,6 @@ impl Observer {
             step_s,
             per_inertia: 1.0 / inertia_kg_m2,
             stiffest_n_m_rad: STIFFEST * inertia_kg_m2 / (step_s * step_s),
-            most_viscous_n_m_s: MOST_DAMPED * inertia_kg_m2 / step_s,
             // (s + p)^2 (s + slow).
             gains: [2.0 * p + slow, p * (p + 2.0 * slow), inertia_kg_m2 * p * p * slow],
             angle_rad: 0.0,
@@ -81,7 +78,14 @@ impl Observer {
             Self { angle_rad, speed_rad_s: 0.0, disturbance_n_m: 0.0, friction_n_m: 0.0, ..*self };
     }
 
-    /// Runs one step with the measured angle \[rad\] and the torque of muscles and gravity \[N m\].
+    /// The part of a viscous friction that a step resolves \[N m s/rad\].
+    pub fn resolved(&self, viscous_n_m_s: f32) -> f32 {
+        let most_n_m_s = MOST_DAMPED / STIFFEST * self.stiffest_n_m_rad * self.step_s;
+        if viscous_n_m_s > most_n_m_s { most_n_m_s } else { viscous_n_m_s }
+    }
+
+    /// Runs one step with the measured angle \[rad\] and the torque of muscles and gravity \[N m\]; viscous friction is
+    /// [resolved](Self::resolved).
     pub fn step(&mut self, angle_rad: f32, torque_n_m: f32, friction: &Friction) {
         let [of_angle, of_speed, of_disturbance] = self.gains;
         let error_rad = angle_rad - self.angle_rad;
@@ -89,8 +93,7 @@ impl Observer {
         let play = Friction { presliding_n_m_rad, ..*friction };
         let way_rad = self.step_s * (self.speed_rad_s + of_angle * error_rad);
         self.friction_n_m = play.after(self.friction_n_m, way_rad);
-        let viscous_n_m_s = limit(friction.viscous_n_m_s, 0.0, self.most_viscous_n_m_s);
-        let viscous_n_m = viscous_n_m_s * self.speed_rad_s;
+        let viscous_n_m = friction.viscous_n_m_s * self.speed_rad_s;
         let net_n_m = torque_n_m - viscous_n_m - self.friction_n_m + self.disturbance_n_m;
         self.angle_rad += way_rad;
         self.speed_rad_s += self.step_s * (self.per_inertia * net_n_m + of_speed * error_rad);
@@ -135,6 +138,7 @@ mod tests {
             for viscous_n_m_s in [0.0, 1e-3, 0.05, 1.0, 100.0] {
                 let mechanism = Mechanism { inertia_kg_m2, ..Mechanism::default() };
                 let mut observer = Observer::new(&mechanism, &JointTuning::default(), 1.0e-3);
+                let viscous_n_m_s = observer.resolved(viscous_n_m_s);
                 let friction = Friction { viscous_n_m_s, ..Friction::default() };
                 observer.restart(0.1);
                 // An arm that stands, on which 0.1 N m act that something holds.
