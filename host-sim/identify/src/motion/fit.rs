@@ -182,6 +182,26 @@ impl Delay {
     }
 }
 
+/// The end of a search.
+pub struct End {
+    place: DVector<f64>,
+    /// The place, or the nearest one with differences to both sides.
+    inside: DVector<f64>,
+    /// Slopes and values of the weighted residuals.
+    slopes: DMatrix<f64>,
+    left: DVector<f64>,
+    scatter: f64,
+    covariance: Option<DMatrix<f64>>,
+}
+
+impl End {
+    /// Change of the place for these weighted residuals.
+    fn change(&self, residuals: &DVector<f64>) -> Option<DVector<f64>> {
+        let covariance = self.covariance.as_ref()?;
+        Some(covariance * self.slopes.tr_mul(residuals) / self.scatter)
+    }
+}
+
 pub struct Problem<'a> {
     scenario: &'a Scenario,
     parameters: &'a [Parameter],
@@ -242,9 +262,8 @@ impl<'a> Problem<'a> {
         best.unwrap_or(Found { place, cost: f64::INFINITY, converged: false, stopped: true })
     }
 
-    /// Values at the end of a search. Their deviations allow for the scatter, for how long it lasts, and for errors of
-    /// load and pressure that no residual shows (consider covariance, Schmidt 1966).
-    pub fn values(&self, place: &DVector<f64>) -> Vec<Value> {
+    /// The problem at the end of a search, to first order.
+    pub fn end(&self, place: DVector<f64>) -> End {
         // Beyond a limit nothing changes: the record shows a value only by its changes inside.
         let mut inside = place.clone();
         for (i, parameter) in self.parameters.iter().enumerate() {
@@ -252,19 +271,23 @@ impl<'a> Problem<'a> {
         }
         let slopes = self.slopes(&inside, &self.weighted(&inside));
         let rows = self.record.rows.len();
-        let residuals = self.residuals(place);
+        let residuals = self.residuals(&place);
+        let left = self.by_weight(&residuals);
         let lasting = correlation_rows(&residuals);
         // Each row stands for several, which count as that many readings only if their errors are independent.
-        let scatter = self.by_weight(&residuals).norm_squared() * lasting / rows as f64;
-        let measured = slopes.rows(0, rows);
-        let prior = slopes.rows(rows, place.len());
-        let scatter = scatter.max(1.0e-12);
+        let scatter = (left.norm_squared() * lasting / rows as f64).max(1.0e-12);
+        let (measured, prior) = (slopes.rows(0, rows), slopes.rows(rows, place.len()));
         let information = measured.tr_mul(&measured) / scatter + prior.tr_mul(&prior);
         let covariance = information.cholesky().map(|cholesky| cholesky.inverse());
-        let shifts = covariance.as_ref().map_or(Vec::new(), |covariance| {
-            let shift = |off: &DVector<f64>| covariance * measured.tr_mul(off) / scatter;
-            self.considered(&inside).iter().map(shift).collect()
-        });
+        End { place, inside, slopes: measured.into_owned(), left, scatter, covariance }
+    }
+
+    /// Values at the end of a search. Their deviations allow for the scatter, for how long it lasts, and for errors of
+    /// load and pressure that no residual shows (consider covariance, Schmidt 1966).
+    pub fn values(&self, end: &End) -> Vec<Value> {
+        let End { place, inside, covariance, .. } = end;
+        let shifts: Vec<_> =
+            self.considered(inside).iter().filter_map(|off| end.change(off)).collect();
         let value = |(i, parameter): (usize, &Parameter)| {
             let deviation = covariance.as_ref().map_or(f64::INFINITY, |c| c[(i, i)].sqrt());
             let with_shifts = shifts.iter().fold(deviation, |sum, shift| sum.hypot(shift[i]));
@@ -279,24 +302,16 @@ impl<'a> Problem<'a> {
 
     /// The delay of the length behind the pressure that explains most of the residuals, at the end of a search whose
     /// values these are: to first order, together with the change of the values that goes with it.
-    pub fn delay(&self, place: &DVector<f64>, values: &[Value]) -> Option<Delay> {
+    pub fn delay(&self, end: &End, values: &[Value]) -> Option<Delay> {
         if self.record.has_force {
             return None;
         }
-        let slopes = self.slopes(place, &self.weighted(place));
-        let rows = self.record.rows.len();
-        let (measured, prior) = (slopes.rows(0, rows), slopes.rows(rows, place.len()));
-        let residuals = self.residuals(place);
-        let left = self.by_weight(&residuals);
-        let lasting = correlation_rows(&residuals);
-        let scatter = (left.norm_squared() * lasting / rows as f64).max(1.0e-12);
-        let information = measured.tr_mul(&measured) / scatter + prior.tr_mul(&prior);
-        let covariance = information.cholesky()?.inverse();
+        let End { place, slopes, left, scatter, .. } = end;
         let of_delay = self.by_weight(&self.record.speeds_m_s());
-        let change = &covariance * measured.tr_mul(&of_delay) / scatter;
-        let own = &of_delay - measured * &change;
+        let change = end.change(&of_delay)?;
+        let own = &of_delay - slopes * &change;
         let shown = own.dot(&of_delay);
-        let delay_s = own.dot(&left) / shown;
+        let delay_s = own.dot(left) / shown;
         let deviation_s = (scatter / shown).sqrt();
         let off = |(i, (parameter, value)): (usize, (&Parameter, &Value))| {
             let by = parameter.deviation(place[i], (change[i] * delay_s).abs());

@@ -158,10 +158,11 @@ fn search(
     loop {
         let problem = Problem::new(scenario, searched, record, watch);
         let place = problem.search().place;
-        let values = problem.values(&place);
         let start = problem.found_start(&place);
+        let end = problem.end(place);
+        let values = problem.values(&end);
         let Some(worst) = values.iter().position(|value| value.open) else {
-            let delay = problem.delay(&place, &values).filter(Delay::counts);
+            let delay = problem.delay(&end, &values).filter(Delay::counts);
             return Searched { open, values, start, delay };
         };
         open.push(searched.remove(worst));
