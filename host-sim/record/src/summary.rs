@@ -162,6 +162,15 @@ pub struct TimingFigures {
     pub missed_steps: u32,
 }
 
+impl TimingFigures {
+    pub fn text(&self) -> String {
+        let Self { step_mean_us, step_worst_us, missed_steps, .. } = self;
+        format!(
+            "core step {step_mean_us:.0} us mean, {step_worst_us:.0} us worst; {missed_steps} missed"
+        )
+    }
+}
+
 impl From<&Timing> for TimingFigures {
     fn from(timing: &Timing) -> Self {
         let mean_us = f64::from(timing.jitter_mean_ns) / 1e3;

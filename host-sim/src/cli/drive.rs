@@ -191,15 +191,13 @@ fn brief(summary: &Driven, units: UnitSystem) -> String {
     let mut text = format!(
         "{} driven, configuration {} ({:08x}); it vents\n\
          pressure {}, estimated gas {}\n\
-         core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
+         {}, telemetry of {} lost\n",
         drive::driven(summary.duration_s, summary.stopped_of_s),
         summary.config_name,
         summary.config_checksum,
         units.range([summary.pressure_pa.min, summary.pressure_pa.max], "Pa", 1),
         units.range([summary.estimate_k.min, summary.estimate_k.max], "K", 1),
-        summary.timing.step_mean_us,
-        summary.timing.step_worst_us,
-        summary.timing.missed_steps,
+        summary.timing.text(),
         summary.lost_steps,
     );
     if let Some(control) = &summary.control {

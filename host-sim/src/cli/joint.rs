@@ -127,13 +127,8 @@ fn brief(summary: &Summary, units: UnitSystem) -> String {
         figures.pulses_per_s,
         summary.arm_balance_error,
     );
-    let timing = summary.timing.map_or_else(String::new, |timing| {
-        format!(
-            "core step {:.0} us mean, {:.0} us worst; {} missed\n",
-            timing.step_mean_us, timing.step_worst_us, timing.missed_steps
-        )
-    });
-    text + &timing + &remarks(figures, units)
+    let timing = summary.timing.map(|timing| timing.text() + "\n");
+    text + &timing.unwrap_or_default() + &remarks(figures, units)
 }
 
 /// Lines about a limited quantity, faults and a limit cycle, if there are any.

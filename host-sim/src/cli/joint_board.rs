@@ -276,7 +276,7 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
         "{} driven, configuration {} ({:08x}); it vents\n\
          angle {least} to {most}, RMS error {}, at the end {}{}\n\
          stiffness, RMS error {}; pulses of all valves {:.0} 1/s; highest pressures {a} and {b}\n\
-         core step {:.0} us mean, {:.0} us worst; {} missed, telemetry of {} lost\n",
+         {}, telemetry of {} lost\n",
         driven(summary.duration_s, summary.stopped_of_s),
         summary.config_name,
         summary.config_checksum,
@@ -285,9 +285,7 @@ fn brief(summary: &joint::Driven, units: UnitSystem) -> String {
         figures.control.as_ref().map_or_else(String::new, Followed::shape_text),
         units.text(figures.rms_stiffness_error, "", 2),
         figures.pulses_per_s,
-        summary.timing.step_mean_us,
-        summary.timing.step_worst_us,
-        summary.timing.missed_steps,
+        summary.timing.text(),
         summary.lost_steps,
     );
     text + &remarks(figures, units)
