@@ -12,8 +12,12 @@ const MANY_SWINGS: usize = 40;
 const LASTS: f64 = 0.7;
 /// Frequency below which a value that one valve alone lifts or lowers counts as refilled: gas relaxes, or leaks \[Hz\].
 const REFILLS_HZ: f64 = 10.0;
-/// Longest half cycle in mean ones: jolts from outside are further apart (assumption) \[-\].
+/// Longest half cycle in mean ones, unless it is shorter than a rest: jolts from outside are further apart
+/// (assumption) \[-\].
 const LONGEST_HALF: f64 = 2.5;
+/// Time without a turning point after which a value counts as at rest: answers to a jolt have died away, valves that
+/// make up for a leak pulse again sooner (assumption) \[s\].
+const REST_S: f64 = 0.5;
 /// Half cycles without a further turning point for which an oscillation still counts as lasting \[-\].
 const LAST_HALVES: f64 = 4.0;
 
@@ -145,7 +149,7 @@ impl Detector {
         let swings_on = swings[count - 1] >= LASTS * swings[0];
         let longest_s =
             turns.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).fold(0.0, f64::max);
-        let periodic = longest_s <= LONGEST_HALF * half_s;
+        let periodic = longest_s <= REST_S.max(LONGEST_HALF * half_s);
         if !swings_on || !periodic || self.time_s - turns[count].time_s > LAST_HALVES * half_s {
             return;
         }
