@@ -100,6 +100,7 @@ struct Asked {
 
 /// Tracks actions of hosts, button and cable, and whether the inlet may then be open: from the sent
 /// and answered messages alone.
+#[derive(Default)]
 struct Witness {
     asked: Vec<Asked>,
     /// Set points, arming, and acknowledgements that may hold.
@@ -124,21 +125,6 @@ fn kills(dead: u64, all: &mut [Sent], which: impl Fn(&Sent) -> bool) {
 }
 
 impl Witness {
-    fn new() -> Self {
-        Self {
-            asked: Vec::new(),
-            drives: Vec::new(),
-            arms: Vec::new(),
-            clears: Vec::new(),
-            last_sent: [0; 2],
-            last_order: 0,
-            button: None,
-            pressed: false,
-            last_powered: 0,
-            log: Vec::new(),
-        }
-    }
-
     fn send(&mut self, rig: &mut Rig, port: Port, command: HostCommand, now: u64) {
         rig.board.use_port(port);
         let sequence = rig.board.request(command);
@@ -365,7 +351,7 @@ fn interleave(seed: u64) -> Result<f64, String> {
     let mut rig = Rig::new(&scenario(pwm_hz));
     rig.board.connect_usb().map_err(|error| error.to_string())?;
     let config = *rig.muscle.config();
-    let mut witness = Witness::new();
+    let mut witness = Witness::default();
     let mut now = 0;
     for port in [Port::Usb, Port::Uart] {
         witness.send(&mut rig, port, HostCommand::Configure(config), now);

@@ -7,7 +7,7 @@ use model_core::joint::{
 };
 use model_core::{ConfigError, Duty};
 use std::f64::consts::TAU;
-use std::{fmt, io};
+use std::io;
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::joint::{ArmLedger, Joint, JointTruth};
 use thermyo_plant::{Actuation, BuildError, Diverged, Ledger};
@@ -21,40 +21,24 @@ use thermyo_simulation::faults::InjectedFaults;
 const MOST_CHECK_STEPS: u32 = 100_000;
 
 /// Reason why a run ended early.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The plant cannot be built from the scenario.
+    #[error(transparent)]
     Build(BuildError),
-    /// The core refuses its configuration.
+    #[error("the core refuses its configuration: {0}")]
     Config(ConfigError),
+    #[error("the core refuses the set point: {0}")]
     SetPoint(JointError),
     /// The board cannot be used, or no longer can.
-    Board(BoardError),
+    #[error(transparent)]
+    Board(#[from] BoardError),
     /// The plant left the range of its equations.
+    #[error(transparent)]
     Diverged(Diverged),
     /// A row cannot be written, or the run was stopped.
+    #[error(transparent)]
     Output(io::Error),
-}
-
-impl fmt::Display for RunError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Build(error) => error.fmt(f),
-            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
-            Self::SetPoint(error) => write!(f, "the core refuses the set point: {error}"),
-            Self::Board(error) => error.fmt(f),
-            Self::Diverged(error) => error.fmt(f),
-            Self::Output(error) => error.fmt(f),
-        }
-    }
-}
-
-impl std::error::Error for RunError {}
-
-impl From<BoardError> for RunError {
-    fn from(error: BoardError) -> Self {
-        Self::Board(error)
-    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -40,7 +40,6 @@ pub use piping::{Disturbance, Travel};
 pub use pull::load_n;
 use serde::Serialize;
 pub use start::start_m;
-use std::fmt;
 use thermyo_scenario::Scenario;
 
 /// Inputs of the plant during one step: the fraction of the step for which each valve is driven, 0
@@ -159,22 +158,14 @@ impl Ledger {
 }
 
 /// The plant left the range in which its equations hold.
-#[derive(Debug, Clone, PartialEq)]
+// Rounded to microseconds: a multiple of the step may print as 0.009000000000000001.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[error("the plant diverged at {} s: {state}", (time_s * 1e6).round() / 1e6)]
 pub struct Diverged {
     pub time_s: f64,
     /// The state, as `name = value unit` pairs.
     pub state: String,
 }
-
-impl fmt::Display for Diverged {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        // Rounded to microseconds: a multiple of the step may print as 0.009000000000000001.
-        let time_s = (self.time_s * 1e6).round() / 1e6;
-        write!(f, "the plant diverged at {time_s} s: {}", self.state)
-    }
-}
-
-impl std::error::Error for Diverged {}
 
 pub trait Plant: Send {
     /// Makes an [`Actuation`] the action of a board's pins in each step, from the start on. Otherwise it is their duty,
@@ -227,15 +218,22 @@ const HOLE_TOO_LARGE: &str =
     "leak_conductance_m3_s_pa of [faults] is too large for the gas's volume";
 
 /// Reason why a valid scenario gives no plant.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 pub enum BuildError {
-    /// The volume profile holds a volume that is not positive.
+    #[error("the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive")]
     VolumeNotPositive { time_s: f64, volume_m3: f64 },
-    /// A vessel has no end that a mechanism could move.
+    #[error("plant.kind = \"vessel\" has no end that moves")]
     NoEnd,
     /// The arm of a joint swings faster than it is integrated.
+    #[error(
+        "joint.inertia_kg_m2: must be at least {least_kg_m2:.1e} kg m2, by run.step_s and the stiffness of gas, \
+         joint.gravity_n_m, joint.friction_n_m, friction.presliding_stiffness_n_m and muscle.slip_stiffness_n_m"
+    )]
     TooLight { least_kg_m2: f64 },
     /// The plant is so fast that a run would not end.
+    #[error(
+        "{because}: it asks for integration steps of {asked_s:.1e} s, at least {SHORTEST_STEP_S:.0e} s are taken"
+    )]
     TooFast {
         /// Required integration step, below 1e-7 \[s\].
         asked_s: f64,
@@ -243,31 +241,6 @@ pub enum BuildError {
         because: &'static str,
     },
 }
-
-impl fmt::Display for BuildError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::VolumeNotPositive { time_s, volume_m3 } => {
-                write!(
-                    f,
-                    "the vessel's volume at {time_s} s is {volume_m3} m3; it must be positive"
-                )
-            }
-            Self::TooLight { least_kg_m2 } => write!(
-                f,
-                "joint.inertia_kg_m2: must be at least {least_kg_m2:.1e} kg m2, by run.step_s and the stiffness of gas, \
-                 joint.gravity_n_m, joint.friction_n_m, friction.presliding_stiffness_n_m and muscle.slip_stiffness_n_m"
-            ),
-            Self::NoEnd => f.write_str("plant.kind = \"vessel\" has no end that moves"),
-            Self::TooFast { asked_s, because } => write!(
-                f,
-                "{because}: it asks for integration steps of {asked_s:.1e} s, at least {SHORTEST_STEP_S:.0e} s are taken"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for BuildError {}
 
 /// Integration steps in an exchange step, and the keys that make them so many.
 type Count = (u32, &'static str);

@@ -29,6 +29,16 @@ fn with<T>(what: impl FnOnce(&mut Playground) -> T) -> T {
     PLAYGROUND.with_borrow_mut(what)
 }
 
+/// Leaves the result or the error for the page.
+fn answer<T: Into<Vec<u8>>>(what: impl FnOnce(&mut Playground) -> Result<T, String>) -> bool {
+    with(|playground| {
+        let outcome = what(playground);
+        let good = outcome.is_ok();
+        playground.text = outcome.map_or_else(String::into_bytes, Into::into);
+        good
+    })
+}
+
 impl Playground {
     /// Takes the text that the page has written.
     fn taken(&mut self) -> Result<String, String> {
@@ -38,13 +48,6 @@ impl Playground {
 
     fn live(&mut self) -> Result<&mut Box<dyn Running>, String> {
         self.live.as_mut().ok_or_else(|| "nothing has been started".into())
-    }
-
-    /// Stores the result or the error for the page.
-    fn say(&mut self, outcome: Result<Vec<u8>, String>) -> bool {
-        let good = outcome.is_ok();
-        self.text = outcome.unwrap_or_else(String::into_bytes);
-        good
     }
 }
 
@@ -71,22 +74,19 @@ pub extern "C" fn text_length() -> usize {
 /// Takes the text as the name of the scenario's file, for messages.
 #[unsafe(no_mangle)]
 pub extern "C" fn name() -> bool {
-    with(|playground| {
-        let outcome = playground.taken().map(|name| playground.name = name);
-        playground.say(outcome.map(|()| Vec::new()))
+    answer(|playground| {
+        playground.name = playground.taken()?;
+        Ok("")
     })
 }
 
 /// Starts the scenario of the text, without an end.
 #[unsafe(no_mangle)]
 pub extern "C" fn start() -> bool {
-    with(|playground| {
-        let started = playground.taken().and_then(|text| live::start(&text, &playground.name));
-        let outcome = started.map(|live| {
-            playground.live = Some(live);
-            Vec::new()
-        });
-        playground.say(outcome)
+    answer(|playground| {
+        let text = playground.taken()?;
+        playground.live = Some(live::start(&text, &playground.name)?);
+        Ok("")
     })
 }
 
@@ -94,10 +94,9 @@ pub extern "C" fn start() -> bool {
 /// while it runs; or, if `configured`, of plant and core configuration, and starts again.
 #[unsafe(no_mangle)]
 pub extern "C" fn turn(configured: bool) -> bool {
-    with(|playground| {
-        let values = playground.taken().and_then(|text| numbers(&text));
-        let outcome = values.and_then(|values| playground.live()?.turn(&values, configured));
-        playground.say(outcome.map(|()| Vec::new()))
+    answer(|playground| {
+        let values = numbers(&playground.taken()?)?;
+        playground.live()?.turn(&values, configured).map(|()| "")
     })
 }
 
@@ -112,21 +111,18 @@ fn numbers(text: &str) -> Result<Vec<(String, f64)>, String> {
 /// Writes the present parameters of the plant, as JSON.
 #[unsafe(no_mangle)]
 pub extern "C" fn settings() -> bool {
-    with(|playground| {
-        let outcome = playground.live().map(|live| live.settings());
-        playground.say(outcome)
-    })
+    answer(|playground| Ok(playground.live()?.settings()))
 }
 
 /// Runs `steps` steps; every `every`-th row is in [`rows`].
 #[unsafe(no_mangle)]
 pub extern "C" fn advance(steps: u32, every: u32) -> bool {
-    with(|playground| {
+    answer(|playground| {
         let mut rows = std::mem::take(&mut playground.rows);
         rows.clear();
         let outcome = playground.live().and_then(|live| live.advance(steps, every, &mut rows));
         playground.rows = rows;
-        playground.say(outcome.map(|()| Vec::new()))
+        outcome.map(|()| "")
     })
 }
 
@@ -145,44 +141,29 @@ pub extern "C" fn rows_length() -> usize {
 /// Names of the columns of the trace, as its first line.
 #[unsafe(no_mangle)]
 pub extern "C" fn columns() -> bool {
-    with(|playground| {
-        let outcome = playground.live().map(|live| live.header().into_bytes());
-        playground.say(outcome)
-    })
+    answer(|playground| Ok(playground.live()?.header()))
 }
 
 /// State of the core: a line with its mode, a line with its faults.
 #[unsafe(no_mangle)]
 pub extern "C" fn state() -> bool {
-    with(|playground| {
-        let outcome = playground.live().map(|live| live.state().into_bytes());
-        playground.say(outcome)
-    })
+    answer(|playground| Ok(playground.live()?.state()))
 }
 
 /// Warnings of `thermyo run` about the started scenario, one per line.
 #[unsafe(no_mangle)]
 pub extern "C" fn warnings() -> bool {
-    with(|playground| {
-        let outcome = playground.live().map(|live| live.warnings().into_bytes());
-        playground.say(outcome)
-    })
+    answer(|playground| Ok(playground.live()?.warnings()))
 }
 
 /// The scenario with its present values, for `thermyo run`.
 #[unsafe(no_mangle)]
 pub extern "C" fn scenario() -> bool {
-    with(|playground| {
-        let outcome = playground.live().map(|live| live.scenario().into_bytes());
-        playground.say(outcome)
-    })
+    answer(|playground| Ok(playground.live()?.scenario()))
 }
 
 /// The `trace.csv` that `thermyo run` writes for the text's scenario, or the `joint_trace.csv`.
 #[unsafe(no_mangle)]
 pub extern "C" fn trace() -> bool {
-    with(|playground| {
-        let outcome = playground.taken().and_then(|scenario| live::trace(&scenario));
-        playground.say(outcome)
-    })
+    answer(|playground| live::trace(&playground.taken()?))
 }

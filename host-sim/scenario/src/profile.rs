@@ -1,6 +1,5 @@
 //! A value over time, piecewise linear: a piston's volume, a set point.
 
-use std::fmt;
 use thermyo_compute::math::usual_distance;
 use thermyo_files::number::significant;
 
@@ -15,31 +14,15 @@ pub struct Profile {
 }
 
 /// Reason why a table of (time, value) is not a profile. Rows count from zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 pub enum ProfileError {
+    #[error("a profile needs at least one row")]
     Empty,
-    NotFinite {
-        row: usize,
-    },
-    /// A time is not later than the time before it.
-    NotIncreasing {
-        row: usize,
-    },
+    #[error("row {row} of the profile is not finite")]
+    NotFinite { row: usize },
+    #[error("row {row} of the profile is not later than the row before it")]
+    NotIncreasing { row: usize },
 }
-
-impl fmt::Display for ProfileError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Empty => write!(f, "a profile needs at least one row"),
-            Self::NotFinite { row } => write!(f, "row {row} of the profile is not finite"),
-            Self::NotIncreasing { row } => {
-                write!(f, "row {row} of the profile is not later than the row before it")
-            }
-        }
-    }
-}
-
-impl std::error::Error for ProfileError {}
 
 impl Profile {
     /// A profile through (time \[s\], value), times strictly increasing.

@@ -10,7 +10,6 @@ use model_core::control::Mode;
 use model_core::forward_model::Model;
 use model_core::{Command, ConfigError, Duty, Sample, SetPoint, Telemetry};
 use std::collections::VecDeque;
-use std::fmt;
 use std::io;
 use std::ops::Range;
 use std::time::Instant;
@@ -38,47 +37,25 @@ pub fn set_point_interval_steps(step_s: f64) -> u64 {
 pub const MOST_LATE_STEPS: u64 = 5;
 
 /// Reason why a run ended early.
-#[derive(Debug)]
+#[derive(Debug, thiserror::Error)]
 pub enum RunError {
     /// The plant cannot be built from the scenario.
+    #[error(transparent)]
     Build(BuildError),
-    /// The core refuses its configuration.
+    #[error("the core refuses its configuration: {0}")]
     Config(ConfigError),
     /// The plant left the range of its equations.
-    Diverged(Diverged),
+    #[error(transparent)]
+    Diverged(#[from] Diverged),
     /// The board does not answer.
-    Board(BoardError),
+    #[error(transparent)]
+    Board(#[from] BoardError),
     /// The observer cannot write a row.
+    #[error(transparent)]
     Output(io::Error),
     /// The observer ended the run with an error of the kind `Interrupted`.
+    #[error("stopped")]
     Stopped,
-}
-
-impl fmt::Display for RunError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Build(error) => error.fmt(f),
-            Self::Config(error) => write!(f, "the core refuses its configuration: {error}"),
-            Self::Diverged(error) => error.fmt(f),
-            Self::Board(error) => error.fmt(f),
-            Self::Output(error) => error.fmt(f),
-            Self::Stopped => f.write_str("stopped"),
-        }
-    }
-}
-
-impl std::error::Error for RunError {}
-
-impl From<Diverged> for RunError {
-    fn from(error: Diverged) -> Self {
-        Self::Diverged(error)
-    }
-}
-
-impl From<BoardError> for RunError {
-    fn from(error: BoardError) -> Self {
-        Self::Board(error)
-    }
 }
 
 /// Receives the rows of a run.

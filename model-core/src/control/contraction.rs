@@ -324,7 +324,7 @@ impl ContractionLoop {
             pulsed_kg: 0.0,
             friction_n: 0.0,
             held: Held::default(),
-            observer: LoadObserver::new(),
+            observer: LoadObserver::default(),
             effort_n: 0.0,
             length_m: feedback.length_m,
             calm_periods: 0,
@@ -399,7 +399,7 @@ impl ContractionLoop {
             // Only pressure is followed. A frozen reading may have taught the loop anything before it was found.
             self.holding = false;
             self.effort_n = 0.0;
-            self.observer = LoadObserver::new();
+            self.observer = LoadObserver::default();
         }
         if self.holding {
             // Creep goes on at rest.

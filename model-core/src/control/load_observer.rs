@@ -54,8 +54,8 @@ pub struct Balance {
     pub pwm_hz: f32,
 }
 
-/// State of the observer.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// State of the observer; at rest, with nothing learnt, by default.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct LoadObserver {
     /// Force that nothing configured explains, d \[N\].
     pub disturbance_n: f32,
@@ -80,23 +80,6 @@ pub struct LoadObserver {
 }
 
 impl LoadObserver {
-    /// An observer at rest, with nothing learnt.
-    pub fn new() -> Self {
-        Self {
-            disturbance_n: 0.0,
-            friction_n: 0.0,
-            mass_kg: 0.0,
-            before_n: 0.0,
-            filtered_n: 0.0,
-            filtered_m_s: 0.0,
-            slow_n: 0.0,
-            slow_m_s2: 0.0,
-            weight: 0.0,
-            side: 0.0,
-            share: 0.0,
-        }
-    }
-
     /// Coulomb friction, for this configured friction \[N\].
     pub fn coulomb_n(&self, configured_n: f32) -> f32 {
         limit(configured_n + self.friction_n, 0.0, f32::MAX)
@@ -113,7 +96,7 @@ impl LoadObserver {
             slow_n: disturbance_n,
             weight: self.weight,
             side: self.side,
-            ..Self::new()
+            ..Self::default()
         };
     }
 
@@ -192,7 +175,7 @@ mod tests {
     #[test]
     fn a_load_is_seen_within_its_time() {
         for step_n in [-50.0, 50.0_f32] {
-            let mut observer = LoadObserver::new();
+            let mut observer = LoadObserver::default();
             let stepped = Balance { force_n: AT_REST.force_n + step_n, ..AT_REST };
             for n in 1..30 {
                 observer.period(&stepped, MOST_N);
@@ -212,7 +195,7 @@ mod tests {
     /// configured ones. Returns the observer and the largest difference between disturbance and load after four strokes
     /// \[N\].
     fn strokes(load_n: f32, friction_n: f32, mass_kg: f32, hz: f32) -> (LoadObserver, f32) {
-        let mut observer = LoadObserver::new();
+        let mut observer = LoadObserver::default();
         let (mut before_n, mut off_n) = (0.0, 0.0_f32);
         let way = |time_s: f32| 4.5e-3 * (core::f32::consts::TAU * hz * time_s).sin();
         for period in 1..(4.0 * PWM_HZ / hz) as u16 {
@@ -265,7 +248,7 @@ mod tests {
         fn whatever_comes_it_stays_within_its_limits(
             bits in prop::collection::vec((-1.0e3_f32..1.0e3, -2.0_f32..2.0), 100),
         ) {
-            let mut observer = LoadObserver::new();
+            let mut observer = LoadObserver::default();
             for (force_n, speed_m_s) in bits {
                 let reference_m_s = speed_m_s;
                 let coulomb_n = observer.coulomb_n(15.0);

@@ -207,16 +207,10 @@ pub enum Refusal {
 pub enum TuneError {
     #[error(transparent)]
     Input(#[from] InputError),
-    #[error("{0}")]
-    Run(RunError),
+    #[error(transparent)]
+    Run(#[from] RunError),
     #[error(transparent)]
     Refused(#[from] Refusal),
-}
-
-impl From<RunError> for TuneError {
-    fn from(error: RunError) -> Self {
-        Self::Run(error)
-    }
 }
 
 #[derive(Debug)]
