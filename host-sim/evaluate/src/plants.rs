@@ -9,7 +9,7 @@ use thermyo_compute::math::ends;
 use thermyo_compute::parallel::{self, Watch};
 use thermyo_files::input::InputError;
 use thermyo_scenario::{DriveKind, Scenario};
-use thermyo_setup::{Loaded, parse_with_warnings};
+use thermyo_setup::{Loaded, parse, unrest};
 use thermyo_simulation::run::{self, RunError};
 
 /// Number of plants, by default.
@@ -37,7 +37,7 @@ const SWINGS_ZONES: f64 = 6.0;
 const CROSSINGS: usize = 8;
 
 /// A random plant in words, and its scenario.
-pub fn random(seed: u64, number: u64) -> (String, Result<(Loaded, usize), InputError>) {
+pub fn random(seed: u64, number: u64) -> (String, Result<Loaded, InputError>) {
     let mut draw = Draw::new(seed.wrapping_mul(1_000_003).wrapping_add(number));
     let volume_m3 = draw.factor(VOLUMES_M3);
     let valve = draw.factor(VALVES_M3_S_PA);
@@ -79,7 +79,7 @@ pub fn random(seed: u64, number: u64) -> (String, Result<(Loaded, usize), InputE
         1e6 * volume_m3,
         1e-5 * supply_pa
     );
-    let parsed = parse_with_warnings(&text, "random plant".as_ref()).map(|(loaded, warnings)| {
+    let parsed = parse(&text, "random plant".as_ref()).map(|loaded| {
         let range = match drive {
             DriveKind::Pressure => [0.1, 0.9].map(|share| AMBIENT_PA + share * gauge_pa),
             DriveKind::Contraction => lifts,
@@ -91,7 +91,7 @@ pub fn random(seed: u64, number: u64) -> (String, Result<(Loaded, usize), InputE
             points.push((stretch[0], value));
             points.push((stretch[1] - 0.001, value));
         }
-        (loaded.driven(drive, points), warnings.len())
+        loaded.driven(drive, points)
     });
     (name, parsed)
 }
@@ -177,7 +177,7 @@ fn swings(values: &[f64], dead_zone: f64) -> bool {
     most - least > SWINGS_ZONES * dead_zone && crossings >= CROSSINGS
 }
 
-fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
+fn outcome(loaded: &Loaded) -> Result<Outcome, RunError> {
     let rest_m = thermyo_plant::chamber::of(&loaded.plant).map_or(1.0, |c| c.rest_length());
     let controller = &loaded.believed.controller;
     let zone = match loaded.plant.drive.kind {
@@ -185,7 +185,7 @@ fn outcome(loaded: &Loaded, warnings: usize) -> Result<Outcome, RunError> {
         DriveKind::Contraction => f64::from(controller.contraction_dead_zone),
         _ => f64::INFINITY,
     };
-    let mut outcome = Outcome { warned: warnings > 0, ..Outcome::default() };
+    let mut outcome = Outcome { warned: !unrest(loaded).is_empty(), ..Outcome::default() };
     let (mut values, mut driven) = (Vec::new(), false);
     let result = run::on_core(loaded, |row| {
         let truth = &row.truth;
@@ -254,7 +254,7 @@ pub fn evaluate(seed: u64, count: u64, watch: &dyn Watch) -> Result<Vec<CaseFigu
     let results = parallel::map_watched(&numbers, watch, |&number| {
         let (name, drawn) = random(seed, number);
         let outcome = match drawn {
-            Ok((loaded, warnings)) => outcome(&loaded, warnings)?,
+            Ok(loaded) => outcome(&loaded)?,
             Err(_) => Outcome { refused: true, ..Outcome::default() },
         };
         Ok::<_, RunError>((name, outcome))

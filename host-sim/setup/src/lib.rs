@@ -29,5 +29,5 @@ pub use loaded::Loaded;
 pub use render::{recorded, render};
 pub use rules::{OBSERVABLE, highest_pa, set_points};
 pub use unlikely::{contraction_held, late};
-pub use unrest::{Unrest, valves_and_line};
+pub use unrest::{Unrest, unrest, valves_and_line};
 pub use warnings::{unused_in_joint, warnings};

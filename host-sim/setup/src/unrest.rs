@@ -7,6 +7,7 @@ use super::core_config::{core_config, flow_late_s};
 use super::loaded::Loaded;
 use model_core::Config;
 use model_core::control::valve_drive::least_opening_s;
+use thermyo_compute::math::ends;
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::flow::Iso6358;
 use thermyo_plant::gas::IdealGas;
@@ -41,18 +42,27 @@ pub(super) const WRONG_FLOW: f64 = 4.0;
 const LEAST_SHARE: f64 = 0.1;
 
 /// Warnings for a scenario of one chamber.
-pub(super) fn unrest(loaded: &Loaded) -> Vec<Unrest> {
+pub fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     let (plant, believed) = (&loaded.plant, &loaded.believed);
     let is_controlled = matches!(plant.drive.kind, DriveKind::Pressure | DriveKind::Contraction);
     let mut found = valves_and_line(loaded, is_controlled.then_some(SLOW_PWM_HZ));
     let Some(moving) = chamber::of(believed).filter(|_| is_controlled) else { return found };
     let config = core_config(believed);
-    let rest = Rest::at_the_goal(believed, &config, moving.as_ref());
+    let goal = goal(loaded);
+    let rest = Rest::at_the_goal(believed, &config, moving.as_ref(), goal);
     found.extend(resonant(plant, rest.pressure_pa, moving.as_ref()));
     found.extend(coarse(believed, &config, &rest));
     found.extend(leaking(plant, &rest));
-    found.extend(thrown(believed, &config, moving.as_ref()));
+    found.extend(thrown(believed, &config, moving.as_ref(), goal));
     found
+}
+
+/// Middle of the set points, in their unit.
+fn goal(loaded: &Loaded) -> f64 {
+    loaded.drive_profile.as_ref().map_or(loaded.plant.drive.middle(), |profile| {
+        let [least, most] = ends(profile.points().iter().map(|point| point.1));
+        0.5 * (least + most)
+    })
 }
 
 /// Warnings about valves and line, of one chamber or of a joint's muscle; `slowest_hz`: the PWM frequency below which
@@ -79,22 +89,17 @@ struct Rest {
 }
 
 impl Rest {
-    fn at_the_goal(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Self {
+    fn at_the_goal(s: &Scenario, config: &Config, moving: &dyn Chamber, goal: f64) -> Self {
         let rest_m = moving.rest_length();
         if s.drive.kind == DriveKind::Pressure {
             return Self {
-                pressure_pa: s.drive.middle(),
+                pressure_pa: goal,
                 volume_m3: with_tube_m3(s, moving.volume(rest_m)),
                 moved_m_pa: None,
                 zone: 2.0 * f64::from(config.controller.pressure_dead_zone_pa),
             };
         }
-        let [shortest, longest] = moving.lengths();
-        let length_m = if s.drive.profile_csv.is_some() {
-            0.5 * (shortest + longest)
-        } else {
-            rest_m * (1.0 - s.drive.middle())
-        };
+        let length_m = rest_m * (1.0 - goal);
         let area_m2 = moving.force_area(length_m);
         let volume_m3 = with_tube_m3(s, moving.volume(length_m));
         let gauge_pa = (load_n(s, moving) - moving.elastic(length_m)) / area_m2;
@@ -179,7 +184,7 @@ fn leaking(s: &Scenario, rest: &Rest) -> Option<Unrest> {
 
 /// A muscle pulls, and cannot push: a load that flies on is braked only by its own force. A piston holds it, with its
 /// spring and friction.
-fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest> {
+fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber, goal: f64) -> Option<Unrest> {
     let mass_kg = f64::from(config.moving_mass_kg);
     if s.drive.kind != DriveKind::Contraction || mass_kg <= 0.0 {
         return None;
@@ -190,7 +195,7 @@ fn thrown(s: &Scenario, config: &Config, moving: &dyn Chamber) -> Option<Unrest>
     let held_n = if is_muscle {
         0.0
     } else {
-        moving.elastic(rest_m * (1.0 - s.drive.middle())).abs() + s.friction.force_n
+        moving.elastic(rest_m * (1.0 - goal)).abs() + s.friction.force_n
     };
     let speed_m_s = f64::from(config.controller.contraction_rate_per_s) * rest_m;
     let way_m = 0.5 * speed_m_s * speed_m_s * mass_kg / (load + held_n);
@@ -310,4 +315,26 @@ fn starved(loaded: &Loaded) -> Option<Unrest> {
         );
         ("tube.diameter_m", format!("{diameter_m:?}"), why)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unrest;
+    use crate::parse;
+    use thermyo_scenario::DriveKind;
+
+    #[test]
+    fn set_points_over_time_rest_in_their_middle() {
+        let text = |contraction: f64| {
+            format!(
+                "[drive]\nkind = \"contraction\"\ncontraction = {contraction}\n\
+                 [valve]\nconductance_m3_s_pa = 1e-7\n"
+            )
+        };
+        let loaded = |contraction| parse(&text(contraction), "c.toml".as_ref()).unwrap();
+        let held = unrest(&loaded(0.2));
+        let driven = loaded(0.1).driven(DriveKind::Contraction, vec![(0.0, 0.15), (1.0, 0.25)]);
+        assert_eq!(unrest(&driven), held);
+        assert!(!held.is_empty() && held != unrest(&loaded(0.1)), "{held:?}");
+    }
 }
