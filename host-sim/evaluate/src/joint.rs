@@ -125,6 +125,7 @@ pub fn evaluate(watch: &impl Watch) -> Result<Vec<CaseFigures>, RunError> {
         ("inertia believed half", believing(&nominal, |s| s.believed.inertia_kg_m2 *= 0.5), stable),
         ("no friction, 0.9 N m believed", believing(&nominal, frictionless), stable),
         ("gravity unknown", gravity_unknown(&nominal), stable),
+        ("no friction, tuned", believing(&nominal, frictionless), tuned),
         ("gravity unknown, tuned", gravity_unknown(&nominal), tuned),
         ("all wrong, gravity unknown, tuned", gravity_unknown(&all_wrong(&nominal, 1.0)), tuned),
         (
