@@ -58,6 +58,7 @@ impl Loaded {
         other.plant.run.log_every = 1;
         other.plant.run.duration_s = set_points.last().map_or(0.0, |point| point.0);
         other.plant.drive.kind = kind;
+        other.believed.drive.kind = kind;
         other.drive_profile = Some(Profile::new(set_points).expect("times increase"));
         other
     }

@@ -48,21 +48,29 @@ pub fn unrest(loaded: &Loaded) -> Vec<Unrest> {
     let mut found = valves_and_line(loaded, is_controlled.then_some(SLOW_PWM_HZ));
     let Some(moving) = chamber::of(believed).filter(|_| is_controlled) else { return found };
     let config = core_config(believed);
-    let goal = goal(loaded);
-    let rest = Rest::at_the_goal(believed, &config, moving.as_ref(), goal);
-    found.extend(resonant(plant, rest.pressure_pa, moving.as_ref()));
-    found.extend(coarse(believed, &config, &rest));
-    found.extend(leaking(plant, &rest));
-    found.extend(thrown(believed, &config, moving.as_ref(), goal));
+    let at = |goal: f64| {
+        let rest = Rest::at_the_goal(believed, &config, moving.as_ref(), goal);
+        let found = [
+            resonant(plant, rest.pressure_pa, moving.as_ref()),
+            coarse(believed, &config, &rest),
+            leaking(plant, &rest),
+            thrown(believed, &config, moving.as_ref(), goal),
+        ];
+        found.into_iter().flatten().collect::<Vec<Unrest>>()
+    };
+    found.extend(
+        goals(loaded).into_iter().map(at).find(|found| !found.is_empty()).unwrap_or_default(),
+    );
     found
 }
 
-/// Middle of the set points, in their unit.
-fn goal(loaded: &Loaded) -> f64 {
-    loaded.drive_profile.as_ref().map_or(loaded.plant.drive.middle(), |profile| {
-        let [least, most] = ends(profile.points().iter().map(|point| point.1));
-        0.5 * (least + most)
-    })
+/// Set points at which a loop has to rest, in their unit: the middle, the least and the largest.
+fn goals(loaded: &Loaded) -> [f64; 3] {
+    let (drive, profile) = (&loaded.plant.drive, &loaded.drive_profile);
+    let given = profile.as_ref().map(|given| ends(given.points().iter().map(|point| point.1)));
+    let middle = given.map_or(drive.middle(), |[least, most]| 0.5 * (least + most));
+    let [least, most] = given.unwrap_or(drive.extremes());
+    [middle, least, most]
 }
 
 /// Warnings about valves and line, of one chamber or of a joint's muscle; `slowest_hz`: the PWM frequency below which
@@ -336,5 +344,7 @@ mod tests {
         let driven = loaded(0.1).driven(DriveKind::Contraction, vec![(0.0, 0.15), (1.0, 0.25)]);
         assert_eq!(unrest(&driven), held);
         assert!(!held.is_empty() && held != unrest(&loaded(0.1)), "{held:?}");
+        let pressure = loaded(0.1).driven(DriveKind::Pressure, vec![(0.0, 2e5), (1.0, 4e5)]);
+        assert!(unrest(&pressure)[0].2.contains("controller.pressure_dead_zone_pa"));
     }
 }
