@@ -323,16 +323,23 @@ fn dead_time_s(s: &Scenario) -> f64 {
 /// that ends within a period.
 pub(super) fn flow_late_s(s: &Scenario) -> [f64; 2] {
     let valve = &s.valve;
-    let Some([length_m, _]) = s.tube.line() else { return [valve.dead_time_s; 2] };
-    let gas = IdealGas::new(&s.gas);
-    let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
+    if s.tube.line().is_none() {
+        return [valve.dead_time_s; 2];
+    }
     let period_s = s.pwm_period_s();
     let stroke_s = match valve.kind {
         thermyo_scenario::ValveKind::Switching => valve.switch_time_s,
         thermyo_scenario::ValveKind::Proportional => 0.0,
     };
     let longest_s = (period_s - stroke_s).min(limits("valve.dead_time_s").max);
-    [valve.dead_time_s + length_m / sound_m_s, longest_s.max(valve.dead_time_s)]
+    [valve.dead_time_s + line_travel_s(s), longest_s.max(valve.dead_time_s)]
+}
+
+/// Travel time of sound through the line, 0 without one \[s\].
+pub fn line_travel_s(s: &Scenario) -> f64 {
+    let gas = IdealGas::new(&s.gas);
+    let sound_m_s = (gas.k * gas.r * s.ambient.temperature_k).sqrt();
+    s.tube.line().map_or(0.0, |[length_m, _]| length_m / sound_m_s)
 }
 
 /// Absolute pressure above which the board vents \[Pa\]: slightly below full scale, so that it

@@ -175,9 +175,11 @@ impl Done {
         out.text("summary.json", &json)?;
         out.text("tuned.toml", scenario)?;
         out.text("report.html", report)?;
-        if args.board.port().is_some() {
-            text += left_on_board(adopted);
-        }
+        text += match args.board.port() {
+            Some(_) => left_on_board(adopted),
+            None if adopted => "",
+            None => "tuned.toml has the tuned values\n",
+        };
         Ok(Self { json, text, failed: None })
     }
 

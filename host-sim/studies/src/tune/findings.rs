@@ -11,7 +11,7 @@ use thermyo_files::number::{quantity, significant};
 use thermyo_plant::chamber::Tunable;
 use thermyo_scenario::schema::limits;
 use thermyo_scenario::{PlantModel, number};
-use thermyo_setup::Loaded;
+use thermyo_setup::{Loaded, core_config::line_travel_s};
 
 /// Relative difference up to which two errors on the check's sine count as equal \[-\].
 const EQUAL: f64 = 0.1;
@@ -158,10 +158,13 @@ impl Parts<'_> {
                 }
                 None => self.kept("valve.switch_time_s", "no ramp had pulses short enough"),
             });
-            let dead_s = self.delay_s.less(switch_s.scaled(0.5, 0.0));
+            // The core adds the line's travel to the dead time.
+            let travel_s = line_travel_s(&self.configured.believed);
+            let dead_s = self.delay_s.less(switch_s.scaled(0.5, travel_s));
             let dead_s = Measure { value: dead_s.value.max(0.0), ..dead_s };
-            let remark = "delay less half of the switching; with the sensor's lag";
-            all.push(self.measured("valve.dead_time_s", dead_s, remark));
+            let line = if travel_s > 0.0 { " and the line's travel" } else { "" };
+            let remark = format!("delay less half of the switching{line}; with the sensor's lag");
+            all.push(self.measured("valve.dead_time_s", dead_s, &remark));
         }
         all
     }

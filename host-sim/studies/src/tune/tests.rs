@@ -81,6 +81,24 @@ fn switching_times_are_within_two_stated_errors() {
     }
 }
 
+/// The core adds the line's travel to the dead time: it used to count twice, 7.4 ms instead of 1 behind 2 m.
+#[test]
+fn the_travel_through_a_line_is_no_dead_time() {
+    for length_m in [1.0, 2.0] {
+        let text = format!(
+            "[plant]\nmodel = \"full\"\n[load]\nforce_n = 100\n[tube]\nlength_m = {length_m:?}\n\
+             diameter_m = 0.004\nvolume_m3 = 1e-6\n"
+        );
+        let loaded = thermyo_setup::parse(&text, Path::new("s.toml")).unwrap();
+        let tuned = tune(&loaded, Path::new("s.toml"), HIGHEST_PA, &mut CoreBoard::default());
+        let tuned = tuned.unwrap_or_else(|error| panic!("{length_m} m: {error}"));
+        let found_s = number(&tuned.scenario.believed, "valve.dead_time_s").unwrap();
+        assert!((0.0..2.5e-3).contains(&found_s), "{length_m} m: {found_s} s");
+        // Loops as slow as twice the delay are worse than the default's behind the longer one.
+        assert_eq!(tuned.findings.adopted, length_m < 1.5, "{}", tuned.findings.headline());
+    }
+}
+
 /// The plant's slip and creep differ from the core's configuration.
 #[test]
 fn slip_and_creep_are_found_on_a_board_and_leave_the_plant_alone() {
