@@ -294,6 +294,40 @@ fn a_gauge_pressure_beyond_the_supply_is_remarked_on() {
     assert!(remarked(101_325.0).unwrap().starts_with("line 7: a gauge pressure of 701325 Pa"));
 }
 
+/// K1 was 10 stated errors off, with exit code 0.
+#[test]
+fn absolute_pressures_are_found_by_what_the_law_leaves() {
+    for dimensions in MUSCLES {
+        let gauge = readings(&muscle(dimensions), &grid(&[0.0]), 0.1, 0.0, 1);
+        let mut absolute = gauge.clone();
+        for reading in &mut absolute.loaded {
+            reading.gauge_pressure_pa += 101_325.0;
+        }
+        assert_eq!(identify(gauge, None).findings.absolute, None);
+        let found = identify(absolute, None).findings;
+        assert!(found.absolute.is_some() && !found.holds, "{:?}", found.rmse);
+        assert!(found.remarks[0].ends_with(": these are absolute pressures, not gauge."));
+    }
+}
+
+#[test]
+fn a_muscle_unlike_the_scenario_is_asked_about() {
+    let text = map(&muscle(MUSCLES[1]), &grid(&[0.0]), 0.5, 0.0, 1);
+    let inches = |cell: f64| cell / 0.0254;
+    let with = |length: fn(f64) -> f64, force: f64| {
+        let (header, rows) = text.split_once('\n').unwrap();
+        let rows = rows.lines().map(|line| {
+            let cells: Vec<f64> = line.split(',').map(|cell| cell.parse().unwrap()).collect();
+            let lengths = [cells[0], cells[2]].map(length);
+            format!("{},{},{},{},0\n", lengths[0], cells[1], lengths[1], force * cells[3])
+        });
+        of_map(&format!("{header}\n{}", rows.collect::<String>())).ok().out
+    };
+    assert!(!with(|cell| cell, 1.0).contains("is far from the scenario's"));
+    assert!(with(inches, 1.0).contains("is far from the scenario's 0.25: are the lengths in m?"));
+    assert!(with(|cell| cell, 0.05).contains(": are the forces in N?"));
+}
+
 #[test]
 fn friction_is_never_negative() {
     let muscle = muscle(MUSCLES[1]);

@@ -16,6 +16,7 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::Path;
 use thermyo_files::input::{InputError, Problem as InputProblem};
+use thermyo_files::number::short;
 use thermyo_fit::Fitted;
 use thermyo_fit::search::central_slopes;
 use thermyo_scenario::preset::MusclePreset;
@@ -32,6 +33,13 @@ const BACKWARDS: f64 = 3.0;
 const INSEPARABLE: f64 = 0.95;
 /// Share of the supply's gauge pressure up to which there is no remark: 6 bar of a supply of 7 bar \[-\].
 const GAUGE_MARGIN: f64 = 1.02;
+/// Ratio of the residuals as given to those with the ambient pressure subtracted from which on the pressures count as
+/// absolute; with fewer than `FREE` readings more than parameters chance may do that \[-\].
+const BETTER: f64 = 3.0;
+const FREE: usize = 3;
+/// Ratio of rest length or diameter to the scenario's from which on a unit is asked about: the diameter's prior spread,
+/// and less than the ratio of any two units \[-\].
+const UNLIKE: f64 = 2.7;
 /// Grid of gauge pressures and lengths on which the law's deviation is computed.
 const GRID: usize = 12;
 
@@ -67,6 +75,9 @@ pub struct Findings {
     pub open: Vec<&'static str>,
     pub parameters: BTreeMap<&'static str, Fitted>,
     pub rmse: Left,
+    /// Residuals with the ambient pressure subtracted, where they show that the pressures are absolute.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub absolute: Option<Left>,
     /// Residuals of readings that the fit has not used.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Left>,
@@ -247,12 +258,14 @@ pub fn identify(
         against: against
             .map(|other| Left::of(&self::residuals_n(&problem, place, other), other.largest_n())),
         rmse,
+        absolute: absolute(&readings, &loaded.plant, rmse, place.len()),
         law_sd_n: law_sd_n(&problem, place, &covariance, &readings),
         remarks: Vec::new(),
     };
     findings.holds = findings.failed().is_none();
     findings.remarks = remarks(&findings, &readings, place.len(), &covariance);
     findings.remarks.extend(beyond_supply(&readings, &loaded.plant));
+    findings.remarks.extend(unlike(&found, &loaded.plant.muscle));
 
     let mut scenario = loaded.clone();
     for configured in [&mut scenario.plant, &mut scenario.believed] {
@@ -324,6 +337,41 @@ pub fn beyond_supply(readings: &Readings, scenario: &Scenario) -> Option<String>
     Some(format!(
         "line {line}: a gauge pressure of {gauge_pressure_pa} Pa is above the {most_pa} Pa that supply.pressure_pa \
          gives: if the pressures are absolute, subtract the ambient one."
+    ))
+}
+
+/// Residuals with the ambient pressure subtracted, if the law then leaves far less than `rmse`.
+fn absolute(readings: &Readings, scenario: &Scenario, rmse: Left, unknowns: usize) -> Option<Left> {
+    let ambient_pa = scenario.ambient.pressure_pa;
+    let less = |readings: &[Reading]| -> Option<Vec<Reading>> {
+        let gauge = |reading: &Reading| {
+            let gauge_pressure_pa = reading.gauge_pressure_pa - ambient_pa;
+            (gauge_pressure_pa >= 0.0).then_some(Reading { gauge_pressure_pa, ..*reading })
+        };
+        readings.iter().map(gauge).collect()
+    };
+    let loaded = less(&readings.loaded).filter(|loaded| loaded.len() >= unknowns + FREE)?;
+    let readings = Readings { loaded, ..readings.clone() };
+    let problem = Problem::new(&readings, &scenario.muscle);
+    let left = residuals_n(&problem, &problem.search().place, &readings);
+    let left = Left::of(&left, readings.largest_n());
+    (rmse.force_n > BETTER * left.force_n).then_some(left)
+}
+
+/// Asks about the units of a muscle that is far longer, shorter, wider or narrower than the scenario's.
+fn unlike(found: &Muscle, given: &Muscle) -> Option<String> {
+    let sizes = [
+        ("rest_length_m", found.rest_length_m, given.rest_length_m, "the lengths in m"),
+        ("diameter_m", found.diameter_m, given.diameter_m, "the forces in N"),
+    ];
+    let far = |(_, own, usual, _): &(&str, f64, f64, &str)| {
+        !(1.0 / UNLIKE..UNLIKE).contains(&(own / usual))
+    };
+    let (key, own_m, usual_m, unit) = sizes.into_iter().find(far)?;
+    Some(format!(
+        "muscle.{key} = {} is far from the scenario's {}: are {unit}?",
+        short(own_m),
+        short(usual_m)
     ))
 }
 
@@ -403,6 +451,13 @@ impl Findings {
                 "The readings hardly determine {}, near the scenario's value: thermyo identify --plan lists readings \
                  that do.",
                 open.join(" and ")
+            ));
+        }
+        if let Some(left) = &self.absolute {
+            return Some(format!(
+                "The law leaves {:.2} N, and {:.2} N with the ambient pressure subtracted: these are absolute \
+                 pressures, not gauge.",
+                self.rmse.force_n, left.force_n
             ));
         }
         let percent = 100.0 * self.rmse.share;
