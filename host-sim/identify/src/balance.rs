@@ -71,6 +71,12 @@ impl Balance {
         Self { start_s, start_k: *sensor_k, step_s, known, location_factor: 1.0 }
     }
 
+    /// The same, with higher pressures, and with all readings this much later.
+    pub fn recorded_otherwise(mut self, raised_pa: f64, delay_s: f64) -> Self {
+        self.known.iter_mut().for_each(|known| known.pressure_pa += raised_pa);
+        Self { start_s: self.start_s + delay_s, ..self }
+    }
+
     /// The same, with this location factor of the sensor.
     pub fn with_location_factor(self, location_factor: f64) -> Self {
         Self { location_factor, ..self }

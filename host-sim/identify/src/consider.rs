@@ -62,14 +62,7 @@ pub fn widened(
 
 #[cfg(test)]
 mod tests {
-    use crate::identify;
-    use crate::record::known_columns;
-    use std::path::Path;
-    use thermyo_files::table::Table;
-    use thermyo_record::measured::Measured;
-    use thermyo_record::trace::Row;
-    use thermyo_simulation::board::CoreBoard;
-    use thermyo_simulation::run;
+    use crate::otherwise::tests::identified;
 
     /// A record in minutes takes every parameter to a limit; the search for the errors of no parameter used to panic.
     #[test]
@@ -77,27 +70,10 @@ mod tests {
         let text = "[run]\nduration_s = 20\n[heat]\nmodel = \"constant\"\n[identify]\nparameters = \
                     [\"heat.inner_w_m2_k\", \"sensor.gas.time_constant_s\"]\ncolumns = [\"sensor_gas_k\"]\nstarts = 1\n";
         let loaded = thermyo_setup::parse(text, "c.toml".as_ref()).unwrap();
-        let mut rows = "time_s,pressure_pa,length_m,sensor_gas_k,duty_in,duty_out\n".to_owned();
-        let mut observer = |row: &Row| {
-            let (truth, command) = (&row.truth, &row.telemetry.command);
-            if row.telemetry.step.is_multiple_of(10) {
-                rows += &format!(
-                    "{},{},{},{},{},{}\n",
-                    truth.time_s / 60.0,
-                    truth.pressure_pa,
-                    truth.length_m,
-                    row.sensor_gas_k,
-                    command.inlet.share(),
-                    command.outlet.share()
-                );
-            }
-            Ok(())
-        };
-        run::run(&loaded, &mut CoreBoard::default(), None, &mut observer).unwrap();
-        let data = Path::new("d.csv");
-        let table = Table::parse(&rows, data).unwrap();
-        let measured = Measured::since_first(&table, &known_columns()).unwrap();
-        let found = identify(&loaded, "c.toml".as_ref(), &measured, data, &()).unwrap();
-        assert!(found.findings.failed().is_some());
+        let found = identified(&loaded, &loaded, |[time_s, rest @ ..]| {
+            let [pressure, length, gas, inlet, outlet] = rest;
+            [time_s / 60.0, pressure, length, gas, inlet, outlet]
+        });
+        assert!(found.failed().is_some());
     }
 }

@@ -99,6 +99,8 @@ pub struct Findings {
     #[serde(skip)]
     missed: Vec<&'static str>,
     #[serde(skip)]
+    otherwise: Option<String>,
+    #[serde(skip)]
     best_converged: bool,
     #[serde(skip)]
     determined: bool,
@@ -116,11 +118,14 @@ pub(super) struct Parts<'a> {
     pub misfits: &'a [Misfit],
     pub covariance: Option<&'a DMatrix<f64>>,
     pub mass: Option<(f64, Option<f64>)>,
+    /// The mistake of the record without which it is followed far better.
+    pub otherwise: Option<String>,
 }
 
 impl Findings {
     pub(super) fn new(parts: Parts) -> Self {
-        let Parts { parameters, data, best, ends, agreeing, misfits, covariance, mass } = parts;
+        let Parts { parameters, data, best, ends, agreeing, misfits, covariance, mass, otherwise } =
+            parts;
         let inside = |i: usize| !parameters[i].at_limit(best.place[i]);
         let correlations = covariance
             .map_or_else(BTreeMap::new, |covariance| correlations(covariance, parameters, inside));
@@ -159,6 +164,7 @@ impl Findings {
             searches,
             remarks: Vec::new(),
             missed: missed(&data.observed, misfits),
+            otherwise,
             best_converged: best.converged,
             determined: covariance.is_some(),
             open_from: if matches!(data.input, Input::Given(_)) { OPEN_FOR_CORE } else { OPEN },
@@ -185,6 +191,8 @@ impl Findings {
                  another unit, or another muscle",
                 self.missed.join(" and ")
             ))
+        } else if let Some(mistake) = &self.otherwise {
+            Some(mistake.clone())
         } else if 2 * agreeing <= starts && starts > 1 {
             Some(format!(
                 "the starts disagree: only {agreeing} of {starts} searches ended at the best fit; \

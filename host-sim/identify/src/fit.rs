@@ -90,7 +90,7 @@ impl Problem<'_> {
         starts
     }
 
-    fn minimize(&self, start: &DVector<f64>) -> Option<End> {
+    pub fn minimize(&self, start: &DVector<f64>) -> Option<End> {
         let found = search::minimize(self, start.clone(), TOLERANCE, PATIENCE);
         if found.stopped {
             return None;

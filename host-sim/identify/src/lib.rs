@@ -21,6 +21,7 @@ mod data;
 mod findings;
 mod fit;
 pub mod motion;
+mod otherwise;
 mod page;
 mod parameter;
 mod record;
@@ -140,6 +141,7 @@ pub fn identify(
         misfits: &misfits,
         covariance: covariance.as_ref(),
         mass: gas_mass(&problem, &best.place, covariance.as_ref()),
+        otherwise: otherwise::found(&problem, best),
     });
     let found = parameters.iter().zip(best.place.iter());
     let values: Vec<(&str, f64)> =

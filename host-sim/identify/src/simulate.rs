@@ -48,6 +48,12 @@ impl<'a> Experiment<'a> {
         self
     }
 
+    /// The same, with higher pressures and later readings, if measurements of the gas drive the model.
+    pub fn recorded_otherwise(mut self, raised_pa: f64, delay_s: f64) -> Self {
+        self.balance = self.balance.map(|balance| balance.recorded_otherwise(raised_pa, delay_s));
+        self
+    }
+
     /// Values of the scenario's plant at the measured times, column by column.
     ///
     /// # Errors
