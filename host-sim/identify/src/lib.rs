@@ -114,8 +114,7 @@ pub fn identify(
         Failed::Diverged(error) => IdentifyError::Diverged(error),
         Failed::Stopped => stopped(&problem, ends),
     };
-    let own = parameters.iter().map(|parameter| parameter.place(parameter.given));
-    let own = DVector::from_iterator(parameters.len(), own);
+    let own = DVector::from_vec(parameters.iter().map(|own| own.place(own.given)).collect());
     // A mistake in the scenario is reported as such, not as a failed search.
     problem.residuals(&own).map_err(|failed| without(failed, &[]))?;
 

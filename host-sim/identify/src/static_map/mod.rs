@@ -249,10 +249,9 @@ pub fn identify(
     let residuals_n = residuals_n(&problem, place, &readings);
     let rmse = Left::of(&residuals_n, largest_n);
     let limited = (0..place.len()).filter(|i| Problem::at_limit(place, *i));
-    let at_limit: Vec<&str> = limited.map(|i| KEYS[i].0).collect();
     let mut findings = Findings {
         holds: false,
-        at_limit,
+        at_limit: limited.map(|i| KEYS[i].0).collect(),
         open: hardly_determined(place, &covariance),
         parameters,
         against: against
@@ -264,8 +263,7 @@ pub fn identify(
     };
     findings.holds = findings.failed().is_none();
     findings.remarks = remarks(&findings, &readings, place.len(), &covariance);
-    findings.remarks.extend(beyond_supply(&readings, &loaded.plant));
-    findings.remarks.extend(unlike(&found, &loaded.plant.muscle));
+    findings.remarks.extend(on_scenario(&readings, &found, &loaded.plant));
 
     let mut scenario = loaded.clone();
     for configured in [&mut scenario.plant, &mut scenario.believed] {
@@ -373,6 +371,11 @@ fn unlike(found: &Muscle, given: &Muscle) -> Option<String> {
         short(own_m),
         short(usual_m)
     ))
+}
+
+fn on_scenario(readings: &Readings, found: &Muscle, scenario: &Scenario) -> Vec<String> {
+    let remarks = [beyond_supply(readings, scenario), unlike(found, &scenario.muscle)];
+    remarks.into_iter().flatten().collect()
 }
 
 fn remarks(
