@@ -4,6 +4,7 @@ use super::loaded::Loaded;
 use super::rules::highest_pa;
 use super::unrest::{Unrest, WRONG_FLOW, fills, open_kg_s};
 use crate::core_config::{core_config, pressure_limit_pa};
+use thermyo_compute::math;
 use thermyo_plant::chamber::{self, Chamber};
 use thermyo_plant::load_n;
 use thermyo_scenario::profile::Profile;
@@ -18,6 +19,7 @@ pub(super) fn unlikely(loaded: &Loaded) -> Vec<Unrest> {
     let plant = &loaded.plant;
     let all = [
         cold_sensor(plant),
+        varying_lag(plant),
         starved_by_regulator(loaded),
         filled_too_far(loaded),
         out_of_reach(plant).or_else(|| too_heavy(plant)),
@@ -42,6 +44,20 @@ fn cold_sensor(s: &Scenario) -> Option<Unrest> {
          with a fault of that sensor"
     );
     Some((key, format!("{end_k:?}"), why))
+}
+
+/// The core's element has one lag, whatever the density.
+fn varying_lag(s: &Scenario) -> Option<Unrest> {
+    let exponent = s.sensor.gas.density_exponent;
+    let estimated = chamber::of(s).is_some();
+    (exponent > 0.0 && estimated).then(|| {
+        let most = math::pow(s.supply.pressure_pa / s.ambient.pressure_pa, exponent);
+        let why = format!(
+            "the lag falls by up to {most:.1} times from ambient to supply.pressure_pa, and the core takes it for constant: \
+             the estimate may be off by several K, and state too little"
+        );
+        ("sensor.gas.density_exponent", format!("{exponent:?}"), why)
+    })
 }
 
 /// The regulator passes too little for the valve: the core takes its inlet for shut.
@@ -237,6 +253,10 @@ mod tests {
             (
                 "[load]\nkind = \"mass\"\nmass_kg = 500\n[drive]\nkind = \"pressure\"\n",
                 "s.toml:3: load.mass_kg = 500.0: by the static law it takes ",
+            ),
+            (
+                "[sensor.gas]\ndensity_exponent = 0.5\n",
+                "s.toml:2: sensor.gas.density_exponent = 0.5: the lag falls by up to 2.6 times from ambient",
             ),
             (
                 "[plant]\nmodel = \"full\"\ninitial_gas_temperature_k = 318.0\n",
