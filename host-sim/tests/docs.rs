@@ -8,6 +8,8 @@ use std::path::{Path, PathBuf};
 use thermyo_protocol::{HostCommand, PROTOCOL, Request, checksum, encode};
 use thermyo_setup::core_config::core_config;
 
+use crate::command_support::{Folder, Said, command};
+
 const FOLDERS: [&str; 6] = ["docs", "firmware", "host-sim", "model-core", "scenarios", "tests"];
 
 fn repository() -> PathBuf {
@@ -189,4 +191,43 @@ fn the_board_of_the_tutorial_is_the_present_one() {
     ] {
         assert!(text.contains(&quoted), "{quoted}");
     }
+}
+
+/// The tutorial's output used to be that of an older estimate.
+#[test]
+fn the_first_scenario_prints_what_its_tutorial_shows() {
+    const SHOWN: [&str; 4] = ["pressure ", "gas temperature, ", "set point: ", "valves: "];
+    let page = fs::read_to_string(repository().join("docs/tutorial/first-scenario.md")).unwrap();
+    let mut blocks: Vec<String> = vec![String::new()];
+    for line in page.lines() {
+        match line.strip_prefix("    ") {
+            Some(code) => *blocks.last_mut().unwrap() += &format!("{code}\n"),
+            None if line.is_empty() => *blocks.last_mut().unwrap() += "\n",
+            None => blocks.push(String::new()),
+        }
+    }
+    blocks.retain(|block| !block.trim().is_empty());
+    let folder = Folder::new();
+    let (mut scenario, mut runs) = (String::new(), 0);
+    for block in blocks.iter().map(|block| block.trim_start()) {
+        let (tables, output) = block.split_once("thermyo run ").unwrap_or((block, ""));
+        if tables.starts_with("[drive]") {
+            scenario.truncate(scenario.find("[drive]").unwrap());
+        }
+        if tables.starts_with('[') {
+            scenario += tables;
+        }
+        if output.is_empty() {
+            continue;
+        }
+        folder.file("mine.toml", &scenario);
+        let mut run = command(&["run", "mine.toml", "--quiet"]);
+        let said = Said::of("run", run.current_dir(folder.path("")).output().unwrap()).ok();
+        for line in output.lines().filter(|line| SHOWN.iter().any(|start| line.starts_with(start)))
+        {
+            assert!(said.out.lines().any(|own| own == line), "{line}\n{}", said.out);
+        }
+        runs += 1;
+    }
+    assert_eq!(runs, 3);
 }
