@@ -25,7 +25,7 @@ const GAP_S: f64 = 0.1;
 const PRESSURE_A: [&str; 2] = ["a_measured_pressure_pa", "a_pressure_pa"];
 /// Column of this project's own records, whose pressures are absolute.
 const OWN: &str = "a_code_pressure";
-/// Factor on ambient pressure below which a muscle counts as vented \[-\].
+/// Factor on ambient pressure below which both muscles count as vented \[-\].
 const VENTED: f64 = 1.2;
 
 /// Distance of the delays that are tried, in steps, and their number either way.
@@ -252,7 +252,9 @@ fn never_vents(config: &JointConfig, table: &Table, rows: &[Record]) -> Option<I
     if spare(table, OWN).is_some() && !differ {
         return None;
     }
-    let least_pa = rows.iter().flat_map(|row| row.pressure_pa).fold(f64::INFINITY, f64::min);
+    // A gauge pressure of one muscle may be as low while the other one pulls.
+    let higher_pa = rows.iter().map(|Record { pressure_pa: [a, b], .. }| a.max(*b));
+    let least_pa = higher_pa.fold(f64::INFINITY, f64::min);
     let name = PRESSURE_A[usize::from(measured.is_none())];
     let cells = spare(table, name)?;
     (least_pa > VENTED * ambient_pa).then(|| {
